@@ -237,8 +237,8 @@ class Actuator(Designable, Castable, Presented, ABC):
 
     def check_size(self, name: str, *lengths: float, given: str = "") -> None:
         """Reject lengths of the whole device that suggest a wrong unit, such as of a parameter; ``given`` is said with it."""
-        if max(lengths) > schema.LONGEST:
-            self.reject(name, f"{given}the device passes {schema.LONGEST:g} m, which suggests a wrong unit")
+        if max(lengths) > schema.MAX_LENGTH:
+            self.reject(name, f"{given}the device passes {schema.MAX_LENGTH:g} m, which suggests a wrong unit")
 
     def check_least(self, names: str, share: float, of: str) -> None:
         """Reject lengths below a share of another one, but 0."""
@@ -263,7 +263,7 @@ class Actuator(Designable, Castable, Presented, ABC):
     def key(self) -> str:
         """Twelve hexadecimal digits that stay the same as long as every parameter does."""
         parameters = [(field.name, getattr(self, field.name)) for field in dataclasses.fields(self)]
-        return hashlib.sha256(repr((RECIPE, type(self).__name__, parameters)).encode()).hexdigest()[:12]
+        return hashlib.sha256(repr((MESH_KEY_VERSION, type(self).__name__, parameters)).encode()).hexdigest()[:12]
 
     @property
     def files(self) -> Mapping[str, str]:
@@ -559,7 +559,7 @@ def in_halves(up: Vector, level: float | None, why: str, *inlets: tuple[Vector, 
     return Recipe(pours=pours, why=why, inlets=inlets)
 
 
-RECIPE = 3
+MESH_KEY_VERSION = 3
 """Version in every key: increase it when the same parameters give another mesh, to invalidate cached meshes."""
 
 
@@ -567,12 +567,11 @@ RECIPE = 3
 # Reflections on the planes where a slice was cut out of a body: how many images of the slice make the whole, and which.
 
 
-NARROWEST = np.pi / 90
-"""Smallest angle between two planes in rad."""
+MIN_PLANE_ANGLE = np.pi / 90
 SAME_ANGLE = 1e-5
 """How far from 180/n degrees the angle between two planes may be, in rad: drawings are rounded."""
 SAME_IMAGE = 1e-2
-"""How far the entries of two matrices may differ for one image: above what `SAME_ANGLE` adds up to, below `NARROWEST`."""
+"""How far the entries of two matrices may differ for one image: above what `SAME_ANGLE` adds up to, below `MIN_PLANE_ANGLE`."""
 
 
 def reflected(normals: ArrayLike, count: int | None = None, dimension: int = 3) -> NDArray[np.float64]:
@@ -600,7 +599,7 @@ def check_slice(normals: ArrayLike, texts: tuple[str, ...]) -> None:
     for i in range(len(outward)):
         for j in range(i):
             angle = float(np.arccos(np.clip(-outward[i] @ outward[j], -1.0, 1.0)))
-            parts = round(np.pi / max(angle, NARROWEST))
+            parts = round(np.pi / max(angle, MIN_PLANE_ANGLE))
             if parts < 2 or abs(angle - np.pi / parts) > SAME_ANGLE:
                 raise GeometryError(
                     f"planes has {texts[j]!r} and {texts[i]!r}, {np.degrees(angle):.6g} degrees apart in the part; "
@@ -819,7 +818,7 @@ class HeldTip(Actuator):
 # Fingers on a base: checks that they share, and figures of how they bend from the position of the tip.
 
 
-COARSEST = 10.0
+MAX_CELL_SIZE_RATIO = 10.0
 """Largest ratio of the cell size to the thinnest part: flatter cells are poor, and the size grades too steeply."""
 
 
@@ -847,20 +846,20 @@ class Finger(MirroredHalf, HeldTip):
     def check_walls(self, names: Iterable[str], one: str, count: str) -> None:
         """Reject dimensions below `least_wall`, and a finger of impossible length: of one part's, times a number of parts."""
         for name in names:
-            if getattr(self, name) < self.least_wall * (1 - schema.ROUNDING):
+            if getattr(self, name) < self.least_wall * (1 - schema.BOUND_TOLERANCE):
                 length, least = (schema.shown(value, "m") for value in (getattr(self, name), self.least_wall))
                 raise GeometryError(f"{name} is {length}, but least_wall requires {least}")
-        if self.length > 0.1 * schema.LONGEST:
+        if self.length > 0.1 * schema.MAX_LENGTH:
             self.reject(
                 one,
                 f"with {getattr(self, count)} {count} the device is {schema.shown(self.length, 'm')} long, and above "
-                f"{0.1 * schema.LONGEST:g} m this suggests a wrong unit",
+                f"{0.1 * schema.MAX_LENGTH:g} m this suggests a wrong unit",
             )
 
     def check_cells(self, solid: Iterable[str]) -> None:
         """Reject cells that are too large for the thinnest of some parts, or too many."""
         thinnest = min(solid, key=lambda name: float(getattr(self, name)))
-        limit = COARSEST * getattr(self, thinnest)
+        limit = MAX_CELL_SIZE_RATIO * getattr(self, thinnest)
         if self.cell_size > limit:
             self.reject("cell_size", f"with {self.given(thinnest)} it must be at most {schema.shown(limit, 'm')}")
         self.check_count()
@@ -919,10 +918,9 @@ def joined_by(shared: Numbers) -> Numbers:
 # Walls that end anywhere else have a face missing. Every edge of a closed surface belongs to two of its facets: that is exact.
 
 
-NEAR = 1e-6
+POINT_TOLERANCE = 1e-6
 """What counts as the same place, in sizes of the device, and as the same direction."""
-NAMED = 6
-"""Most names that a message lists."""
+MAX_LISTED_NAMES = 6
 
 Ints = NDArray[np.int64]
 
@@ -946,7 +944,7 @@ class Opening:
         square = {
             hold.role
             for hold in holds
-            if hold.direction is None or abs(np.dot(hold.direction, self.normal)) > 1.0 - NEAR
+            if hold.direction is None or abs(np.dot(hold.direction, self.normal)) > 1.0 - POINT_TOLERANCE
         }
         return all(roles & square for roles in self.roles)
 
@@ -962,7 +960,7 @@ def check_closed(actuator: Actuator, openings: Iterable[Opening], holds: Iterabl
     for opening in openings:
         if opening.closed_by(holds):
             continue
-        shown = ", ".join(opening.faces[:NAMED]) or "without a name"
+        shown = ", ".join(opening.faces[:MAX_LISTED_NAMES]) or "without a name"
         place = ", ".join(f"{1e3 * x:.4g}" for x in opening.place)
         walls = f"the walls {opening.cavity!r} of {type(actuator).__name__}"
         where = f"{walls} end near {place} mm, where other faces are ({shown})"
@@ -1045,7 +1043,7 @@ def _plane(actuator: Actuator, places: NDArray[np.float64]) -> Vector | None:
     images = [places - 2.0 * np.outer(places @ normal, normal) for normal in mirrors]
     points = np.concatenate([places, *images])
     normal = np.linalg.svd(points)[2][2]
-    if np.abs(points @ normal).max() > NEAR * actuator.size:
+    if np.abs(points @ normal).max() > POINT_TOLERANCE * actuator.size:
         return None
     x, y, z = (float(value) for value in np.round(normal, 9) + 0.0)
     return x, y, z

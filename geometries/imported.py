@@ -253,16 +253,16 @@ def region_names(file: str, texts: Iterable[str]) -> dict[str, str]:
 # shells and faces of like shape do not matter. Gmsh loses colours where an assembly moves the part; the copy is unmoved.
 
 
-REST = r"(?:[^';]|'[^']*')*;"
+ENTITY_REST = r"(?:[^';]|'[^']*')*;"
 """Up to the end of an instance; semicolons in texts do not count."""
 FACE = re.compile(r"#(\d+)\s*=\s*(?:ADVANCED_FACE|FACE_SURFACE)\s*\(\s*'((?:[^']|'')*)'")
 SOLID = re.compile(r"#(\d+)\s*=\s*(?:MANIFOLD_SOLID_BREP|BREP_WITH_VOIDS|FACETED_BREP)\s*\(\s*'((?:[^']|'')*)'")
-STYLE = re.compile(r"(#\d+\s*=\s*)\w*STYLED_ITEM\s*\(" + REST)
+STYLE = re.compile(r"(#\d+\s*=\s*)\w*STYLED_ITEM\s*\(" + ENTITY_REST)
 MOVE = re.compile(r"(ITEM_DEFINED_TRANSFORMATION\s*\(\s*'[^']*'\s*,\s*'[^']*'\s*,)\s*(#\d+)\s*,\s*#\d+\s*\)")
 CONTEXT = re.compile(r"#(\d+)\s*=[^;=]*GEOMETRIC_REPRESENTATION_CONTEXT")
 ESCAPE = re.compile(r"\\X\\([0-9A-F]{2})|\\X2\\([0-9A-F]+)\\X0\\|\\X4\\([0-9A-F]+)\\X0\\|\\S\\(.)|\\(\\)")
 
-SHADES, STEP = 16, 16
+SHADES_PER_COLOUR, SHADE_STEP = 16, 16
 """Values of each of red, green and blue that mark a face: and how far apart, to survive rounding."""
 
 
@@ -281,7 +281,7 @@ def named_surfaces(path: str | Path, name: str) -> list[int]:
     session whose model stays as it is. GeometryError if too many faces have this name, or the CAD kernel changed one beyond
     recognition."""
     wanted = face_names(path)[name]
-    if len(wanted) >= SHADES**3:
+    if len(wanted) >= SHADES_PER_COLOUR**3:
         raise GeometryError(f"{len(wanted)} faces of {path} are named {name!r}; pick them by plane, box or colour")
     marks = {_mark(_shades(k)): k for k in range(len(wanted))}
     colours = _colours(_marked(_read(path), dict(zip(wanted, marks, strict=True))))
@@ -299,7 +299,7 @@ def solid_names(path: str | Path) -> list[str]:
     """
     text = _read(path)
     bodies = [(int(number), _plain(name).strip()) for number, name in SOLID.findall(text)]
-    if not any(name for _, name in bodies) or len(bodies) >= SHADES**3:
+    if not any(name for _, name in bodies) or len(bodies) >= SHADES_PER_COLOUR**3:
         return [""] * len(gmsh.model.getEntities(3))
     marks = {_shades(k): number for k, (number, _) in enumerate(bodies)}
     names = {_mark(mark): name for mark, (_, name) in zip(marks, bodies, strict=True)}
@@ -308,7 +308,7 @@ def solid_names(path: str | Path) -> list[str]:
 
 
 def _read(path: str | Path) -> str:
-    return files.read_file(path, files.GEOMETRY).decode(
+    return files.read_file(path, files.MAX_GEOMETRY_BYTES).decode(
         "latin-1"
     )  # any byte is a letter, so that the copy holds the same bytes
 
@@ -385,12 +385,16 @@ def _colours(text: str, dimension: int = 2) -> list[Colour | None]:
 
 def _shades(number: int) -> Colour:
     """Return the colour that marks something by a number."""
-    return STEP * (number // SHADES**2), STEP * (number // SHADES % SHADES), STEP * (number % SHADES)
+    return (
+        SHADE_STEP * (number // SHADES_PER_COLOUR**2),
+        SHADE_STEP * (number // SHADES_PER_COLOUR % SHADES_PER_COLOUR),
+        SHADE_STEP * (number % SHADES_PER_COLOUR),
+    )
 
 
 def _mark(colour: Colour) -> Colour:
     """Return the mark that a colour was: rounding moves it by a little."""
-    red, green, blue = (STEP * (shade // STEP) + STEP // 2 for shade in colour)
+    red, green, blue = (SHADE_STEP * (shade // SHADE_STEP) + SHADE_STEP // 2 for shade in colour)
     return red, green, blue
 
 
@@ -400,7 +404,7 @@ def _mark(colour: Colour) -> Colour:
 
 SAME_COLOUR = 2
 """How far red, green and blue may be off: they are written in decimals and rounded."""
-TILT = 1e-4
+PLANE_TOLERANCE = 1e-4
 """How far off, over its distance from the origin, a face may lie from a plane whose normal was typed with few digits."""
 
 
@@ -450,7 +454,7 @@ def _in_box(tag: int, box: tuple[tuple[float, ...], tuple[float, ...]], near: fl
 
 def _in_plane(tag: int, normal: NDArray[np.float64], at: float, near: float) -> bool:
     points = surface_points(tag)
-    typed = 0.0 if np.abs(normal).max() == 1.0 else TILT * float(np.linalg.norm(points, axis=1).max())
+    typed = 0.0 if np.abs(normal).max() == 1.0 else PLANE_TOLERANCE * float(np.linalg.norm(points, axis=1).max())
     return bool(np.abs(points @ normal - at).max() < near + typed)
 
 
@@ -648,7 +652,7 @@ class Boundary(abc.ABC):
 
 MOST_TRIANGLES = 1_000_000
 
-SAMPLES = 5
+CURVATURE_SAMPLES = 5
 """Places in each direction of a face's parameters where its curvature is looked at."""
 
 
@@ -660,13 +664,13 @@ def expected_triangles(faces: mesh_arrays.Ints, cell_size: float, curvature: flo
         around = 2.0 * np.pi / (curvature * np.maximum(_curvatures(face), 1e-30))
         sizes = np.minimum(cell_size, around)
         total += float(gmsh.model.occ.getMass(2, face)) * float(np.mean(sizes**-2.0))
-    return total / revolved.TRIANGLE
+    return total / revolved.TRIANGLE_AREA
 
 
 def _curvatures(face: int) -> np.ndarray:
     """Return the largest curvature (1/m) at places all over a face."""
     low, high = gmsh.model.getParametrizationBounds(2, face)
-    share = (np.arange(SAMPLES) + 0.5) / SAMPLES
+    share = (np.arange(CURVATURE_SAMPLES) + 0.5) / CURVATURE_SAMPLES
     u, v = (low[i] + share * (high[i] - low[i]) for i in range(2))
     places = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1)
     largest, smallest = gmsh.model.getPrincipalCurvatures(face, list(places))[:2]
@@ -809,7 +813,7 @@ def _check_touching(part: ImportedActuator, solids: Solids, owner: dict[int, str
 # A STEP file in Gmsh: its unit, its volumes, its mesh.
 
 
-FINE = 40
+CELLS_PER_CIRCLE = 40
 """Cells around a circle in the mesh of walls that the cavities' volumes are measured on."""
 
 
@@ -827,14 +831,14 @@ def _read_step(part: ImportedActuator) -> Reading:
     with meshing.private_model():
         solids = open_part(part)
         roles = solids.roles()
-        expected = expected_triangles(solids.every, part.cell_size, max(part.curvature, FINE))
+        expected = expected_triangles(solids.every, part.cell_size, max(part.curvature, CELLS_PER_CIRCLE))
         if expected > MOST_TRIANGLES:
             raise GeometryError(
                 f"cell_size is {schema.shown(part.cell_size, 'm')} with curvature {part.curvature:g}; about "
                 f"{expected:.2g} triangles "
                 f"are expected on the part's faces and {MOST_TRIANGLES:,} are allowed"
             )
-        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", FINE)
+        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", CELLS_PER_CIRCLE)
         gmsh.option.setNumber("Mesh.MeshSizeMax", part.cell_size)
         gmsh.model.mesh.generate(2)
         gmsh.model.mesh.setOrder(2)
@@ -965,13 +969,13 @@ class ImportedActuator(ImportedPart):
 # surfaces only; the solid between them is meshed by Gmsh, in a separate process.
 
 
-FARTHEST = 1e3
+MAX_COORDINATE = 1e3
 """Distance in m of a corner of a surface from the origin, above which its file is damaged or in another unit."""
-FLAT = 1e-9
+ZERO_VOLUME_TOLERANCE = 1e-9
 """Six times the volume of a surface, in cubes of its extent, that is no more than rounding."""
-SAME = 1e-6
+CORNER_TOLERANCE = 1e-6
 """Corners of an STL file's triangles this near to each other, over its extent, are one."""
-FEATURE = math.radians(40.0)
+MIN_EDGE_ANGLE = math.radians(40.0)
 """Angle between triangles of an STL file from which their edge is one of the part."""
 Sets = list[tuple[str, Sequence[Any]]]
 """Names of a file, and of each block of cells those that have the name; None for none."""
@@ -1009,7 +1013,7 @@ def _by_meshio(file: str, format_name: str) -> Any:
 
     try:
         files.check_file(file)
-        content = b"" if format_name == "stl" else files.read_file(file, files.GEOMETRY)
+        content = b"" if format_name == "stl" else files.read_file(file, files.MAX_GEOMETRY_BYTES)
     except OSError as error:
         raise GeometryError(f"file {file} cannot be read ({errors.reason(error)})") from None
     try:
@@ -1109,7 +1113,7 @@ def _without_groups(content: bytes) -> bytes:
 
 def _physical_groups(file: str, found: Any) -> Sets:
     """Return the physical groups with a name of a Gmsh file: of each block of cells those in it."""
-    content = files.read_file(file, files.GEOMETRY)
+    content = files.read_file(file, files.MAX_GEOMETRY_BYTES)
     begin, end = _section(content, b"PhysicalNames")
     named = [
         (int(d), int(number), name.decode("utf-8", "replace")) for d, number, name in GROUP.findall(content[begin:end])
@@ -1190,17 +1194,17 @@ def _closed(file: str, found: Any, unit: float) -> tuple[NDArray[np.float64], me
         raise GeometryError(f"file {file} has no triangles")
     places = unit * np.asarray(found.points, dtype=float)
     extent = float(np.abs(places).max()) if np.isfinite(places).all() else math.inf
-    if extent > FARTHEST:
+    if extent > MAX_COORDINATE:
         raise GeometryError(
-            f"file {file} has a corner {extent:.4g} m from its origin, but at most {FARTHEST:g} m is allowed; check its unit, "
-            f"or repair it in the program that wrote it"
+            f"file {file} has a corner {extent:.4g} m from its origin, more than {MAX_COORDINATE:g} m; check its unit, "
+            "or repair it in the program that wrote it"
         )
     points, triangles_of_all = _joined(places, np.concatenate(triangles))
     _check_closed(file, points, triangles_of_all)
     a, b, c = np.moveaxis(points[triangles_of_all], 1, 0)
     if (
         not abs(np.einsum("ij,ij->", a - points[0], np.cross(b - points[0], c - points[0])))
-        > FLAT * np.ptp(points, axis=0).max() ** 3
+        > ZERO_VOLUME_TOLERANCE * np.ptp(points, axis=0).max() ** 3
     ):
         raise GeometryError(f"file {file} encloses no volume; repair it in the program that wrote it")
     return points, triangles_of_all
@@ -1221,7 +1225,7 @@ def _filled(file: str, found: Any, unit: float, cell_size: float) -> mesh_arrays
 
 def _joined(points: NDArray[np.float64], triangles: mesh_arrays.Ints) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
     """Return an STL file's triangles with common corners: it lists each corner with each triangle anew."""
-    near = SAME * float(np.linalg.norm(np.ptp(points, axis=0)))
+    near = CORNER_TOLERANCE * float(np.linalg.norm(np.ptp(points, axis=0)))
     pairs = scipy.spatial.cKDTree(points).query_pairs(near, output_type="ndarray")
     group = actuator.joined(pairs, len(points))
     _, first = np.unique(group, return_index=True)
@@ -1260,7 +1264,7 @@ def _meshed(
         tag = gmsh.model.addDiscreteEntity(2)
         gmsh.model.mesh.addNodes(2, tag, np.arange(1, len(points) + 1), points.ravel())
         gmsh.model.mesh.addElementsByType(tag, 2, [], (triangles + 1).ravel())
-        gmsh.model.mesh.classifySurfaces(FEATURE, True, anew, math.pi)
+        gmsh.model.mesh.classifySurfaces(MIN_EDGE_ANGLE, True, anew, math.pi)
         if anew:
             gmsh.model.mesh.createGeometry()
         found = shells([tag for _, tag in gmsh.model.getEntities(2)])
@@ -1330,7 +1334,11 @@ class Triangles(Boundary):
             low, high = (np.array(end) for end in choice.box)
             return among[((corners > low - near) & (corners < high + near)).all(axis=(1, 2))]
         normal = np.array(choice.normal)
-        typed = 0.0 if np.abs(normal).max() == 1.0 else TILT * float(np.linalg.norm(corners, axis=2).max(initial=0.0))
+        typed = (
+            0.0
+            if np.abs(normal).max() == 1.0
+            else PLANE_TOLERANCE * float(np.linalg.norm(corners, axis=2).max(initial=0.0))
+        )
         return among[(np.abs(corners @ normal - choice.at) < near + typed).all(axis=1)]
 
     def points(self, faces: mesh_arrays.Ints) -> Array:

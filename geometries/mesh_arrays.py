@@ -45,7 +45,7 @@ class MeshArrays:
         return np.asarray(np.take_along_axis(self.cells[cell], order[side], axis=1))
 
 
-KINDS = {4: 4, 11: 10}
+NODES_OF_GMSH_TYPE = {4: 4, 11: 10}
 """Gmsh's tetrahedra of first and second order, with their number of nodes."""
 
 
@@ -83,7 +83,7 @@ def _cells_of(group: int) -> Ints:
     parts = []
     for entity in gmsh.model.getEntitiesForPhysicalGroup(3, group):
         for kind, _, nodes in zip(*gmsh.model.mesh.getElements(3, entity), strict=True):
-            width = KINDS.get(int(kind), 0)
+            width = NODES_OF_GMSH_TYPE.get(int(kind), 0)
             if not width:
                 raise MeshFileError("the mesh has cells that are no tetrahedra")
             parts.append(nodes.astype(np.int64).reshape(-1, width)[:, TO_GMSH[:width]])
@@ -122,7 +122,7 @@ SIDES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
 """Corners of a tetrahedron's sides, turned so that their normals point outward."""
 MIDDLES = np.array([[6, 5, 4], [4, 8, 7], [5, 9, 8], [7, 9, 6]])
 """Nodes inside the edges of those sides, in the order of VTK and Abaqus."""
-TURNED = np.array([1, 0, 2, 3, 4, 6, 5, 8, 7, 9])
+MIRRORED_NODE_ORDER = np.array([1, 0, 2, 3, 4, 6, 5, 8, 7, 9])
 """The nodes of a tetrahedron whose first two corners are exchanged."""
 
 TO_GMSH = np.array([0, 1, 2, 3, 4, 5, 6, 7, 9, 8])
@@ -158,7 +158,7 @@ class Tetrahedra:
         if not np.abs(heights).min() > 1e-12 * np.abs(heights).max():
             x, y, z = 1e3 * points[cells[np.abs(heights).argmin()]].mean(axis=0)
             raise GeometryError(f"the mesh has a cell without volume near {x:.4g}, {y:.4g}, {z:.4g} mm")
-        order = TURNED[:width]
+        order = MIRRORED_NODE_ORDER[:width]
         cells = np.where(heights[:, None] < 0, cells[:, order], cells)
         kept = {}
         for name, nodes in faces.items():

@@ -82,7 +82,7 @@ SETTINGS = {
 DRAWN_IN = "Geometry.OCCTargetUnit"
 """Gmsh's option with the unit of a drawing's numbers; empty for the kernel's own, mm."""
 
-SOUND, USABLE = 0.1, 0.05
+AIMED_JACOBIAN, MIN_JACOBIAN = 0.1, 0.05
 """Least Jacobian determinant of a curved cell over that of the same cell with straight edges: below the first, Gmsh's own aim,
 nodes are moved; cells below the second are straightened. A flat cell is as flat without curved edges, so that its shape says
 nothing here."""
@@ -98,13 +98,13 @@ EDGES = ((0, 1), (1, 2), (2, 0), (3, 0), (2, 3), (1, 3))
 MOST_CELLS = 5_000_000
 """More than a machine of 100 GB solves for."""
 
-QUICK = 10_000
+MAX_CELLS_IN_PROCESS = 10_000
 """Up to this many cells a device is meshed within a second or so, in this very process."""
 
-ROUNDS = 10
+MAX_STRAIGHTENING_ROUNDS = 10
 """How often straightened cells may spoil their neighbours before that is given up."""
 
-ROUNDING = 1e-9
+STRAIGHT_TOLERANCE = 1e-9
 """Share of half an edge's length by which its middle is off the straight one, above which the edge is curved."""
 
 
@@ -125,7 +125,7 @@ class MeshSummary:
 def private_model() -> Iterator[None]:
     """Return a fresh, current Gmsh model; afterwards a caller's own Gmsh session is as it was."""
 
-    with processes.LOCK:
+    with processes.WORKER_LOCK:
         yield from _fresh_model()
 
 
@@ -208,7 +208,7 @@ class SpoiltCells(MeshingError):
 def _make_curved(actuator: Meshable, path: Path, stopped: Callable[[], bool]) -> None:
     """Mesh a device into a file in the first of `CURVINGS` that makes its cells sound."""
     try:
-        if actuator.expected_cells <= QUICK:
+        if actuator.expected_cells <= MAX_CELLS_IN_PROCESS:
             return _make(actuator, path, CURVINGS[0])
         return apart(_make, actuator, path, CURVINGS[0], stopped=stopped)
     except SpoiltCells:
@@ -267,11 +267,11 @@ def _generate(actuator: Meshable, curving: str) -> None:
         with hushed(b"BFGS update error"):  # of Netgen's, at a cell so flat that one of its steps is left out
             gmsh.model.mesh.optimize("Netgen")
     gmsh.model.mesh.setOrder(actuator.mesh_order)
-    if actuator.mesh_order > 1 and _curvings(actuator.dimension).min() < SOUND:
+    if actuator.mesh_order > 1 and _curvings(actuator.dimension).min() < AIMED_JACOBIAN:
         # Curving an edge onto an arc bends a flat cell too far; moving the inner nodes usually mends it.
         with contextlib.suppress(Exception):  # bare: its solver gave up, and the cells are judged next
             gmsh.model.mesh.optimize(curving or CURVINGS[0])
-        if _curvings(actuator.dimension).min() < USABLE:
+        if _curvings(actuator.dimension).min() < MIN_JACOBIAN:
             if curving:
                 raise SpoiltCells(f"{curving} leaves cells that curved edges spoil")
             if straight := _straighten(actuator.dimension):
@@ -339,13 +339,13 @@ def _straighten(dimension: int) -> int:
     _, nodes, at = _curved_cells(dimension)
     boundary = np.concatenate([gmsh.model.mesh.getNodes(d, includeBoundary=True)[0] for d in range(dimension)])
     moved = set[int]()
-    for _ in range(ROUNDS):
-        spoilt = nodes[_curvings(dimension) < USABLE]
+    for _ in range(MAX_STRAIGHTENING_ROUNDS):
+        spoilt = nodes[_curvings(dimension) < MIN_JACOBIAN]
         if not len(spoilt):
             break
         for k, (a, b) in enumerate(EDGES[: nodes.shape[1] - dimension - 1]):
             middles, chords = spoilt[:, dimension + 1 + k], 0.5 * (at[spoilt[:, a]] + at[spoilt[:, b]])
-            bent = np.linalg.norm(at[middles] - chords, axis=1) > ROUNDING * np.linalg.norm(
+            bent = np.linalg.norm(at[middles] - chords, axis=1) > STRAIGHT_TOLERANCE * np.linalg.norm(
                 chords - at[spoilt[:, a]], axis=1
             )
             for middle, chord in zip(middles[bent].tolist(), chords[bent], strict=True):
@@ -381,7 +381,7 @@ def _measure(dimension: int) -> float:
 # sentence, and its output is hidden.
 
 
-LOOK = 0.02
+POLLING_INTERVAL = 0.02
 """Polling interval in seconds for the end of the task or a stop request."""
 
 WORKER = """
@@ -413,13 +413,15 @@ def apart[T](task: Callable[..., T], *arguments: Any, stopped: Callable[[], bool
             while process.poll() is None:
                 if stopped():
                     raise MeshingStopped
-                time.sleep(LOOK)
+                time.sleep(POLLING_INTERVAL)
         finally:
             if process.poll() is None:
                 process.kill()
                 process.wait()
         if process.returncode:
-            time.sleep(LOOK)  # a batch queue signals all processes of a job, this one perhaps a moment later
+            time.sleep(
+                POLLING_INTERVAL
+            )  # a batch queue signals all processes of a job, this one perhaps a moment later
             if stopped():
                 raise MeshingStopped
             errors.seek(0)
@@ -457,8 +459,7 @@ def _death(status: int, words: str) -> str:
 # Words that a library below prints by itself, kept off the terminal.
 
 
-STREAMS = (1, 2)
-"""Standard output and errors."""
+OUTPUT_STREAMS = (1, 2)
 
 
 @contextlib.contextmanager
@@ -469,7 +470,7 @@ def hushed(words: bytes) -> Iterator[None]:
     """
     library = ctypes.CDLL(None)
     with contextlib.ExitStack() as stack:
-        for stream in STREAMS:
+        for stream in OUTPUT_STREAMS:
             with contextlib.suppress(OSError):  # closed, as in a service: no output is shown there
                 stack.enter_context(_filtered(stream, words))
         try:
@@ -613,7 +614,7 @@ def load_mesh(path: str | Path, dimension: int | None = None) -> list[tuple[int,
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"{path} is not a file")
-    _check(path, files.read_file(path, files.GEOMETRY))
+    _check(path, files.read_file(path, files.MAX_GEOMETRY_BYTES))
     with tempfile.TemporaryDirectory() as folder:
         alone = Path(folder) / "alone.msh"  # nothing of Gmsh's beside it
         alone.symlink_to(path.resolve())
@@ -751,13 +752,12 @@ def mirror_mesh(mirror: Mirror) -> None:
 Entity = tuple[int, int]
 Vector = tuple[float, float, float]
 
-MM = 1e3
-"""Model lengths in one metre."""
+MM_PER_M = 1e3
 
 
 def add_block(low: Vector, high: Vector) -> Entity:
     """Add a block with sides along the axes, its corners in m."""
-    return (3, int(gmsh.model.occ.addBox(*(MM * np.array(low)), *(MM * np.subtract(high, low)))))
+    return (3, int(gmsh.model.occ.addBox(*(MM_PER_M * np.array(low)), *(MM_PER_M * np.subtract(high, low)))))
 
 
 def one_solid(solids: Sequence[Entity]) -> Entity:
@@ -788,13 +788,15 @@ def bond(layers: Mapping[str, Sequence[Entity]], role_of: Callable[[int], str]) 
 
 def set_sizes(size: Callable[[float, float, float], float]) -> None:
     """Let cells have a size in m that is a function of the place in m; the mesh is written in m."""
-    gmsh.option.setNumber("Mesh.ScalingFactor", 1.0 / MM)
-    gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: MM * size(x / MM, y / MM, z / MM))
+    gmsh.option.setNumber("Mesh.ScalingFactor", 1.0 / MM_PER_M)
+    gmsh.model.mesh.setSizeCallback(
+        lambda dim, tag, x, y, z, other: MM_PER_M * size(x / MM_PER_M, y / MM_PER_M, z / MM_PER_M)
+    )
 
 
 def face_block(tag: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the corners in m of the block around a face, which is larger by up to 1e-10 m."""
-    low, high = np.array(gmsh.model.occ.getBoundingBox(2, tag)).reshape(2, 3) / MM
+    low, high = np.array(gmsh.model.occ.getBoundingBox(2, tag)).reshape(2, 3) / MM_PER_M
     return low, high
 
 

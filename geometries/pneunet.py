@@ -95,10 +95,10 @@ class PneuNet(actuator.Finger):
     def check(self) -> None:
         self.check_walls(self.walls, "chamber_length", "chambers")
         for name in ("chamber_width", "chamber_height", "side_wall", "top_wall", "base"):
-            if getattr(self, name) > 0.1 * schema.LONGEST:
-                self.reject(name, f"above {schema.shown(0.1 * schema.LONGEST, 'm')} this suggests a wrong unit")
+            if getattr(self, name) > 0.1 * schema.MAX_LENGTH:
+                self.reject(name, f"above {schema.shown(0.1 * schema.MAX_LENGTH, 'm')} this suggests a wrong unit")
         for along in ("width", "height") if self.chambers > 1 else ():
-            if getattr(self, f"channel_{along}") > getattr(self, f"chamber_{along}") * (1 - schema.ROUNDING):
+            if getattr(self, f"channel_{along}") > getattr(self, f"chamber_{along}") * (1 - schema.BOUND_TOLERANCE):
                 chamber = self.told(f"chamber_{along}")
                 why = "the channel between chambers is smaller than they are, so that it must be below"
                 self.reject(f"channel_{along}", f"{why} {chamber}")
@@ -109,7 +109,7 @@ class PneuNet(actuator.Finger):
                 f"{schema.shown(self.chamber_height + self.top_wall, 'm')} above the base; with gap 0 the chambers "
                 "share their walls",
             )
-        if self.paper and self.base - self.paper < 2.0 * self.least_wall * (1 - schema.ROUNDING):
+        if self.paper and self.base - self.paper < 2.0 * self.least_wall * (1 - schema.BOUND_TOLERANCE):
             self.reject(
                 "paper", f"with {self.given('base')} less than {self.given('least_wall')} is left above and below it"
             )
@@ -388,7 +388,8 @@ def _role(finger: PneuNet, tag: int) -> str:
             return role
     # One face may run along several boxes, as the base's does under the chambers and the channel.
     if all(
-        any(box.holds(corner, corner, near) for box in finger.air) for corner in meshing.corners_of(tag) / meshing.MM
+        any(box.holds(corner, corner, near) for box in finger.air)
+        for corner in meshing.corners_of(tag) / meshing.MM_PER_M
     ):
         return "cavity"
     return "chamber_walls" if flat == 0 else "outer"

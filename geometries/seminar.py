@@ -123,8 +123,10 @@ class SeminarActuator(actuator.MirroredHalf, actuator.HeldTip):
         for length, radius in tubes:
             h = wall_size(self, radius)
             # Rings of cells that grow with distance r from the wall: int 2 pi (radius + r) / (h + g r)^3 dr.
-            total += length * 2.0 * math.pi * (0.5 * radius / (GROWTH * h**2) + 0.5 / (GROWTH**2 * h))
-        return share * total / revolved.TETRAHEDRON
+            total += (
+                length * 2.0 * math.pi * (0.5 * radius / (CELL_SIZE_GROWTH * h**2) + 0.5 / (CELL_SIZE_GROWTH**2 * h))
+            )
+        return share * total / revolved.TETRAHEDRON_VOLUME
 
     @property
     def size(self) -> float:
@@ -413,23 +415,22 @@ def _centre(reach: float, start: float, end_bore: float, growth: float) -> float
 # How large the cells of a seminar actuator are, and how many of them to expect.
 #
 # On a channel's wall the size follows its curvature (`around` cells on the section) and the solid between it and the nearest
-# face (`THROUGH` cells); away from the wall it grows linearly with distance up to the slab's cell size.
+# face (`CELLS_THROUGH_WALL` cells); away from the wall it grows linearly with distance up to the slab's cell size.
 
 
-THROUGH = 1.5
+CELLS_THROUGH_WALL = 1.5
 """Cells between a channel and the nearest face."""
 
-CREASE = 1.5
+CREASE_CELL_RATIO = 1.5
 """Size of the cells on a rounded crease over that on a channel with the crease's radius."""
 
-GROWTH = 0.55
-"""Growth of the cell size per distance."""
+CELL_SIZE_GROWTH = 0.55
 
 
 def wall_size(slab: SeminarActuator, radius: float) -> float:
     """Cell size in m on the wall of a channel of a radius in m."""
     thin = 0.5 * slab.thickness - abs(slab.offset) - radius
-    return min(slab.cell_size, 2.0 * math.pi * radius / slab.around, thin / THROUGH)
+    return min(slab.cell_size, 2.0 * math.pi * radius / slab.around, thin / CELLS_THROUGH_WALL)
 
 
 def size_function(slab: SeminarActuator) -> Callable[[float, float, float], float]:
@@ -437,7 +438,7 @@ def size_function(slab: SeminarActuator) -> Callable[[float, float, float], floa
     half, arc, bore = 0.5 * spread(slab), slab.manifold_radius, slab.manifold_bore
     on_arc, far, level = wall_size(slab, bore), slab.cell_size, slab.offset
     # The creases, or their roundings, are rings around the rays, near the manifold's outer wall.
-    crease, fillet = min(CREASE * 2.0 * math.pi * slab.fillet / slab.around or far, on_arc), slab.fillet
+    crease, fillet = min(CREASE_CELL_RATIO * 2.0 * math.pi * slab.fillet / slab.around or far, on_arc), slab.fillet
     ring = arc + 0.85 * bore
     around, middle = 2.0 * math.pi / slab.around, 0.5 * slab.thickness - abs(slab.offset)
     ends = [(arc * math.cos(end), arc * math.sin(end)) for end in (-half, half)]
@@ -457,15 +458,15 @@ def size_function(slab: SeminarActuator) -> Callable[[float, float, float], floa
         else:
             ex, ey = ends[y > 0.0]
             away = math.hypot(x - ex, y - ey, z)
-        best = min(far, on_arc + GROWTH * max(0.0, away - bore))
+        best = min(far, on_arc + CELL_SIZE_GROWTH * max(0.0, away - bore))
         for c, s, start, end, first, slope, mouth in rays:
             along = min(max(c * x + s * y, start), end)
             radius = first + slope * (along - start)
             away = math.hypot(x - c * along, y - s * along, z) - radius
-            wall = min(around * radius, (middle - radius) / THROUGH)
-            best = min(best, wall + GROWTH * away if away > 0.0 else wall)
+            wall = min(around * radius, (middle - radius) / CELLS_THROUGH_WALL)
+            best = min(best, wall + CELL_SIZE_GROWTH * away if away > 0.0 else wall)
             apart = math.hypot(c * x + s * y - ring, math.hypot(s * x - c * y, z) - mouth) - fillet
-            best = min(best, crease + GROWTH * apart if apart > 0.0 else crease)
+            best = min(best, crease + CELL_SIZE_GROWTH * apart if apart > 0.0 else crease)
         return best
 
     return size
@@ -475,13 +476,13 @@ def size_function(slab: SeminarActuator) -> Callable[[float, float, float], floa
 # Seminar actuators that cannot be: channels that break through a face or each other, found before the mesher starts.
 
 
-WIDEST, NARROWEST = 160.0, 10.0
+MAX_SPREAD, MIN_SPREAD = 160.0, 10.0
 """Largest and smallest spread in degrees; beyond 160 the outermost channels run along the clamp."""
 
 LARGEST_BORE_RATIO = 0.9
 """Largest bore of a channel in bores of the manifold: nearly equal ones meet at tangents, which no mesh survives."""
 
-SAMPLES = 40
+WALL_SAMPLES = 40
 
 LISTS = ("bores", "middle_bores", "end_bores", "angles", "reaches")
 """Parameters with one value for every channel."""
@@ -531,8 +532,8 @@ def _check_wall(slab: SeminarActuator, left: float, given: str, face: str) -> No
 
 def _check_slab(slab: SeminarActuator) -> None:
     shorter = min(slab.length, slab.base_width)
-    if max(slab.length, slab.base_width) > 0.1 * schema.LONGEST:
-        wide = f"with base_width {_mm(slab.base_width)}, above {0.1 * schema.LONGEST:g} m this suggests a wrong unit"
+    if max(slab.length, slab.base_width) > 0.1 * schema.MAX_LENGTH:
+        wide = f"with base_width {_mm(slab.base_width)}, above {0.1 * schema.MAX_LENGTH:g} m this suggests a wrong unit"
         slab.reject("length", wide)
     if slab.thickness > 0.5 * shorter:
         slab.reject("thickness", f"a slab is at most half as thick as it is long and wide ({_mm(0.5 * shorter)})")
@@ -566,9 +567,9 @@ def _check_lists(slab: SeminarActuator) -> None:
                 "the middle outwards"
             )
     arc = math.degrees(spread(slab))
-    if not NARROWEST * (1 - 1e-9) <= arc <= WIDEST * (1 + 1e-9):
+    if not MIN_SPREAD * (1 - 1e-9) <= arc <= MAX_SPREAD * (1 + 1e-9):
         given, share = (f"angles[{count}]", 0.5) if slab.angles else ("spread", 1.0)
-        limits = f"it must be between {share * NARROWEST:g} and {share * WIDEST:g} deg"
+        limits = f"it must be between {share * MIN_SPREAD:g} and {share * MAX_SPREAD:g} deg"
         raise GeometryError(f"{given} is {_degrees(share * arc)}; {limits}")
 
 
@@ -614,7 +615,7 @@ def _check_sides(slab: SeminarActuator, found: list[Channel]) -> None:
     """Solid between the network and the slab's sides, along every centre line."""
     if slab.edge < slab.least_wall:
         raise GeometryError(f"edge is {_mm(slab.edge)}; least_wall requires {_mm(slab.least_wall)}")
-    arc, bore = [0.5 * spread(slab) * k / SAMPLES for k in range(SAMPLES + 1)], slab.manifold_bore
+    arc, bore = [0.5 * spread(slab) * k / WALL_SAMPLES for k in range(ARC_SAMPLES + 1)], slab.manifold_bore
     given = f"manifold_bore is {_mm(bore)}; with {_fan(slab)} it"
     _check_wall(slab, min(_wall(slab, slab.manifold_radius, angle, bore) for angle in arc), given, "the slab's side")
     for number, line in enumerate(found, 1):
@@ -624,8 +625,8 @@ def _check_sides(slab: SeminarActuator, found: list[Channel]) -> None:
             reach = _mm(slab.reaches[number - 1])
             given = f"reaches[{number}] is {reach}; with {name} {_mm(end_bore)} channel {number}"
         walls = [_wall(slab, line.centre, line.angle, line.cap)]
-        for k in range(SAMPLES + 1):
-            along = line.start + (line.end - line.start) * k / SAMPLES
+        for k in range(WALL_SAMPLES + 1):
+            along = line.start + (line.end - line.start) * k / WALL_SAMPLES
             radius = line.radius(along)
             walls += [_wall(slab, along, line.angle, radius), along * math.cos(line.angle) - radius]
         _check_wall(slab, min(walls), given, "the slab's side")
@@ -641,8 +642,8 @@ def _check_neighbours(slab: SeminarActuator, found: list[Channel]) -> None:
     begin = slab.manifold_radius + slab.manifold_bore
     for first, second, one, other, pitch in pairs(found):
         end = min(one.end, other.end)
-        for k in range(SAMPLES + 1):
-            along = begin + (end - begin) * k / SAMPLES
+        for k in range(WALL_SAMPLES + 1):
+            along = begin + (end - begin) * k / WALL_SAMPLES
             left = 2.0 * along * math.sin(0.5 * pitch) - one.radius(along) - other.radius(along)
             if left < slab.least_wall * (1 - 1e-9):
                 mouth, name = own(slab, "bores", "channel_bore", second)
@@ -762,8 +763,8 @@ def _rooms(slab: SeminarActuator, lines: list[Channel]) -> dict[str, float]:
     found |= {
         "room for a cell in the thickness": slab.thickness - slab.cell_size,
         "room for the manifold's bore in its radius": radius - 2.0 * bore,
-        "room for a wider fan": radius * (math.radians(0.5 * WIDEST) - half),
-        "room for a narrower fan": radius * (half - math.radians(0.5 * NARROWEST)),
+        "room for a wider fan": radius * (math.radians(0.5 * MAX_SPREAD) - half),
+        "room for a narrower fan": radius * (half - math.radians(0.5 * MIN_SPREAD)),
     }
     if slab.tip_radius:
         found |= {f"room for tip_radius in the {name}": 0.4 * size - slab.tip_radius for name, size in shorter.items()}
@@ -787,7 +788,7 @@ def _rooms(slab: SeminarActuator, lines: list[Channel]) -> dict[str, float]:
 # The model is in mm and the mesh is written in m: the CAD kernel rounds edges with fixed tolerances that suit mm.
 
 
-SHARP = math.radians(5.0)
+MIN_CREASE_ANGLE = math.radians(5.0)
 """Angle between the normals of two walls of the air above which they meet in a crease."""
 
 
@@ -796,7 +797,7 @@ def measured_volume(slab: SeminarActuator) -> float:
     """Return the volume in m3 of half the slab without its channels, by the CAD kernel."""
     with meshing.private_model():
         volume = float(sum(gmsh.model.occ.getMass(*entity) for entity in half_slab(slab)))
-    return volume / meshing.MM**3 * (2.0 if slab.level else 1.0)
+    return volume / meshing.MM_PER_M**3 * (2.0 if slab.level else 1.0)
 
 
 def cut_out(prism: meshing.Entity, air: list[meshing.Entity]) -> list[meshing.Entity]:
@@ -820,9 +821,13 @@ def _swept(curves: list[int], height: float) -> meshing.Entity:
 def _whole_prism(slab: SeminarActuator) -> meshing.Entity:
     """Return the whole slab without channels."""
     occ = gmsh.model.occ
-    length, half, radius = meshing.MM * slab.length, 0.5 * meshing.MM * slab.base_width, meshing.MM * slab.tip_radius
-    bottom = -0.5 * meshing.MM * slab.thickness
-    x, y = (meshing.MM * at for at in side(slab)[1])
+    length, half, radius = (
+        meshing.MM_PER_M * slab.length,
+        0.5 * meshing.MM_PER_M * slab.base_width,
+        meshing.MM_PER_M * slab.tip_radius,
+    )
+    bottom = -0.5 * meshing.MM_PER_M * slab.thickness
+    x, y = (meshing.MM_PER_M * at for at in side(slab)[1])
     right, left = occ.addPoint(0, -half, bottom), occ.addPoint(0, half, bottom)
     if radius > 0.0:
         ends = [occ.addPoint(x, -y, bottom), occ.addPoint(x, y, bottom)]
@@ -832,7 +837,7 @@ def _whole_prism(slab: SeminarActuator) -> meshing.Entity:
     else:
         ends, front = [occ.addPoint(length, 0, bottom)], []
     sides = [occ.addLine(right, ends[0]), *front, occ.addLine(ends[-1], left), occ.addLine(left, right)]
-    return _swept(sides, meshing.MM * slab.thickness)
+    return _swept(sides, meshing.MM_PER_M * slab.thickness)
 
 
 def half_slab(slab: SeminarActuator) -> list[meshing.Entity]:
@@ -848,12 +853,16 @@ def _prism(slab: SeminarActuator) -> meshing.Entity:
     """Return half the slab without channels."""
     occ = gmsh.model.occ
     bottom, height = (
-        (0.0, 0.5 * meshing.MM * slab.thickness)
+        (0.0, 0.5 * meshing.MM_PER_M * slab.thickness)
         if slab.level
-        else (-0.5 * meshing.MM * slab.thickness, meshing.MM * slab.thickness)
+        else (-0.5 * meshing.MM_PER_M * slab.thickness, meshing.MM_PER_M * slab.thickness)
     )
-    length, half, radius = meshing.MM * slab.length, 0.5 * meshing.MM * slab.base_width, meshing.MM * slab.tip_radius
-    x, y = (meshing.MM * at for at in side(slab)[1])
+    length, half, radius = (
+        meshing.MM_PER_M * slab.length,
+        0.5 * meshing.MM_PER_M * slab.base_width,
+        meshing.MM_PER_M * slab.tip_radius,
+    )
+    x, y = (meshing.MM_PER_M * at for at in side(slab)[1])
     base, corner = occ.addPoint(0, 0, bottom), occ.addPoint(0, half, bottom)
     tip = occ.addPoint(length, 0, bottom)
     if radius > 0.0:
@@ -882,10 +891,10 @@ def _rounded(slab: SeminarActuator, parts: list[meshing.Entity]) -> list[meshing
     occ.synchronize()
     edges = _creases(slab, air)
     try:
-        return list(occ.fillet([tag for _, tag in air], edges, [meshing.MM * slab.fillet]))
+        return list(occ.fillet([tag for _, tag in air], edges, [meshing.MM_PER_M * slab.fillet]))
     except Exception:  # bare
         raise MeshingError(
-            f"the CAD kernel could not round {len(edges)} creases with fillet {meshing.MM * slab.fillet:g} "
+            f"the CAD kernel could not round {len(edges)} creases with fillet {meshing.MM_PER_M * slab.fillet:g} "
             f"mm; use a smaller one, or --fillet 0mm for sharp creases"
         ) from None
 
@@ -893,7 +902,7 @@ def _rounded(slab: SeminarActuator, parts: list[meshing.Entity]) -> list[meshing
 def _creases(slab: SeminarActuator, air: list[meshing.Entity]) -> list[int]:
     """Return the curves on the manifold where two curved walls of the air meet at an angle."""
     model = gmsh.model
-    half, radius = 0.5 * spread(slab), meshing.MM * slab.manifold_radius
+    half, radius = 0.5 * spread(slab), meshing.MM_PER_M * slab.manifold_radius
     walls = [tag for _, tag in model.getBoundary(air, oriented=False) if model.getType(2, tag) != "Plane"]
     owners: dict[int, list[int]] = defaultdict(list)
     for wall in walls:
@@ -907,9 +916,12 @@ def _creases(slab: SeminarActuator, air: list[meshing.Entity]) -> list[int]:
         at = model.getValue(1, curve, [0.5 * (low + high)])
         one, other = (np.array(model.getNormal(wall, model.getParametrization(2, wall, at))) for wall in pair)
         turn = max(-half, min(math.atan2(at[1], at[0]), half))
-        away = math.dist(at, (radius * math.cos(turn), radius * math.sin(turn), meshing.MM * slab.offset))
+        away = math.dist(at, (radius * math.cos(turn), radius * math.sin(turn), meshing.MM_PER_M * slab.offset))
         # Two cones of one channel meet at an angle too, which stays.
-        if away < 1.001 * meshing.MM * slab.manifold_bore and math.acos(min(1.0, abs(float(one @ other)))) > SHARP:
+        if (
+            away < 1.001 * meshing.MM_PER_M * slab.manifold_bore
+            and math.acos(min(1.0, abs(float(one @ other)))) > MIN_CREASE_ANGLE
+        ):
             found.append(curve)
     return sorted(found)
 
@@ -918,7 +930,11 @@ def _manifold(slab: SeminarActuator, begin: float) -> list[meshing.Entity]:
     """Return the arc from an angle (rad) to its end at y > 0, and the round cap there."""
     occ = gmsh.model.occ
     half = 0.5 * spread(slab)
-    radius, bore, level = meshing.MM * slab.manifold_radius, meshing.MM * slab.manifold_bore, meshing.MM * slab.offset
+    radius, bore, level = (
+        meshing.MM_PER_M * slab.manifold_radius,
+        meshing.MM_PER_M * slab.manifold_bore,
+        meshing.MM_PER_M * slab.offset,
+    )
     c, s = math.cos(begin), math.sin(begin)
     # The section's seam is on the inside, where no channel leaves.
     section = occ.addDisk(radius * c, radius * s, level, bore, bore, zAxis=[-s, c, 0], xAxis=[-c, -s, 0])
@@ -928,9 +944,12 @@ def _manifold(slab: SeminarActuator, begin: float) -> list[meshing.Entity]:
 
 def _cap(slab: SeminarActuator, angle: float) -> meshing.Entity:
     """Return the round cap where the manifold ends at an angle in radians."""
-    radius = meshing.MM * slab.manifold_radius
+    radius = meshing.MM_PER_M * slab.manifold_radius
     x, y = radius * math.cos(angle), radius * math.sin(angle)
-    return (3, int(gmsh.model.occ.addSphere(x, y, meshing.MM * slab.offset, meshing.MM * slab.manifold_bore)))
+    return (
+        3,
+        int(gmsh.model.occ.addSphere(x, y, meshing.MM_PER_M * slab.offset, meshing.MM_PER_M * slab.manifold_bore)),
+    )
 
 
 def _air(slab: SeminarActuator, line: Channel) -> meshing.Entity:
@@ -939,7 +958,13 @@ def _air(slab: SeminarActuator, line: Channel) -> meshing.Entity:
     c, s = math.cos(line.angle), math.sin(line.angle)
 
     def corner(along: float, up: float) -> int:
-        return int(occ.addPoint(meshing.MM * along * c, meshing.MM * along * s, meshing.MM * (slab.offset + up)))
+        return int(
+            occ.addPoint(
+                meshing.MM_PER_M * along * c,
+                meshing.MM_PER_M * along * s,
+                meshing.MM_PER_M * (slab.offset + up),
+            )
+        )
 
     begin = corner(line.start, 0.0)
     rims = [corner(line.start, line.bore), *(corner(cone.end, line.radius(cone.end)) for cone in line.cones)]
@@ -952,7 +977,7 @@ def _air(slab: SeminarActuator, line: Channel) -> meshing.Entity:
     ]
     occ.remove([(0, centre)])
     face = occ.addPlaneSurface([occ.addCurveLoop(curves)])
-    turned = occ.revolve([(2, face)], 0, 0, meshing.MM * slab.offset, c, s, 0, 2.0 * math.pi)
+    turned = occ.revolve([(2, face)], 0, 0, meshing.MM_PER_M * slab.offset, c, s, 0, 2.0 * math.pi)
     occ.remove([(2, face)], recursive=True)
     return next(entity for entity in turned if entity[0] == 3)
 
@@ -974,7 +999,7 @@ def _role(slab: SeminarActuator, tag: int) -> str:
     low, high = (np.array(bound) for bound in gmsh.model.getParametrizationBounds(2, tag))
     # Points of the face's surface, which may lie beside the face itself: enough to know which surface it is.
     grid = np.array([low + (high - low) * (a, b) for a in (0.1, 0.45, 0.8) for b in (0.15, 0.5, 0.9)])
-    x, y, z = np.array(gmsh.model.getValue(2, tag, grid.ravel())).reshape(-1, 3).T / meshing.MM
+    x, y, z = np.array(gmsh.model.getValue(2, tag, grid.ravel())).reshape(-1, 3).T / meshing.MM_PER_M
     near = 1e-6 * slab.thickness
     half = 0.5 * slab.thickness
     normal, (tx, ty) = side(slab)
@@ -998,12 +1023,12 @@ def _role(slab: SeminarActuator, tag: int) -> str:
 # Around a channel the arc moves with it, stretched as the channel's mouth is; between two channels a cubic joins both motions.
 
 
-MOUTH = 0.6
+MAX_MOUTH_SHARE = 0.6
 """Largest part of the way to the middle between two channels that moves with either."""
 
 ARC_SAMPLES = np.linspace(0.0, 1.0, 9)
 
-LEAST = 0.02
+MIN_ARC_STRETCH = 0.02
 """Least stretch of an arc between two channels that is followed."""
 
 
@@ -1014,7 +1039,7 @@ def arc_map(
     with y >= 0 from the middle outwards, on both. GeometryError if the solid between two channels shrinks to next to
     nothing."""
     angles, wide, slopes, goals = (np.array(values) for values in zip(*_knots(slab, other, lines), strict=True))
-    mouths = np.minimum(wide, MOUTH * _gaps(angles).min(axis=0))
+    mouths = np.minimum(wide, MAX_MOUTH_SHARE * _gaps(angles).min(axis=0))
     starts, ends = angles[:-1] + mouths[:-1], angles[1:] - mouths[1:]
     low, high = goals[:-1] + slopes[:-1] * mouths[:-1], goals[1:] - slopes[1:] * mouths[1:]
     rise, span = high - low, ends - starts
@@ -1025,7 +1050,7 @@ def arc_map(
             + (1.0 - share) * (1.0 - 3.0 * share) * first
             + share * (3.0 * share - 2.0) * last
         )
-        if (rates < LEAST * span).any():
+        if (rates < MIN_ARC_STRETCH * span).any():
             raise GeometryError(
                 "the channels' mouths on the manifold come so much closer or grow so much that the mesh between them cannot "
                 "follow; make a new mesh"
@@ -1121,12 +1146,12 @@ class Junction:
         out = fillet * math.hypot(1.0, cone.slope)
         step = np.column_stack([np.ones(len(direction)), cone.slope * direction]) @ self.axes
         along = self._guess(direction) if start is None else start
-        for _ in range(STEPS):
+        for _ in range(MAX_NEWTON_STEPS):
             points = self.place(along, cone.bore + cone.slope * (along - cone.start) + out, direction)
             level, normal = tube_level(self.slab, points)
             change = (level - fillet) / dot(normal, step)
             along = along - change
-            if np.abs(change).max(initial=0.0) < CLOSE * cone.start:
+            if np.abs(change).max(initial=0.0) < NEWTON_TOLERANCE * cone.start:
                 break
         return self.place(along, cone.bore + cone.slope * (along - cone.start) + out, direction), along
 
@@ -1165,12 +1190,12 @@ class Junction:
         turn = np.arctan2(direction[:, 1], direction[:, 0])
         _, along = self.rim(direction)
         left = np.arange(len(points))
-        for _ in range(SEARCH):
+        for _ in range(MAX_SEARCH_STEPS):
             here, at, start = points[left], turn[left], along[left]
-            more, less = (self._lever(here, at + by, start)[0] for by in (TURN, -TURN))
+            more, less = (self._lever(here, at + by, start)[0] for by in (TURN_STEP, -TURN_STEP))
             now, size, along[left] = self._lever(here, at, start)
-            change = now / np.maximum((less - more) / (2.0 * TURN), FLATTEST * size)
-            change = np.clip(change, -LARGEST_TURN, LARGEST_TURN)
+            change = now / np.maximum((less - more) / (2.0 * TURN_STEP), MIN_CURVATURE_RATIO * size)
+            change = np.clip(change, -MAX_TURN, MAX_TURN)
             turn[left] += change
             left = left[np.abs(change) >= 1e-9]  # the next would be its square
             if not len(left):
@@ -1189,7 +1214,9 @@ class Junction:
         fillet = self.slab.fillet
         if fillet == 0.0:
             return level, normal
-        close = np.flatnonzero(np.sqrt(((points - self.rim(direction)[0]) ** 2).sum(axis=1)) < NEAR * fillet)
+        close = np.flatnonzero(
+            np.sqrt(((points - self.rim(direction)[0]) ** 2).sum(axis=1)) < ROUNDING_SEARCH_RADIUS * fillet
+        )
         if not len(close):
             return level, normal
         centre = self.nearest(points[close])
@@ -1214,16 +1241,16 @@ class Junction:
         return np.linalg.solve(self.frame(centre), vectors[:, :, None])[:, :, 0]
 
 
-NEAR = 1.5
+ROUNDING_SEARCH_RADIUS = 1.5
 """Distance from the ball's centre, in its radii, up to which a place may belong to the rounding."""
 
-STEPS, CLOSE = 8, 1e-9
+MAX_NEWTON_STEPS, NEWTON_TOLERANCE = 8, 1e-9
 """Most of Newton's steps, and the share of the manifold's radius below which the last was: the next would be its square."""
 
-TURN, LARGEST_TURN = 1e-4, 0.3
+TURN_STEP, MAX_TURN = 1e-4, 0.3
 """Step in radians of the differences with which the nearest centre is found, and the largest by which it is looked for."""
 
-SEARCH, FLATTEST = 40, 0.1
+MAX_SEARCH_STEPS, MIN_CURVATURE_RATIO = 40, 0.1
 """Most steps of that search, and the least curvature it takes the squared distance to have, in that of a straight rim's."""
 
 
@@ -1262,7 +1289,7 @@ def tube_level(slab: SeminarActuator, points: Array) -> tuple[Array, Array]:
 # away along the wall's gradient.
 
 
-REACH = 1.5
+CREASE_BLEND_LENGTH = 1.5
 """Bores of the manifold over which the crease's motion passes into that of the walls."""
 
 
@@ -1295,7 +1322,9 @@ def _pairs(slab: SeminarActuator, other: SeminarActuator) -> list[_Pair]:
         room = line.cones[0].end - slab.manifold_radius - slab.manifold_bore - slab.fillet
         gap = min([*gaps, math.inf])
         inner = min(1.05 * slab.fillet or 0.3 * line.bore, 0.4 * gap, max(0.5 * room, 0.1 * line.bore))
-        outer = inner + min(REACH * slab.manifold_bore, 0.95 * gap - inner, max(0.5 * room, 0.1 * line.bore))
+        outer = inner + min(
+            CREASE_BLEND_LENGTH * slab.manifold_bore, 0.95 * gap - inner, max(0.5 * room, 0.1 * line.bore)
+        )
         found.append(_Pair(Junction(slab, line), Junction(other, its_line), inner, outer))
     return found
 
@@ -1465,7 +1494,7 @@ def _tube_map(
 # the nearer one.
 
 
-NEARLY = 0.95
+FOLLOWED_LENGTH_SHARE = 0.95
 """Part of a channel's length whose motion the faces above and below follow."""
 
 
@@ -1499,8 +1528,8 @@ def _lengths(slab: SeminarActuator, other: SeminarActuator) -> Callable[[Array],
     for device in (slab, other):
         far = max((line.centre + line.cap) * math.cos(line.angle) for line in half_fan(device) if line)
         start = device.manifold_radius
-        knots.append([0.0, start, start + NEARLY * (far - start), side(device)[1][0]])
-    if knots[0][2] > NEARLY * knots[0][3]:  # the channels reach into the tip
+        knots.append([0.0, start, start + FOLLOWED_LENGTH_SHARE * (far - start), side(device)[1][0]])
+    if knots[0][2] > FOLLOWED_LENGTH_SHARE * knots[0][3]:  # the channels reach into the tip
         knots = [[low, start, end] for low, start, _, end in knots]
     if min(np.diff(knots[1])) <= 0.0:
         raise GeometryError(

@@ -16,11 +16,11 @@ from measurement.screen.setup import SetupError, magnification as factor_of
 from softmodels.common import commands, errors, files, processes, units
 from softmodels.common.lazy import consoles, progress
 
-DONE, SOME_REFUSED = 0, 3
-"""Beside `commands.FAILED` (nothing could be measured) and `UNUSABLE` (bad input): some photographs are left out."""
+EXIT_DONE, EXIT_SOME_REJECTED = 0, 3
+"""Beside `commands.EXIT_FAILED` (nothing could be measured) and `EXIT_BAD_INPUT` (bad input): some photographs are left out."""
 
 
-def stop(sentence: str, status: int = commands.UNUSABLE) -> NoReturn:
+def stop(sentence: str, status: int = commands.EXIT_BAD_INPUT) -> NoReturn:
     """End the program with a sentence on standard error."""
     processes.say(f"Error: {commands.bounded(sentence)}", err=True)
     sys.exit(status)
@@ -102,7 +102,7 @@ def length(text: str) -> float:
 def per_metre(text: str) -> float:
     """Return the pixels per metre from "75px/mm"."""
     # A pixel is a count here; Pint's own pixel is a unit of its own.
-    found = len(text) <= units.LONGEST and re.fullmatch(r"\s*([^a-z]+?)\s*(?:px|pixels?)?\s*/\s*(\w+)\s*", text)
+    found = len(text) <= units.MAX_CHARACTERS and re.fullmatch(r"\s*([^a-z]+?)\s*(?:px|pixels?)?\s*/\s*(\w+)\s*", text)
     try:
         return units.quantity(f"{found[1]} {found[2]}^-1" if found else text, "1/m")
     except units.UnitError as error:

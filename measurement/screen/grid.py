@@ -55,10 +55,10 @@ WORST_SHARE = 0.005
 
 WORST_PX = 0.3
 
-FLOOR = 0.02
+MIN_CROSSING_ERROR = 0.02
 """Smallest standard error in px that a crossing is given when crossings are weighed against each other."""
 
-SKEWED = 1.7
+MAX_SPACING_RATIO = 1.7
 """Largest ratio of the spacings of both families of lines on the screen, as the camera's matrix tells it."""
 
 
@@ -66,7 +66,7 @@ def weighted_plane(ideal: Points, targets: Points, sigma: Points) -> setup.Plane
     """Fit a plane in which sharp crossings weigh more than faint ones and the errors are those that the fit shows: points
     (n, 2) in ideal px and on the screen, their own errors (n,) in px right up to a common factor and a floor."""
     # What all crossings share (the print, the lens, the sensor) keeps one of them from ruling the fit.
-    relative = np.hypot(sigma, max(float(np.median(sigma)), FLOOR))
+    relative = np.hypot(sigma, max(float(np.median(sigma)), MIN_CROSSING_ERROR))
     trial = setup.Plane.fit(ideal, targets, relative)
     missed = (trial.to_pixels(targets) - ideal) / relative[:, None]
     factor = float(np.sqrt(np.sum(missed**2) / max(1, 2 * len(ideal) - 8)))
@@ -168,7 +168,7 @@ def _without_outliers(
             raise GridError(f"the grid's crossings do not determine a plane: {error}") from None
         missed = np.linalg.norm(plane.to_pixels(indices.astype(float)) - ideal, axis=1)
         # Judged by its own error; but less than a tenth of a pixel is never an outlier.
-        relative = np.hypot(sigma, FLOOR)
+        relative = np.hypot(sigma, MIN_CROSSING_ERROR)
         limit = 5.0 * float(np.median((missed / relative)[keep])) * relative
         wanted = keep & (missed < np.maximum(limit, 0.1))
         if np.array_equal(wanted, keep):
@@ -184,7 +184,7 @@ def _check_square(plane: setup.Plane, camera: Camera) -> None:
     pose = np.linalg.inv(camera.matrix) @ np.linalg.inv(plane.homography)
     across, up = np.linalg.norm(pose[:, :2], axis=0)
     ratio = max(across / up, up / across)
-    if ratio > SKEWED:
+    if ratio > MAX_SPACING_RATIO:
         raise GridError(
             f"the lines are {ratio:.1f} times as far apart in one direction as in the other, so that they can be counted in "
             "more than one way; show more of the grid"
@@ -210,16 +210,16 @@ class GridError(ValueError):
 LONGER_SIDE = 1000
 """Pixels of the reduced picture's longer side: enough to tell lines, few enough to be quick."""
 
-WIDTHS = (1.0, 1.7, 3.0, 5.0, 8.0, 13.0)
+BLUR_WIDTHS = (1.0, 1.7, 3.0, 5.0, 8.0, 13.0)
 """Standard deviations in reduced px of the blur under which a line may show best."""
 
-BLOCK = 32
+NOISE_BLOCK_PX = 32
 """Side in reduced px of the squares in which the noise is judged."""
 
-ANGLES = 720
+HOUGH_ANGLES = 720
 """Steps of half a turn in the Hough transform."""
 
-SPREAD = 12
+VOTING_STEPS = 12
 """Steps to either side of its own direction for which a valley's point votes: 3 degrees."""
 
 
@@ -244,7 +244,7 @@ def find_lines(gray: NDArray[np.uint8], camera: Camera) -> list[Line]:
     light = np.log(reduced(gray, factor) + 4.0)
     middle = np.array([camera.width - 1, camera.height - 1]) / 2
     tries = []
-    for width in WIDTHS:
+    for width in BLUR_WIDTHS:
         seen, normals, depth = _valleys(light, width)
         ideal = camera.undistort((seen + 0.5) * factor - 0.5)
         known = np.isfinite(ideal).all(axis=1)
@@ -303,9 +303,9 @@ def _valleys(light: NDArray[np.float32], width: float) -> tuple[Points, Points, 
 def _local_noise(depth: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return the standard deviation of the noise around each pixel: in a shadow the logarithm makes it many times larger."""
     height, width = depth.shape
-    blocks = np.abs(depth[: height // BLOCK * BLOCK, : width // BLOCK * BLOCK]).reshape(
-        height // BLOCK, BLOCK, width // BLOCK, BLOCK
-    )
+    blocks = np.abs(
+        depth[: height // NOISE_BLOCK_PX * NOISE_BLOCK_PX, : width // NOISE_BLOCK_PX * NOISE_BLOCK_PX]
+    ).reshape(height // NOISE_BLOCK_PX, NOISE_BLOCK_PX, width // NOISE_BLOCK_PX, NOISE_BLOCK_PX)
     noise = robust.deviations(blocks, (1, 3)).astype(np.float32)
     return cv2.resize(noise, (width, height), interpolation=cv2.INTER_LINEAR)
 
@@ -314,14 +314,14 @@ def _straight(points: Points, normals: Points, depth: Points, size: float) -> li
     """Greedy Hough transform: take the line with the most votes, remove its points, go on."""
     shortest = 0.08 * size
     bin_width = 1.5
-    steps = np.arange(-SPREAD, SPREAD + 1)
-    own = np.round(np.arctan2(normals[:, 1], normals[:, 0]) * ANGLES / np.pi).astype(int)
-    angles = (own[:, None] + steps) % ANGLES
-    table = np.arange(ANGLES) * np.pi / ANGLES
+    steps = np.arange(-VOTING_STEPS, VOTING_STEPS + 1)
+    own = np.round(np.arctan2(normals[:, 1], normals[:, 0]) * HOUGH_ANGLES / np.pi).astype(int)
+    angles = (own[:, None] + steps) % HOUGH_ANGLES
+    table = np.arange(HOUGH_ANGLES) * np.pi / HOUGH_ANGLES
     offsets = points[:, :1] * np.cos(table[angles]) + points[:, 1:] * np.sin(table[angles])
     reach = int(size / bin_width) + 2
     cells = angles * (2 * reach) + np.round(offsets / bin_width).astype(int) + reach
-    votes = np.bincount(cells.ravel(), minlength=ANGLES * 2 * reach)
+    votes = np.bincount(cells.ravel(), minlength=HOUGH_ANGLES * 2 * reach)
     left = np.ones(len(points), dtype=bool)
     lines: list[Line] = []
     for _ in range(400):
@@ -463,16 +463,16 @@ def _shaded(difference: Points, depth: float) -> NDArray[np.bool_]:
 # carries the whole arms' precision into the crossing, whose own pixels (rounded by blur) are not used.
 
 
-ARM = (0.12, 0.44)
+ARM_RANGE = (0.12, 0.44)
 """Part of the way to the next crossing over which an arm is measured; its start keeps clear of the other line."""
 
-WIDEST = 0.32
+MAX_WINDOW_SHARE = 0.32
 """Largest half width of the window across a line, as a share of the pitch."""
 
 MOST_ROWS = 48
 """Cuts across one arm, where it has so many pixels."""
 
-ENOUGH = 400
+MAX_CROSSINGS = 400
 """Crossings beyond which more of them, picked at random, would only cost time."""
 
 
@@ -505,7 +505,7 @@ def _check_count(indices: NDArray[np.int64]) -> None:
 
 
 def _nodes(camera: Camera, plane: setup.Plane) -> NDArray[np.int64]:
-    """Return the whole numbers (n, 2) of the crossings that may be seen in the picture, `ENOUGH` of them at most."""
+    """Return the whole numbers (n, 2) of the crossings that may be seen in the picture, `MAX_CROSSINGS` of them at most."""
     x, y = np.linspace(0, camera.width - 1, 12), np.linspace(0, camera.height - 1, 12)
     rim = np.array([*((u, v) for u in x for v in (y[0], y[-1])), *((u, v) for v in y for u in (x[0], x[-1]))])
     ideal = camera.undistort(rim)
@@ -518,9 +518,9 @@ def _nodes(camera: Camera, plane: setup.Plane) -> NDArray[np.int64]:
     seen = camera.distort(plane.to_pixels(nodes.astype(float)))
     inside = np.all((seen > 2.0) & (seen < np.array([camera.width - 3.0, camera.height - 3.0])), axis=1)
     seen_nodes = nodes[inside]
-    if len(seen_nodes) <= ENOUGH:
+    if len(seen_nodes) <= MAX_CROSSINGS:
         return seen_nodes
-    return seen_nodes[np.sort(np.random.default_rng(0).choice(len(seen_nodes), ENOUGH, replace=False))]
+    return seen_nodes[np.sort(np.random.default_rng(0).choice(len(seen_nodes), MAX_CROSSINGS, replace=False))]
 
 
 def _pitch_px(plane: setup.Plane, node: NDArray[np.int64]) -> Points:
@@ -536,7 +536,7 @@ def _line_width(gray: NDArray[np.uint8], camera: Camera, lattice: setup.Plane) -
     if len(nodes) < MIN_LINES:
         raise GridError(f"only {len(nodes)} crossings of the grid are in the picture; at least {MIN_LINES} are needed")
     shares = np.linspace(-0.6, 0.6, 241)
-    along = np.concatenate([np.linspace(*ARM, 8), -np.linspace(*ARM, 8)])
+    along = np.concatenate([np.linspace(*ARM_RANGE, 8), -np.linspace(*ARM_RANGE, 8)])
     light = LineLight.of(gray, 1, camera)
     cuts: tuple[list[Points], list[Points]] = ([], [])
     for node in nodes[:: max(1, len(nodes) // 60)]:
@@ -567,7 +567,7 @@ def _line_width(gray: NDArray[np.uint8], camera: Camera, lattice: setup.Plane) -
     )
     if width > 0.3:
         raise GridError("the grid's lines are too wide or too blurred to be distinguished from the screen between them")
-    return float(np.clip(1.3 * width, 0.03, WIDEST)), depth
+    return float(np.clip(1.3 * width, 0.03, MAX_WINDOW_SHARE)), depth
 
 
 def _typical(cuts: list[Points]) -> Points:
@@ -610,8 +610,8 @@ def _measure(
     for node, pitch in zip(nodes, pitches, strict=True):
         fits = []
         for axis in (0, 1):
-            rows = int(np.clip((ARM[1] - ARM[0]) * pitch[1 - axis] / factor, 4, MOST_ROWS))
-            along = np.concatenate([-np.linspace(ARM[1], ARM[0], rows), np.linspace(*ARM, rows)])
+            rows = int(np.clip((ARM_RANGE[1] - ARM_RANGE[0]) * pitch[1 - axis] / factor, 4, MOST_ROWS))
+            along = np.concatenate([-np.linspace(ARM_RANGE[1], ARM_RANGE[0], rows), np.linspace(*ARM_RANGE, rows)])
             reach = max(half * pitch[axis], 2.5)
             # Three samples a pixel: with one, a sharp line's centre of darkness depends on where the samples fall.
             columns = 2 * int(np.clip(3.0 * reach / factor, 8, 60)) + 1
@@ -643,7 +643,7 @@ def _cross(fits: list[tuple[Arms, float, float, float]]) -> tuple[Points, float]
 # Lines sorted into two pencils and counted: which line of the grid is which.
 
 
-AIM = np.sin(np.radians(1.5))
+PENCIL_TOLERANCE = np.sin(np.radians(1.5))
 """Sine of the largest angle by which a line of a pencil may miss their common vanishing point."""
 
 OFF_BEAT = 0.15
@@ -722,7 +722,7 @@ def _aimed(rows: Points, middles: Points, point: Points) -> NDArray[np.bool_]:
     length = np.linalg.norm(towards, axis=1)
     # A vanishing point inside the picture is no vanishing point.
     outside = abs(point[2]) * 1.2 < np.linalg.norm(point[:2])
-    return outside & (np.abs(np.sum(rows[:, :2] * towards, axis=1)) < AIM * np.maximum(length, 1e-12))
+    return outside & (np.abs(np.sum(rows[:, :2] * towards, axis=1)) < PENCIL_TOLERANCE * np.maximum(length, 1e-12))
 
 
 def _count(at: Points, weights: Points) -> tuple[NDArray[np.int64], NDArray[np.intp]]:

@@ -30,10 +30,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-SHOWN = 1200
+SHOWN_SIDE_PX = 1200
 """Longer side in px of a photograph in a picture."""
 
-HEAD = 0.62
+HEAD_INCHES = 0.62
 """Room in inches for up to three lines above a photograph."""
 
 EDGE_COLOUR, BRIDGE_COLOUR, REFUSED = "#ff2e63", "#ffd60a", "#c0392b"
@@ -51,8 +51,8 @@ def draw_edge(
     pressure in Pa is for the headline."""
     small, factor = _reduced(image)
     height, width = small.shape[:2]
-    figure = figures.Figure(figsize=(8.0, 8.0 * height / width + HEAD), dpi=110)
-    axes = figure.add_axes((0.0, 0.0, 1.0, (8.0 * height / width) / (8.0 * height / width + HEAD)))
+    figure = figures.Figure(figsize=(8.0, 8.0 * height / width + HEAD_INCHES), dpi=110)
+    axes = figure.add_axes((0.0, 0.0, 1.0, (8.0 * height / width) / (8.0 * height / width + HEAD_INCHES)))
     _show(axes, small, factor)
     if traced is not None:
         _draw_line(axes, traced, 1.6)
@@ -123,7 +123,7 @@ def _parted(points: Array, shown: Mask) -> Array:
 
 
 def _reduced(image: pictures.Pixels) -> tuple[pictures.Pixels, float]:
-    factor = max(1.0, max(image.shape[:2]) / SHOWN)
+    factor = max(1.0, max(image.shape[:2]) / SHOWN_SIDE_PX)
     size = (round(image.shape[1] / factor), round(image.shape[0] / factor))
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA)), factor
 
@@ -140,7 +140,7 @@ def _wrapped(text: str, width: int = 105) -> str:
     return "\n".join(processes.plain(line) for line in textwrap.wrap(text, width)[:3])
 
 
-FRAME = 640
+FRAME_WIDTH_PX = 640
 """Width in px of the animation."""
 
 COURSE_POINTS = 200
@@ -224,7 +224,7 @@ def animate(path: Path, pictures: Sequence[Path]) -> None:
     frames = []
     for file in pictures:
         with Image.open(file) as picture:
-            size = (FRAME, round(picture.height * FRAME / picture.width))
+            size = (FRAME_WIDTH_PX, round(picture.height * FRAME_WIDTH_PX / picture.width))
             frames.append(picture.convert("RGB").resize(size, Image.Resampling.LANCZOS).quantize(128))
     if frames:
         frames[0].save(path, save_all=True, append_images=frames[1:], duration=FRAME_TIME, loop=0)

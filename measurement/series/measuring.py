@@ -51,7 +51,7 @@ def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "",
     names = sorted(TONES, key=lambda name: name != (likely or "srgb"))
     first = _traced(image, setup, names[0], anyway)
     # Where a shape fits this well, no other tone can be decisively better.
-    fits = first.edge.shape.chi_square < profiles.DECISIVE
+    fits = first.edge.shape.chi_square < profiles.DECISIVE_CHI_SQUARE
     if likely and fits:
         return first
     traces = [first]
@@ -66,12 +66,12 @@ def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "",
     more = others[0].edge.shape.chi_square - shape.chi_square if others else np.inf
     evidence = more / max(1.0, shape.misfit**2)
     moved = float(np.median(best.edge.width)) * best.scale * TONE_SHIFT
-    if moved <= TONE_HARM or (clear and evidence >= profiles.DECISIVE):
+    if moved <= TONE_HARM or (clear and evidence >= profiles.DECISIVE_CHI_SQUARE):
         return best
     # Without evidence against it, not even a shape, a photograph has the tone of its series.
     if (
         likely
-        and not (first is not best and evidence >= profiles.DECISIVE)
+        and not (first is not best and evidence >= profiles.DECISIVE_CHI_SQUARE)
         and not first.edge.shape.misfit >= profiles.LARGEST_MISFIT
     ):
         return first
@@ -99,7 +99,7 @@ def zero_of(traced: edge.Traced, raised: edge.Traced | None = None) -> ZeroLine:
     hidden = 0.0
     if raised is not None:
         again = traced.of_level(raised)
-        if again.lift and again.edge.shape.chi_square <= traced.edge.shape.chi_square - profiles.DECISIVE:
+        if again.lift and again.edge.shape.chi_square <= traced.edge.shape.chi_square - profiles.DECISIVE_CHI_SQUARE:
             again.tone_error, again.doubts = 0.0, doubts(EDGE, Evidence(again))
             traced = again
         elif raised.tone == traced.tone:
@@ -325,7 +325,7 @@ def _measure_one(
     return Result(photo, outcome, name, sample)
 
 
-RESERVED = ("heights", "profiles", "steps", "animation", "overview")
+RESERVED_NAMES = ("heights", "profiles", "steps", "animation", "overview")
 """Stems of what a run writes beside its outlines: a photograph of such a name must not take the table's place."""
 
 
@@ -337,7 +337,7 @@ def _names(photographs: Sequence[Photograph]) -> list[str]:
         name = photo.file.stem if stems.count(stem) == 1 else photo.file.name.replace(".", "_")
         if not name.strip("."):
             name = f"_{name}"
-        while name.casefold() in (*RESERVED, *(other.casefold() for other in names)):
+        while name.casefold() in (*RESERVED_NAMES, *(other.casefold() for other in names)):
             name += "_"
         names.append(name)
     return names
@@ -347,7 +347,7 @@ def _names(photographs: Sequence[Photograph]) -> list[str]:
 # Outlines from a list of photographs, as one call: the zero plane, the shadow's size, every photograph, and their tables.
 
 
-HEIGHTS = ("file", "pressure_Pa", "pressure_error_Pa", "height_m", "height_error_m", "trusted", "remarks")
+HEIGHT_COLUMNS = ("file", "pressure_Pa", "pressure_error_Pa", "height_m", "height_error_m", "trusted", "remarks")
 
 
 class MeasuringOptions(TypedDict, total=False):
@@ -405,7 +405,7 @@ class Measurement:
         """
         with (folder / "heights.csv").open("w", newline="", encoding="utf-8") as file:
             rows = csv.writer(file)
-            rows.writerow(HEIGHTS)
+            rows.writerow(HEIGHT_COLUMNS)
             for result in self.results:
                 rows.writerow(_row(result))
         for result in self.results:

@@ -132,7 +132,7 @@ def _length_or_pressure(text: str) -> tuple[float, bool]:
             ) from None
 
 
-KNOWN = ("file", "pressure", "left", "right", "error", "hold", "rise", "use")
+KNOWN_COLUMNS = ("file", "pressure", "left", "right", "error", "hold", "rise", "use")
 TIMES = ("hold", "rise")
 ANYWAY = "anyway"
 """In the column ``use`` of a photograph that shall be used in spite of doubts."""
@@ -288,8 +288,8 @@ def _pictures(folder: Path) -> list[Path]:
 
 def _check_header(path: Path, header: list[str]) -> None:
     for name in header:
-        if name not in KNOWN:
-            raise PhotoListError(f"{path}: column {name!r} is unknown; the columns are {', '.join(KNOWN)}")
+        if name not in KNOWN_COLUMNS:
+            raise PhotoListError(f"{path}: column {name!r} is unknown; the columns are {', '.join(KNOWN_COLUMNS)}")
         if header.count(name) > 1:
             raise PhotoListError(f"{path}: column {name!r} is in the header twice")
     if "file" not in header:
@@ -421,26 +421,26 @@ class ColumnError(ValueError):
 
 Float32Array = npt.NDArray[np.float32]
 
-ROWS, COLUMNS, SIDE = 3, 4, 192
+FINGERPRINT_ROWS, FINGERPRINT_COLUMNS, FINGERPRINT_SIDE_PX = 3, 4, 192
 """Patches in a column and in a row of the frame, and their side in px, that are kept of each photograph."""
 
-FINE = 3.0
+SMOOTHING_PX = 3.0
 """Standard deviation in px of the smooth part that is taken away."""
 
-MOVING, MARGIN = 0.15, 13
+MAX_LIGHT_DIFFERENCE, EDGE_MARGIN_PX = 0.15, 13
 """Share of the lit screen's brightness by which photographs may differ at a place that is compared, and its surroundings
 in px that are left out: the shadows' edges lie elsewhere in each."""
 
 MOST_OTHERS = 4
 """Photographs of the same run that tell what all of them share."""
 
-COPIED = 0.03
+MIN_COPY_CORRELATION = 0.03
 """Least correlation of what is left by which one is the other's copy; honest exposures stay below 0.007."""
 
 COPIED_BY_ONE = 0.06
 """By how much two must be more alike than each is to the only other photograph."""
 
-NEAR = 60e-6
+SAME_OUTLINE_TOLERANCE = 60e-6
 """Distance in m up to which two outlines may show the same: a copy of another brightness moves the edge a little."""
 
 
@@ -456,9 +456,9 @@ class Sample:
 def cut_out(image: pictures.Pixels) -> pictures.Pixels:
     """Return the patches (patches, side, side) of a picture (h, w, 3) in grey, spread over its frame."""
     height, width = image.shape[:2]
-    side = min(SIDE, height // ROWS, width // COLUMNS)
-    tops = np.linspace(0, height - side, ROWS).astype(int)
-    lefts = np.linspace(0, width - side, COLUMNS).astype(int)
+    side = min(FINGERPRINT_SIDE_PX, height // FINGERPRINT_ROWS, width // FINGERPRINT_COLUMNS)
+    tops = np.linspace(0, height - side, FINGERPRINT_ROWS).astype(int)
+    lefts = np.linspace(0, width - side, FINGERPRINT_COLUMNS).astype(int)
     patches = [cv2.cvtColor(image[y : y + side, x : x + side], cv2.COLOR_RGB2GRAY) for y in tops for x in lefts]
     return np.stack(patches)
 
@@ -466,7 +466,7 @@ def cut_out(image: pictures.Pixels) -> pictures.Pixels:
 def prepared(patches: pictures.Pixels) -> Sample:
     """Return the patches of `cut_out`, parted into what is smooth and what is fine."""
     light = patches.astype(np.float32)
-    smooth = np.stack([cv2.GaussianBlur(patch, (0, 0), FINE) for patch in light])
+    smooth = np.stack([cv2.GaussianBlur(patch, (0, 0), SMOOTHING_PX) for patch in light])
     fine = (light - smooth).ravel()
     scatter = max(robust.deviation(fine), 0.3)
     level = max(float(smooth.max()), 1.0)
@@ -504,7 +504,7 @@ def is_copy(first: Sample, second: Sample, others: Sequence[Sample]) -> bool:
     alike = likeness(first, second, others)
     if len(others) < 2:
         return bool(alike > COPIED_BY_ONE)
-    if not alike > COPIED:
+    if not alike > MIN_COPY_CORRELATION:
         return False
     # A camera that was nudged between photographs makes those before it alike, and those after it.
     usual = [
@@ -549,13 +549,13 @@ def _two_pressures(other: str) -> str:
 
 
 def _same_outline(one: Outline, two: Outline) -> bool:
-    if abs(one.height - two.height) > NEAR:
+    if abs(one.height - two.height) > SAME_OUTLINE_TOLERANCE:
         return False
     left, right = max(one.x[0], two.x[0]), min(one.x[-1], two.x[-1])
     inside = (one.x >= left) & (one.x <= right)
     if inside.sum() < 10:
         return False
-    return float(np.median(np.abs(one.z[inside] - np.interp(one.x[inside], two.x, two.z)))) <= NEAR
+    return float(np.median(np.abs(one.z[inside] - np.interp(one.x[inside], two.x, two.z)))) <= SAME_OUTLINE_TOLERANCE
 
 
 def _still(samples: Sequence[Sample]) -> npt.NDArray[np.bool_]:
@@ -566,8 +566,8 @@ def _still(samples: Sequence[Sample]) -> npt.NDArray[np.bool_]:
     for sample in samples:
         # A copy may be brighter, or of another gamma: a line through the brightnesses is near enough.
         scale, offset = np.polyfit(sample.smooth.ravel()[::37], thin, 1)
-        moving |= np.abs(scale * sample.smooth + offset - middle) > MOVING
-    kernel = np.ones((MARGIN, MARGIN), np.uint8)
+        moving |= np.abs(scale * sample.smooth + offset - middle) > MAX_LIGHT_DIFFERENCE
+    kernel = np.ones((EDGE_MARGIN_PX, EDGE_MARGIN_PX), np.uint8)
     return np.stack([cv2.dilate(patch.astype(np.uint8), kernel) == 0 for patch in moving]).ravel()
 
 

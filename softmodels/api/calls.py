@@ -18,7 +18,7 @@ from softmodels.common import errors, files, names, units
 from softmodels.common.lazy import MPI
 from softmodels.common.names import checked
 from softmodels.common.processes import one_at_a_time
-from softmodels.decks.deck import WRITTEN, Deck, calculix, check, deck_of, needs_equations
+from softmodels.decks.deck import WRITTEN_BY, Deck, calculix, check, deck_of, needs_equations
 from softmodels.materials.laws import Material
 from softmodels.mechanics import compiling, memory, mpi
 from softmodels.mechanics.body import Body
@@ -425,7 +425,7 @@ def export(case: Case | str | Path, file: str | Path) -> Deck:
     path = names.place("file", file, "a file")
     if path.suffix.lower() != ".inp":
         raise CaseError(f"{path} ends in {path.suffix or 'nothing'}; a deck for CalculiX ends in .inp")
-    if path.exists() and WRITTEN.encode() not in files.read_file(path, files.GEOMETRY)[:500]:
+    if path.exists() and WRITTEN_BY.encode() not in files.read_file(path, files.MAX_GEOMETRY_BYTES)[:500]:
         raise CaseError(f"{path} exists and is not a deck written by this program; give another name")
     check(whole)
     with tempfile.TemporaryDirectory() as folder:

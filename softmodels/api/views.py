@@ -212,7 +212,7 @@ class Animation:
 
     def __repr__(self) -> str:
         height, width, _ = self.frames[0].shape
-        return f"<Animation of {len(self.frames)} frames, {width} x {height} pixels, {solid.SECONDS:g} s>"
+        return f"<Animation of {len(self.frames)} frames, {width} x {height} pixels, {solid.MOTION_SECONDS:g} s>"
 
     def _repr_html_(self) -> str:
         source = files.data_uri(solid.webp([*self.frames]), "image/webp")

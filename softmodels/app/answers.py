@@ -151,7 +151,7 @@ def linear(folder: str, pressure: float) -> replies.LinearAnswer:
     return answer
 
 
-SPACING = 1e-4
+OUTLINE_SPACING = 1e-4
 """Distance in m of the points of an outline."""
 
 
@@ -171,4 +171,4 @@ def outline(case: str, pressure: float, folder: str = "") -> Array:
 
 
 def _half_outline(system: System, state: State) -> Array:
-    return shapes.half_outline(shapes.Silhouette(system).curve(state), SPACING, -np.inf)[0]
+    return shapes.half_outline(shapes.Silhouette(system).curve(state), OUTLINE_SPACING, -np.inf)[0]

@@ -103,7 +103,9 @@ class DevicePage(forms.TabPage):
         liquid = forms.tagged(
             ui.input("Liquid of the column", value=units.exact_text(case.water_density, "kg/m^3")), "liquid"
         )
-        liquid.tooltip(f"Its density: centimetres here and on the photographs are of it. 970 kg/m^3 is {units.LIGHTER}")
+        liquid.tooltip(
+            f"Its density: centimetres here and on the photographs are of it. 970 kg/m^3 is {units.DENSITY_NOTE}"
+        )
         liquid.on("change", lambda _: self._take_liquid(str(liquid.value)))
 
     def _take_device(self, name: str) -> None:
@@ -375,7 +377,7 @@ class DevicePage(forms.TabPage):
 
 GREY = "#808080"
 """Is read on white and on black."""
-FAINT = {"splitLine": {"lineStyle": {"opacity": 0.25}}, "axisLabel": {"color": GREY}}
+FAINT_AXES = {"splitLine": {"lineStyle": {"opacity": 0.25}}, "axisLabel": {"color": GREY}}
 
 
 def stored_run(project: bench.Project) -> tuple[Case | None, table.PathTable]:
@@ -422,12 +424,12 @@ def _chart(points: Sequence[tuple[float, float]], name: str, unit: str) -> dict[
             "nameLocation": "middle",
             "nameGap": 26,
             "nameTextStyle": {"color": GREY},
-            **FAINT,
+            **FAINT_AXES,
         },
         "yAxis": {
             "name": f"rise of the {name} in mm" if name else "",
             "nameTextStyle": {"align": "left", "color": GREY},
-            **FAINT,
+            **FAINT_AXES,
         },
         "series": [{"type": "line", "data": list(points), "symbolSize": 5}],
         "tooltip": {"trigger": "axis"},

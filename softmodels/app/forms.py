@@ -47,7 +47,7 @@ Take = Callable[[str, object], None]
 """Takes a field's name and its new value: a number in SI units, or a text."""
 Moved = Callable[[str, float], None]
 """Takes the name of a number whose slider moves, and its value there in SI units."""
-WORDS = {
+PAGE_WORDING = {
     "give setup --mask smaller ones": "make them smaller",
     "give setup --roi a larger one": "make it larger",
     r"give two points of (its|the) surface to setup --zero": r"drag the Zero line onto \1 surface",
@@ -70,7 +70,7 @@ WORDS = {
 
 def page_words(sentence: str) -> str:
     """Return a sentence that names options of the command line with the page's controls instead."""
-    for option, control in WORDS.items():
+    for option, control in PAGE_WORDING.items():
         sentence = re.sub(option, control, sentence)
     return sentence
 
@@ -204,7 +204,7 @@ def job_panel(bench: Bench, output: str, title: str, command: Callable[[], Comma
 # The fields of a device: a slider and a box with the unit for each number, lists for choices.
 
 
-SPAN, STEPS = 3.0, 200
+SLIDER_FACTOR, SLIDER_STEPS = 3.0, 200
 """A slider reaches from the default over this factor to the default times it, in so many steps."""
 
 
@@ -243,10 +243,10 @@ def _control(device: Actuator, name: str, field: schema.About, take: Take, moved
 def _number(device: Actuator, name: str, field: schema.About, take: Take, moved: Moved) -> None:
     unit, value, label = field.kind.unit, float(getattr(device, name)), name.replace("_", " ")
     usual = float(default_of(device, name) or value or 1.0)  # type: ignore[arg-type]
-    low, high = min(usual / SPAN, value), max(usual * SPAN, value)
+    low, high = min(usual / SLIDER_FACTOR, value), max(usual * SLIDER_FACTOR, value)
     with ui.row().classes("w-full items-center no-wrap gap-2"):
         box = tagged(ui.input(label, value=units.readable(value, unit)), name, "w-32 shrink-0").tooltip(field.help)
-        slider = ui.slider(min=low, max=high, step=(high - low) / STEPS, value=value)
+        slider = ui.slider(min=low, max=high, step=(high - low) / SLIDER_STEPS, value=value)
         tagged(slider, f"{name}-slider", "grow", f'aria-label="{label}"')
 
     def shown(value: float) -> None:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 TONE_WORDS = {"srgb": "sRGB, as a camera's JPEG", "linear": "linear, in proportion to the light"}
-REACH = 40.0
+HANDLE_REACH_PX = 40.0
 """Pixels of a preview within which a press takes hold of a handle."""
 
 
@@ -341,7 +341,9 @@ class PhotographsPage(forms.TabPage):
         corners = self.handles.corners
         if event.type == "pointerdown":
             near = min(corners, key=lambda corner: math.dist((x, y), corners[corner]), default=None)
-            self.held = near if near is not None and math.dist((x, y), corners[near]) < REACH * self.scale else None
+            self.held = (
+                near if near is not None and math.dist((x, y), corners[near]) < HANDLE_REACH_PX * self.scale else None
+            )
         elif self.held is not None:
             self.handles.drag(self.held, x, y)
             self._draw()
@@ -385,7 +387,9 @@ def _mark(one: Listed) -> tuple[str, str]:
 def picture_of(preview: replies.Preview) -> tuple[str, float]:
     """Return a preview as a source for the page, and how many pixels of the photograph one of it spans."""
     longest = max(preview.width, preview.height)
-    return "data:image/jpeg;base64," + base64.b64encode(preview.jpeg).decode(), longest / min(replies.PREVIEW, longest)
+    return "data:image/jpeg;base64," + base64.b64encode(preview.jpeg).decode(), longest / min(
+        replies.PREVIEW_SIDE_PX, longest
+    )
 
 
 def points_text(px: Array, scale: float) -> str:

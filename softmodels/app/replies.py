@@ -10,9 +10,9 @@ import numpy as np
 from softmodels.common.arrays import Array
 from softmodels.runs import grid, table
 
-PREVIEW = 1600
+PREVIEW_SIDE_PX = 1600
 """Longest side of a photograph's preview in px."""
-PARTS = 3
+PIECES_PER_EDGE = 3
 """Pieces per edge of a cell that have one colour each."""
 
 
@@ -30,7 +30,7 @@ class Section:
     def of(cls, points: Array, displacement: Array, cells: grid.Cells, values: Array) -> Section:
         """Return the section of nodes in m, shape (n, 3) with y = 0, and a nodal field."""
         before, after = points[:, ::2] * 1e3, (points + displacement)[:, ::2] * 1e3
-        fine, triangles = grid.fine_triangles(np.column_stack([after, values]), cells, PARTS)
+        fine, triangles = grid.fine_triangles(np.column_stack([after, values]), cells, PIECES_PER_EDGE)
         corners = fine[triangles]
         return cls(
             corners[..., :2],

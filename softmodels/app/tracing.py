@@ -27,7 +27,7 @@ def preview(file: str) -> replies.Preview:
     """Return a small version of a photograph."""
     pixels = pictures.read_pixels(Path(file))
     picture = Image.fromarray(pixels)
-    picture.thumbnail((replies.PREVIEW, replies.PREVIEW))
+    picture.thumbnail((replies.PREVIEW_SIDE_PX, replies.PREVIEW_SIDE_PX))
     data = io.BytesIO()
     picture.convert("RGB").save(data, "JPEG", quality=85)
     return replies.Preview(data.getvalue(), pixels.shape[1], pixels.shape[0])
@@ -42,9 +42,9 @@ def plane(file: str, pitch: str, lens: str) -> replies.Plane:
     return replies.Plane(made.to_toml(), made.camera.distort(made.plane.points), float(made.plane.residual))
 
 
-BAND = 7.0
+BAND_WIDTH_PX = 7.0
 """Half width in px of a preview of a band that is seen."""
-ENLARGED = (1, 2, 5, 10, 20, 50, 100, 200, 500)
+ENLARGEMENTS = (1, 2, 5, 10, 20, 50, 100, 200, 500)
 
 
 def trace(file: str, setup: str, pressure: float, tone: str, anyway: bool) -> replies.Traced:
@@ -67,9 +67,11 @@ def trace(file: str, setup: str, pressure: float, tone: str, anyway: bool) -> re
             outline.reasons,
             Evidence(found, line).error,
         )
-    seen = BAND * max(1.0, max(known.camera.width, known.camera.height) / replies.PREVIEW) * found.scale
+    seen = (
+        BAND_WIDTH_PX * max(1.0, max(known.camera.width, known.camera.height) / replies.PREVIEW_SIDE_PX) * found.scale
+    )
     usual = float(np.median(errors[~found.line.bridged]))
-    enlarged = next((times for times in ENLARGED if times * usual >= seen), ENLARGED[-1])
+    enlarged = next((times for times in ENLARGEMENTS if times * usual >= seen), ENLARGEMENTS[-1])
     wide = enlarged * errors[:, None] * found.normals
     band = np.stack([known.to_pixels(found.points + wide), known.to_pixels(found.points - wide)])
     ends = None
@@ -94,7 +96,7 @@ def handles(setup: str) -> replies.Handles:
     return replies.Handles(zero, None if known.roi is None else list(known.roi), [list(mask) for mask in known.masks])
 
 
-SUNK = -5e-5
+MIN_SURFACE_HEIGHT = -5e-5
 """Height in m above the undeformed surface below which a shadow may show what is beside the outline."""
 
 
@@ -118,7 +120,7 @@ def overlay(listing: str, setup: str, outline: str, curve: Array, axial: bool = 
         along = (measured.x - axis) * side
         along = np.abs(along) if axial else along
         simulated = np.interp(along, upper[:, 0], upper[:, 1], left=-np.inf, right=-np.inf)
-        seen = simulated > SUNK
+        seen = simulated > MIN_SURFACE_HEIGHT
         return float(np.sqrt(np.mean((measured.z[seen] - simulated[seen]) ** 2))) if seen.any() else np.inf
 
     apex, top = float(measured.x[np.argmax(measured.z)]), float(upper[np.argmax(upper[:, 1]), 0])

@@ -113,7 +113,7 @@ class GaugesEntry(Entry[Probes]):
 # Reject materials with implausible parameters, or unsuitable for the formulation.
 
 
-MODULI = (laws.SOFTEST, 1e9)
+MODULI = (laws.MIN_SHEAR_MODULUS, 1e9)
 """Accepted shear moduli in Pa, from the softest gels to the hardest elastomers, with a margin."""
 MOST_APART = 1e6
 """Maximum ratio of a region's shear modulus to the main one's that is solved accurately."""
@@ -218,7 +218,7 @@ class Case:
         "load",
         "water_density",
         schema.Quantity("kg/m^3"),
-        f"density of the column's liquid; the default is {units.LIGHTER}",
+        f"density of the column's liquid; the default is {units.DENSITY_NOTE}",
         units.WATER_DENSITY,
     )
     control: str = _value("load", "control", schema.Choice(CONTROLS), "control of the continuation", "auto")

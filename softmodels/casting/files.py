@@ -17,10 +17,10 @@ import numpy as np
 from geometries import Actuator, actuator
 from softmodels.case.case import Case
 from softmodels.casting import make, settings
-from softmodels.casting.bodies import MM
+from softmodels.casting.bodies import MM_PER_M
 from softmodels.casting.facets import (
-    CLEARANCES,
-    WIDTHS,
+    COUPON_CLEARANCES,
+    COUPON_WIDTHS,
     Facets,
     Placed,
     arranged,
@@ -148,9 +148,9 @@ def _of_body(body: make.MouldBody) -> dict[str, object]:
         "fins": [
             {
                 "count": fin.alike,
-                "thickness_mm": fin.thickness * MM,
-                "depth_mm": fin.depth * MM,
-                "length_mm": fin.length * MM,
+                "thickness_mm": fin.thickness * MM_PER_M,
+                "depth_mm": fin.depth * MM_PER_M,
+                "length_mm": fin.length * MM_PER_M,
                 "draft_deg": fin.draft,
                 "depth_over_thickness": fin.slenderness,
                 "depth_over_thickness_allowed": fin.allowed,
@@ -250,9 +250,8 @@ def _made_into(folder: str | Path | None, asked: settings.Asked) -> make.Made:
 # The casting sheet: amounts, steps, dimensions and checks.
 
 
-READ = "see the data sheet"
-ML = 1e6
-"""ml per m3."""
+READ_DATA_SHEET = "see the data sheet"
+ML_PER_M3 = 1e6
 
 Row = tuple[str, ...]
 
@@ -294,7 +293,7 @@ def _about(asked: settings.Asked, made: make.Made) -> list[str]:
     pieces = ", ".join(f"the {cast.piece}" for cast in made.casts)
     how = f"It is cast in {count} pieces, {pieces}, which are bonded. " if count else "It is cast in one piece. "
     texts = [
-        f"{type(asked.device).__name__}, {made.volume * ML:.4g} ml of silicone"
+        f"{type(asked.device).__name__}, {made.volume * ML_PER_M3:.4g} ml of silicone"
         + (f", {asked.silicone}." if asked.silicone else "; the silicone is not named."),
         how + made.recipe.why,
     ]
@@ -305,7 +304,7 @@ def _about(asked: settings.Asked, made: make.Made) -> list[str]:
             f"{_time(silicone.pot_life)}, cure {_time(silicone.cure_time)} at 23 C. Source: {silicone.source}."
         )
     else:
-        texts.append(f"Mixing ratio, density, pot life and cure time: {READ} of the silicone.")
+        texts.append(f"Mixing ratio, density, pot life and cure time: {READ_DATA_SHEET} of the silicone.")
     if workshop.shrinkage:
         larger = workshop.scale - 1.0
         texts.append(f"All bodies are larger by {larger:.2%}, for a linear shrinkage of {workshop.shrinkage:.2%}.")
@@ -330,18 +329,18 @@ def _time(seconds: float) -> str:
 def _amounts(asked: settings.Asked, made: make.Made) -> SheetTable:
     """Return the volumes and masses of each piece and of all, with the surplus, and the amounts of A and B."""
     silicone, more = asked.casting, 1.0 + asked.workshop.surplus
-    volumes = [(cast.name, cast.facets.volume / MM**3) for cast in made.casts]
+    volumes = [(cast.name, cast.facets.volume / MM_PER_M**3) for cast in made.casts]
     if len(volumes) > 1:
         volumes.append(("all", sum(volume for _, volume in volumes)))
     rows = []
     for name, volume in volumes:
-        row = [name, f"{volume * ML:.2f}", f"{volume * more * ML:.1f}"]
+        row = [name, f"{volume * ML_PER_M3:.2f}", f"{volume * more * ML_PER_M3:.1f}"]
         if silicone:
             mass = 1e3 * silicone.density * volume
             a, b = (more * mass * part / sum(silicone.parts) for part in silicone.parts)
             row += [f"{mass:.2f}", f"{more * mass:.1f}", f"{a:.1f}", f"{b:.1f}"]
         else:
-            row += [READ, "", "", ""]
+            row += [READ_DATA_SHEET, "", "", ""]
         rows.append(tuple(row))
     extra = f"{asked.workshop.surplus:.0%}"
     head = (
@@ -361,7 +360,7 @@ def _prints(asked: settings.Asked, made: make.Made) -> SheetTable:
     workshop, placed = asked.workshop, printed(asked, made)
     found = print_estimate(placed, workshop)
     rows = [
-        ("resin", f"{found.resin * ML:.1f} ml, {1e3 * found.mass:.0f} g", "without supports and what the wash takes"),
+        ("resin", f"{found.resin * ML_PER_M3:.1f} ml, {1e3 * found.mass:.0f} g", "without supports and what the wash takes"),
         *((f"plate {k}, {name}.stl", _time(time),
            f"layers of {schema.shown(workshop.layer, 'm')}, {schema.shown(workshop.layer_time, 's')} each")
           for k, (name, time) in enumerate(zip(plate_names(placed), found.times, strict=True), 1)),
@@ -375,18 +374,18 @@ def _prints(asked: settings.Asked, made: make.Made) -> SheetTable:
 
 def _steps(asked: settings.Asked, made: make.Made) -> list[str]:
     silicone = asked.casting
-    pot = f"within {_time(silicone.pot_life)}" if silicone else f"within its pot life ({READ})"
-    cure = _time(silicone.cure_time) if silicone else f"its cure time ({READ})"
+    pot = f"within {_time(silicone.pot_life)}" if silicone else f"within its pot life ({READ_DATA_SHEET})"
+    cure = _time(silicone.cure_time) if silicone else f"its cure time ({READ_DATA_SHEET})"
     weigh = (
         "Weigh A and B as in the table of silicone"
         if silicone
-        else f"Weigh A and B in the ratio of the silicone ({READ})"
+        else f"Weigh A and B in the ratio of the silicone ({READ_DATA_SHEET})"
     )
     steps = [
         f"Print or mill the {len(made.printed)} bodies (lengths in mm), as laid flat in the plates' files, without supports. "
         "Freshly printed resin inhibits platinum-cure silicone: bake or coat the prints.",
         "Try the coupon first: which sockets take its pin, and which ribs and slots are whole? From the corner cut off, "
-        f"clearances are {_list(CLEARANCES)} mm and widths {_list(WIDTHS)} mm.",
+        f"clearances are {_list(COUPON_CLEARANCES)} mm and widths {_list(COUPON_WIDTHS)} mm.",
         "Test the fit without silicone. The pins allow only one orientation; the rims must close without a gap.",
         "Coat all bodies thinly with release agent.",
         *itertools.chain.from_iterable(_wax_steps(pour, *made.of(pour)) for pour in made.recipe.pours if pour.wax),
@@ -445,9 +444,9 @@ def _wax_steps(pour: actuator.Pour, bodies: Sequence[make.MouldBody], core: make
         else "to the brim, and tilt and tap the air out from under its shoulder"
     )
     return [
-        f"Clamp {parts} and stand them with the open end up. Melt {1.2 * core.facets.volume / MM**3 * ML:.1f} ml of wax that "
-        "melts below the softening point of the prints, warm the mould, and pour through the open end, or inject with a warm "
-        f"syringe, {full}. Top up while it sets and shrinks, and scrape it flush when it is cold.",
+        f"Clamp {parts} and stand them with the open end up. Melt {1.2 * core.facets.volume / MM_PER_M**3 * ML_PER_M3:.1f} ml "
+        "of wax that melts below the softening point of the prints, warm the mould, and pour through the open end, or inject "
+        f"with a warm syringe, {full}. Top up while it sets and shrinks, and scrape it flush when it is cold.",
         f"{'Part the halves sideways' if sideways else 'Lift the floor off, and the frame the other way'}, take the "
         f"{pour.name} out{', cut off what set in the vents' if vented else ''}, and smooth its seam with a warm blade.",
     ]
@@ -518,24 +517,34 @@ def _tube_steps(asked: settings.Asked, made: make.Made) -> list[str]:
 
 def _walls(asked: settings.Asked, made: make.Made) -> SheetTable:
     workshop = asked.workshop
-    rows = [(f"silicone of the {cast.piece} beyond its core, along the pull", f"{cast.beyond * MM:.2f}", "")
+    rows = [(f"silicone of the {cast.piece} beyond its core, along the pull", f"{cast.beyond * MM_PER_M:.2f}", "")
             for cast in made.casts if cast.beyond > 1e-6]  # fmt: skip
-    rows.append(("thinnest silicone", f"{made.thinnest * MM:.2f}", ""))
+    rows.append(("thinnest silicone", f"{made.thinnest * MM_PER_M:.2f}", ""))
     if not math.isnan(made.channel):
         rows.append(
-            ("narrowest channel or cavity", f"{made.channel * MM:.2f}", f"{workshop.least_wall * MM:g} (printer's rib)")
+            (
+                "narrowest channel or cavity",
+                f"{made.channel * MM_PER_M:.2f}",
+                f"{workshop.least_wall * MM_PER_M:g} (printer's rib)",
+            )
         )
     rows += [
-        ("floors and lids of the mould", f"{workshop.wall * MM:.2f}", f"{workshop.least_wall * MM:g}"),
-        ("rims of the mould", f"{workshop.rim * MM:.2f}", f"{workshop.least_wall * MM:g}"),
-        ("pins, diameter at their root", f"{workshop.pin * MM:.2f}", ""),
-        ("gap around a pin", f"{workshop.clearance * MM:.2f}", ""),
+        (
+            "floors and lids of the mould",
+            f"{workshop.wall * MM_PER_M:.2f}",
+            f"{workshop.least_wall * MM_PER_M:g}",
+        ),
+        ("rims of the mould", f"{workshop.rim * MM_PER_M:.2f}", f"{workshop.least_wall * MM_PER_M:g}"),
+        ("pins, diameter at their root", f"{workshop.pin * MM_PER_M:.2f}", ""),
+        ("gap around a pin", f"{workshop.clearance * MM_PER_M:.2f}", ""),
     ]
     if made.wound:
-        size = f"{made.wound.width * MM:.2f} x {made.wound.depth * MM:.2f}"
-        rows.append(("groove for the thread, width and depth", size, f"{workshop.least_wall * MM:g} (printer's wall)"))
+        size = f"{made.wound.width * MM_PER_M:.2f} x {made.wound.depth * MM_PER_M:.2f}"
+        rows.append(
+            ("groove for the thread, width and depth", size, f"{workshop.least_wall * MM_PER_M:g} (printer's wall)")
+        )
     if workshop.bolt:
-        rows.append(("holes for bolts, diameter", f"{workshop.bolt * MM:.2f}", ""))
+        rows.append(("holes for bolts, diameter", f"{workshop.bolt * MM_PER_M:.2f}", ""))
     return SheetTable("Thicknesses", ("what", "mm", "at least, mm"), rows)
 
 
@@ -551,8 +560,8 @@ def _checked(body: make.MouldBody) -> Row:
     found = body.checked
     assert found is not None
     return (
-        body.name, "yes" if body.facets.open_edges == 0 else "no", f"{found.wall * MM:.2f}",
-        f"{found.gap * MM:.2f}" if math.isfinite(found.gap) else "",
+        body.name, "yes" if body.facets.open_edges == 0 else "no", f"{found.wall * MM_PER_M:.2f}",
+        f"{found.gap * MM_PER_M:.2f}" if math.isfinite(found.gap) else "",
         f"{max(found.lean, 0.0) + 0.0:.2f}", "" if math.isnan(found.own_lean) else f"{found.own_lean:.2f}",
         f"{found.fins[0].slenderness:.3g} ({found.fins[0].allowed:g} allowed)" if found.fins else "",
         f"{found.chord * 1e6:.0f}",
@@ -579,7 +588,7 @@ def write_sheet(folder: Path, asked: settings.Asked, made: make.Made, pictures: 
     if wanted, and where that can be done."""
     rendered = pictures and offscreen.can_render()
     drawing(made).savefig(folder / DRAWING)
-    size = (MM * asked.workshop.bed_width, MM * asked.workshop.bed_depth)
+    size = (MM_PER_M * asked.workshop.bed_width, MM_PER_M * asked.workshop.bed_depth)
     plates_picture(printed(asked, made), size).savefig(folder / PLATES)
     files = draw_all(folder, made) if rendered else []
     files += [(PLATES, "The printer's plates from above"), (DRAWING, "Outer dimensions of the bodies")]
@@ -609,8 +618,8 @@ def sheet_page(sheet: BenchSheet, pictures: Mapping[str, pages.Picture], made: m
         ],
         commands.Provenance.now(),
         [
-            pages.Fact("Silicone of the device", f"{made.volume * ML:.4g} ml"),
-            pages.Fact("Thinnest silicone", f"{made.thinnest * MM:.3g} mm"),
+            pages.Fact("Silicone of the device", f"{made.volume * ML_PER_M3:.4g} ml"),
+            pages.Fact("Thinnest silicone", f"{made.thinnest * MM_PER_M:.3g} mm"),
 pages.Fact("Silicone to mix", f"{sheet.amounts.rows[-1][2]} ml", sheet.amounts.head[2].partition(" (")[0]),
         ],
     ).html()  # fmt: skip

@@ -27,11 +27,10 @@ from softmodels.common.lazy import gmsh
 
 SMALLEST_ANGLE = 20.0
 """Smallest angle of a thread from the axis in degrees: below, grooves run together where the halves part."""
-RING = 89.99
-"""Angle in degrees above which threads are rings."""
-APART = 0.01
+MIN_RING_ANGLE = 89.99
+FLANK_DISTANCE = 0.01
 """Distance of the flanks from where they would touch the tube's cylinders, over its radius."""
-STRAY = 0.1
+HELIX_TOLERANCE = 0.1
 """Distance of a flank's plane pieces from the helix, over the thread's diameter."""
 
 
@@ -104,7 +103,7 @@ def _lay(workshop: settings.Workshop, angle: float, radius: float) -> Lay:
             "leave the mould's "
             "halves, others run along where these part"
         )
-    if abs(angle) > RING:
+    if abs(angle) > MIN_RING_ANGLE:
         return Lay(90.0, 0, 0.0, workshop.spacing)
     advance = 2.0 * math.pi * radius / math.tan(math.radians(abs(angle)))
     threads = max(1, round(advance / workshop.spacing))
@@ -134,14 +133,18 @@ def _check(found: Winding, lay: Lay, workshop: settings.Workshop) -> None:
 
 def _widening(found: Winding, lay: Lay) -> float:
     """Return by how much a groove is wider along the tube where the halves part, m."""
-    return lay.advance / (2.0 * math.pi) * math.acos(1.0 - found.depth / found.radius - APART) if lay.advance else 0.0
+    return (
+        lay.advance / (2.0 * math.pi) * math.acos(1.0 - found.depth / found.radius - FLANK_DISTANCE)
+        if lay.advance
+        else 0.0
+    )
 
 
 def groove_solids(found: Winding, axis: int, scale: float) -> list[meshing.Entity]:
     """Add what is cut out of a tube around z, which is parted across x (0) or y (1), to the current Gmsh model; a length in m
     times the scale is one there. Beyond the tube they go on."""
     occ, solids = gmsh.model.occ, list[meshing.Entity]()
-    unit, beyond = meshing.MM * scale, 1.5 * found.radius
+    unit, beyond = meshing.MM_PER_M * scale, 1.5 * found.radius
     for side in (1.0, -1.0):
         faces = list[meshing.Entity]()
         for lay in found.lays:
@@ -163,13 +166,13 @@ def groove_solids(found: Winding, axis: int, scale: float) -> list[meshing.Entit
 
 def _outline(found: Winding, climb: float, half: float) -> Array:
     """Return the corners (x, z) of a groove seen along y, in m, shape (n, 2)."""
-    outer, inner, far = found.radius, found.radius * (1.0 - APART) - found.depth, 1.5 * found.radius
+    outer, inner, far = found.radius, found.radius * (1.0 - FLANK_DISTANCE) - found.depth, 1.5 * found.radius
     c = abs(climb)
     if not c:
         return np.array([[far, -half], [-far, -half], [-far, half], [far, half]])
-    touch = math.acos(1.0 - APART)  # no flank touches the outer cylinder
+    touch = math.acos(1.0 - FLANK_DISTANCE)  # no flank touches the outer cylinder
     quarter = 0.5 * math.pi
-    pieces = max(3, math.ceil(quarter / math.sqrt(8.0 * STRAY * found.width / c)))
+    pieces = max(3, math.ceil(quarter / math.sqrt(8.0 * HELIX_TOLERANCE * found.width / c)))
 
     def flank(first: float, last: float, way: float) -> Array:
         turn = np.linspace(first, last, 2 * pieces + 1)

@@ -15,8 +15,8 @@ import numpy.typing as npt
 from geometries import Actuator, actuator, meshing
 from softmodels.casting import facets, grooves, settings
 from softmodels.casting.bodies import (
-    FLUSH,
-    MM,
+    FLUSH_TOLERANCE,
+    MM_PER_M,
     LostCore,
     Solid,
     Tooling,
@@ -117,7 +117,7 @@ class Made(cards.Shown):
     @property
     def cast_volume(self) -> float:
         """Volume of all casts after demoulding, m3."""
-        return sum(body.facets.volume for body in self.casts) / MM**3
+        return sum(body.facets.volume for body in self.casts) / MM_PER_M**3
 
 
 def made(device: Actuator, workshop: settings.Workshop, stopped: Callable[[], bool] = bool) -> Made:
@@ -178,13 +178,13 @@ def _made(device: Actuator, recipe: actuator.Recipe, workshop: settings.Workshop
             if pour.lost and workshop.core == "wax":
                 molten.append(_draw_wax(drawn[-1], workshop, _inside(place, f"{k} wax")))
         # Closed cavities are the same for all pieces: their points as the device lies.
-        cavities = drawn[0].surfaces("cavity", MM * workshop.chord)
+        cavities = drawn[0].surfaces("cavity", MM_PER_M * workshop.chord)
         where = face_namer(device, drawn[0].tools.frame)
         channels = [check_core(cavity, math.nan, workshop, where) / workshop.scale for cavity in cavities]
         inside = np.concatenate([np.zeros((0, 3)), *(cavity.points for cavity in cavities)]) @ drawn[0].tools.frame.turn
         pieces = [_piece(device, one, inside, workshop) for one in drawn]
         waxes = [_piece(LostCore(one.file("cast")), one, np.zeros((0, 3)), workshop) for one in molten]
-        shrunk = workshop.scale**-3 / MM**3
+        shrunk = workshop.scale**-3 / MM_PER_M**3
         plug, grooved = (
             sum(volumes) * shrunk for volumes in zip(*((one.plug, one.tools.grooved) for one in drawn), strict=True)
         )
@@ -203,7 +203,7 @@ def _made(device: Actuator, recipe: actuator.Recipe, workshop: settings.Workshop
             max(one.differs for one in (*drawn, *molten)),
             max((piece.balance for piece in (*pieces, *waxes)), key=abs),
             sum(cast.facets.volume for cast in casts) * shrunk + plug + grooved, plug, grooved,
-            next((one.tools.wound for one in drawn), None), silicone / MM / workshop.scale,
+            next((one.tools.wound for one in drawn), None), silicone / MM_PER_M / workshop.scale,
             min(channels, default=math.nan), workshop.scale,
         )  # fmt: skip
 
@@ -218,7 +218,7 @@ def _inside(place: str, name: str) -> Path:
 def _draw_wax(drawn: _Drawn, workshop: settings.Workshop, folder: Path) -> _Drawn:
     """Make the mould in which a piece's lost core is cast of wax, with its peg."""
     tools, name = drawn.tools, f"{drawn.tools.pour.name} core"
-    core = facets.facets_of(drawn.file(name), MM * workshop.chord)
+    core = facets.facets_of(drawn.file(name), MM_PER_M * workshop.chord)
     with meshing.private_model():
         (solid,) = imported(drawn.file(name))
         box = np.reshape(gmsh.model.occ.getBoundingBox(*solid), (2, 3))
@@ -229,8 +229,8 @@ def _draw_wax(drawn: _Drawn, workshop: settings.Workshop, folder: Path) -> _Draw
     if parting is None:
         raise MouldError(f"the {name} does not leave a mould in two halves in any direction; print it (--core lost)")
     pour = actuator.Pour(
-        name=name, up=(0.0, 0.0, 1.0), level=peg / MM, lid=False, wax=True, vented=tools.level / MM,
-        floor=tools.level / MM if parting == 2 else None,
+        name=name, up=(0.0, 0.0, 1.0), level=peg / MM_PER_M, lid=False, wax=True, vented=tools.level / MM_PER_M,
+        floor=tools.level / MM_PER_M if parting == 2 else None,
         sideways=None if parting == 2 else _triple(np.eye(3)[parting]),
     )  # fmt: skip
     own = dataclasses.replace(workshop, shrinkage=workshop.wax_shrinkage)
@@ -241,12 +241,12 @@ def _parts(core: Facets, axis: int, level: float) -> bool:
     """Return whether nothing of a core hangs over in a mould of two halves that part along an axis at a level, mm."""
     beyond = core.corners[:, :, axis] - level
     lean = core.normals[:, :, axis] * np.sign(beyond)
-    return float(lean[np.abs(beyond) > FLUSH].min()) > -SLIP
+    return float(lean[np.abs(beyond) > FLUSH_TOLERANCE].min()) > -UNDERCUT_TOLERANCE
 
 
 def _extras(drawn: Sequence[_Drawn], workshop: settings.Workshop) -> tuple[MouldBody, ...]:
     """Return the jig and the coupon."""
-    chord, folder = MM * workshop.chord, drawn[0].folder
+    chord, folder = MM_PER_M * workshop.chord, drawn[0].folder
     with meshing.private_model():
         own = _Drawn(drawn[0].tools, folder, {}, 0.0, 0.0, 0.0, 0.0)
         _write_steps(facets.coupon_solids(workshop), own)
@@ -268,7 +268,7 @@ def _draw(
         tools = tooling(device, recipe, pour, workshop)
         void = left(tools)
         differs = _difference(void, tools.target, tools.size)
-        if differs > SAME or len(void) != 1:
+        if differs > VOLUME_TOLERANCE or len(void) != 1:
             raise MeshingError(
                 f"the cast differs from the device (volumes or moments by {differs:.2g}); change a length slightly"
             )
@@ -291,27 +291,27 @@ def _draw(
 
 def _piece(device: Actuator | LostCore, drawn: _Drawn, inside: Array, workshop: settings.Workshop) -> _Piece:
     """Measure and check the mould of one piece; ``inside`` are points of closed cavities, shape (n, 3), mm."""
-    tools, chord = drawn.tools, MM * workshop.chord
+    tools, chord = drawn.tools, MM_PER_M * workshop.chord
     named = {body.name: facets.facets_of(drawn.file(body.name), chord) for body in tools.bodies}
     surfaces = Surfaces(tools, named, facets.facets_of(drawn.file("cast"), CAST_CHORD))
     where = face_namer(device, tools.frame)
     found = {name: check_body(name, surfaces, workshop, where) for name in named}
     overlap = overlaps(surfaces)
     rest = balance(drawn, surfaces)
-    if abs(rest) > SAME:
+    if abs(rest) > VOLUME_TOLERANCE:
         raise MeshingError(
             f"bodies, openings and cast do not fill the mould ({rest:.2g} of it are left); change a length slightly"
         )
     bodies = [
         MouldBody(body.name, tools.pour.name, drawn.file(body.name).read_bytes(), named[body.name], _triple(body.pull),
-                  dataclasses.replace(found[body.name], overlap=overlap[body.name] / MM))
+                  dataclasses.replace(found[body.name], overlap=overlap[body.name] / MM_PER_M))
         for body in tools.bodies
     ]  # fmt: skip
     cores = [] if len(inside) else drawn.surfaces("core", chord)
     widths = [check_core(core, tools.level, workshop, where) for core in cores]
     heights = np.concatenate([inside @ tools.frame.turn[2], *(core.points[:, 2] for core in cores)])
-    highest = float(heights[heights < tools.top + FLUSH].max(initial=tools.level))
-    beyond = (float(surfaces.cast.points[:, 2].max()) - highest) / MM / workshop.scale
+    highest = float(heights[heights < tools.top + FLUSH_TOLERANCE].max(initial=tools.level))
+    beyond = (float(surfaces.cast.points[:, 2].max()) - highest) / MM_PER_M / workshop.scale
     cast = MouldBody(f"{tools.pour.name} cast", tools.pour.name, drawn.file("cast").read_bytes(), surfaces.cast,
                      (0.0, 0.0, 0.0), None, beyond)  # fmt: skip
     return _Piece(bodies, cast, rest, min(widths, default=math.nan) / workshop.scale)
@@ -403,16 +403,16 @@ class MouldBody:
 # Checks of every body of a mould before anything is written.
 
 
-SLIP = math.sin(math.radians(0.1))
+UNDERCUT_TOLERANCE = math.sin(math.radians(0.1))
 """Sine of the allowed undercut: 0.1 degrees, 2 um on a wall of 1 mm."""
-FACING = -0.8
+MAX_FACING_COSINE = -0.8
 """Cosine between the normals of two faces below which they are two sides of a wall instead of an edge."""
 MOST_RAYS = 20_000
-SAMPLES = 12
+FACE_SAMPLES = 12
 """Triangles of a face that tell whether it forms the piece."""
-SAME = 1e-6
+VOLUME_TOLERANCE = 1e-6
 """Largest difference between the device and its cast, relative to the device's volume."""
-WAYS = (0.01, 0.1, 0.4, 1.0)
+COLLISION_DISTANCES = (0.01, 0.1, 0.4, 1.0)
 """How far a body moves along its pull when collisions are looked for, in heights of the mould."""
 MOST_SLENDER, MOST_SLENDER_UPRIGHT = 10.0, 5.0
 """Depth over thickness up to which a fin of printed resin comes out whole, with and without draft."""
@@ -534,21 +534,22 @@ def check_body(name: str, found: Surfaces, workshop: settings.Workshop, named: N
     for what, (value, place), limit, field in (
         ("thin", wall, workshop.least_wall, "least_wall"), ("wide", gap, workshop.least_gap, "least_gap"),
     ):  # fmt: skip
-        if value + allowed < MM * limit:
+        if value + allowed < MM_PER_M * limit:
             raise MouldError(
-                f"the {name} is {schema.shown(float(f'{value / MM:.3g}'), 'm')} {what} {named(place)}; the printer's "
+                f"the {name} is {schema.shown(float(f'{value / MM_PER_M:.3g}'), 'm')} {what} {named(place)}; the printer's "
                 f"smallest {'wall' if what == 'thin' else 'gap'} is {schema.shown(limit, 'm')} ({field})"
             )
     bound = facets.chord * _area(facets) / facets.volume
     differs = facets.polyhedron_volume / facets.volume - 1.0
-    if abs(differs) > bound + SAME:
+    if abs(differs) > bound + VOLUME_TOLERANCE:
         raise MeshingError(
             f"the STL of the {name} differs from its STEP by {differs:.2g} of the volume; use a smaller chord"
         )
     angles = np.degrees(np.arcsin(np.clip([lean, own], -1.0, 1.0)))
     fins = tuple(dataclasses.replace(fin, where=named(fin.place)) if fin.slender else fin for fin in _fins(name, found))
     return Checked(
-        float(angles[0]), float(angles[1]), wall[0] / MM, gap[0] / MM, facets.chord / MM, differs, math.nan, fins,
+        float(angles[0]), float(angles[1]), wall[0] / MM_PER_M, gap[0] / MM_PER_M,
+        facets.chord / MM_PER_M, differs, math.nan, fins,
     )  # fmt: skip
 
 
@@ -567,7 +568,7 @@ def _fins(name: str, found: Surfaces) -> list[Fin]:
     for k, (place, triangle) in enumerate(zip(pieces.mean(axis=1), own, strict=True)):
         step = -normals[triangle]
         cell, distance = cast_ray(place, step)
-        if cell >= 0 and formed[cell] and normals[triangle] @ normals[cell] < FACING:
+        if cell >= 0 and formed[cell] and normals[triangle] @ normals[cell] < MAX_FACING_COSINE:
             a, b = sorted((int(facets.face[triangle]), int(facets.face[cell])))
             pairs.setdefault((a, b), []).append((k, distance))
     fins: list[Fin] = []
@@ -598,7 +599,14 @@ def _fin(pieces: Array, normals: Array, areas: Array, thicknesses: Array, pull: 
     length = float(np.ptp(pieces @ along))
     depth = float(np.ptp(pieces @ pull)) if rod else 0.5 * float(areas.sum()) / length
     draft = math.degrees(math.asin(float(np.clip(-weights @ normals @ pull, 0.0, 1.0))))
-    fin = Fin(float(weights @ thicknesses) / MM, depth / MM, length / MM, draft, rod, weights @ pieces.mean(axis=1))
+    fin = Fin(
+        float(weights @ thicknesses) / MM_PER_M,
+        depth / MM_PER_M,
+        length / MM_PER_M,
+        draft,
+        rod,
+        weights @ pieces.mean(axis=1),
+    )
     return fin if fin.slenderness >= 1.0 else None
 
 
@@ -644,7 +652,7 @@ def _flanks(facets: Facets, made: Tooling) -> npt.NDArray[np.bool_] | None:
     """Return which triangles are on the flanks of grooves for threads, whose widths `winding` checks; None without any."""
     if made.wound is None:
         return None
-    near, scale = 1e-3, MM * made.frame.scale
+    near, scale = 1e-3, MM_PER_M * made.frame.scale
     outer, inner = scale * made.wound.radius, scale * (made.wound.radius - made.wound.depth)
     radius = np.linalg.norm(facets.corners[:, :, :2], axis=2)
     between = ((radius > inner - near) & (radius < outer + near)).all(axis=1)
@@ -656,12 +664,12 @@ def check_core(facets: Facets, foot: float, workshop: settings.Workshop, named: 
     """Return the smallest width in m of a core of the cavity; `MouldError` if that is too fine for the printer. ``foot`` is
     the height in mm of the plane in which it stands on a lid: that face is inside of a body."""
     (width, place), _ = thicknesses(facets, np.abs(facets.corners[:, :, 2] - foot).max(axis=1) < 1e-4)
-    if width + 2.0 * facets.chord < MM * workshop.least_wall:
+    if width + 2.0 * facets.chord < MM_PER_M * workshop.least_wall:
         raise MouldError(
-            f"a channel is {schema.shown(float(f'{width / MM:.3g}'), 'm')} wide {named(place)}; the printer's smallest rib is "
-            f"{schema.shown(workshop.least_wall, 'm')} (least_wall)"
+            f"a channel is {schema.shown(float(f'{width / MM_PER_M:.3g}'), 'm')} wide {named(place)}; the "
+            f"printer's smallest rib is {schema.shown(workshop.least_wall, 'm')} (least_wall)"
         )
-    return width / MM
+    return width / MM_PER_M
 
 
 def _area(facets: Facets) -> float:
@@ -685,7 +693,7 @@ def _leans(name: str, found: Surfaces, workshop: settings.Workshop, named: Name)
         )
     formed &= ~own
     worst = float(lean[formed].min(initial=1.0))
-    if worst < -SLIP:
+    if worst < -UNDERCUT_TOLERANCE:
         at = facets.corners[formed][np.unravel_index(lean[formed].argmin(), lean[formed].shape)[0]].mean(axis=0)
         lost = ", let its core be lost (--core lost)" if name.endswith("lid") else ""
         raise MouldError(
@@ -717,7 +725,7 @@ def _formed(facets: Facets, formed_by: Facets) -> npt.NDArray[np.bool_]:
     part, cell, off = cast(int, _mutable(0)), cast(int, _mutable(0)), _mutable(0.0)
     for face in np.unique(facets.face):
         own = np.flatnonzero(facets.face == face)
-        tried = own[np.linspace(0, len(own) - 1, min(len(own), SAMPLES)).astype(int)]
+        tried = own[np.linspace(0, len(own) - 1, min(len(own), FACE_SAMPLES)).astype(int)]
         hits = 0
         for k in tried:
             locator.FindClosestPoint(list(middles[k]), closest, cell, part, off)
@@ -763,7 +771,7 @@ def thicknesses(
             cell, distance = cast_ray(begin, way * flat[k])
             if cell < 0 or skipped[cell]:
                 continue
-            if flat[k] @ flat[cell] < FACING and distance < best:
+            if flat[k] @ flat[cell] < MAX_FACING_COSINE and distance < best:
                 best, place = distance, begin
         found.append((best, place))
     return found[0], found[1]
@@ -818,14 +826,14 @@ def overlaps(found: Surfaces) -> dict[str, float]:
         others = [other for other in made.bodies[k + 1 :] if body.pull.any() or other.pull.any()]
         kept = [other for other in made.bodies[:k] if not other.pull.any()]
         rest = Manifold.batch_boolean([piece, *(solids[other.name] for other in (*others, *kept))], OpType.Add)
-        ways = (0.0, *(way * height for way in WAYS)) if body.pull.any() else (0.0,)
+        ways = (0.0, *(way * height for way in COLLISION_DISTANCES)) if body.pull.any() else (0.0,)
         worst[body.name] = max(
             common_thickness(solids[body.name].translate(tuple(way * body.pull)), rest) for way in ways
         )
         if worst[body.name] > allowed:
             raise MouldError(
                 f"the {body.name} cannot be demoulded: on its way out it is "
-                f"{schema.shown(worst[body.name] / MM, 'm')} deep in the "
+                f"{schema.shown(worst[body.name] / MM_PER_M, 'm')} deep in the "
                 f"part or another body; choose another direction (--pull), or change the part"
             )
     return worst

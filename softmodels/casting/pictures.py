@@ -18,10 +18,10 @@ from softmodels.common.arrays import Array
 from softmodels.pictures import offscreen, style
 from softmodels.runs import grid, labels
 
-PRINTED, SILICONE, LOST = "#b4c3d4", "#e8b796", "#d8d2a8"
-SHARP = np.cos(np.radians(25.0))
+PRINTED_COLOUR, SILICONE_COLOUR, LOST_CORE_COLOUR = "#b4c3d4", "#e8b796", "#d8d2a8"
+MAX_EDGE_COSINE = np.cos(np.radians(25.0))
 """Faces that meet at more than 25 degrees have their edge drawn."""
-APART = 0.28
+EXPLODED_GAP = 0.28
 """Gap between bodies in the exploded picture, in sizes of the mould."""
 
 
@@ -35,7 +35,7 @@ def body_picture(body: make.MouldBody) -> Figure:
         towards = side - 2.0 * pull * max(0.0, float(side @ pull)) - 0.4 * pull
     camera = offscreen.ViewCamera.around([body.facets.points], towards, up, tallest=0.8)
     with offscreen.studio(camera) as shoot:
-        image = shoot(_layers(body.facets, PRINTED))
+        image = shoot(_layers(body.facets, PRINTED_COLOUR))
     size = " x ".join(labels.number(length) for length in np.ptp(body.facets.points, axis=0))
     inner = ", its inner side" if across or pull[2] else ""
     return style.page(image, style.Caption(f"{body.name[0].upper()}{body.name[1:]}: {size} mm{inner}"))
@@ -70,8 +70,10 @@ def _exploded(made: make.Made, pour: actuator.Pour) -> list[tuple[Facets, str]]:
     bodies, cast = made.of(pour)
     turn = standing(pour)
     places = shifts(bodies, cast)
-    found = [(cast.facets, np.zeros(3), LOST if pour.wax else SILICONE)]
-    found += [(body.facets, places[body.name], PRINTED if any(body.pull) else LOST) for body in bodies]
+    found = [(cast.facets, np.zeros(3), LOST_CORE_COLOUR if pour.wax else SILICONE_COLOUR)]
+    found += [
+        (body.facets, places[body.name], PRINTED_COLOUR if any(body.pull) else LOST_CORE_COLOUR) for body in bodies
+    ]
     return [(moved(facets, turn, turn @ shift), colour) for facets, shift, colour in found]
 
 
@@ -89,7 +91,7 @@ def shifts(bodies: Sequence[make.MouldBody], cast: make.MouldBody) -> dict[str, 
         pull = np.array(body.pull) if any(body.pull) else np.array([0.0, 0.0, -1.0])
         before = np.concatenate(stacked)
         needed = float((before @ pull).max() - (body.facets.points @ pull).min())
-        found[body.name] = (max(0.0, needed) + APART * size) * pull
+        found[body.name] = (max(0.0, needed) + EXPLODED_GAP * size) * pull
         stacked.append(body.facets.points + found[body.name])
     return found
 
@@ -113,7 +115,7 @@ def sharp_edges(facets: Facets, view: Array | None = None) -> grid.Cells:
     normals = np.concatenate([facets.normals[:, side].mean(axis=1) for side in TRIANGLE_SIDES])
     face = np.tile(facets.face, 3)
     cosine = np.einsum("ij,ij->i", normals[one], normals[other])
-    drawn = (face[one] != face[other]) & (cosine < SHARP)
+    drawn = (face[one] != face[other]) & (cosine < MAX_EDGE_COSINE)
     if view is not None:
         a, b, c = np.moveaxis(facets.corners, 1, 0)
         towards = np.tile(np.cross(b - a, c - a) @ view, 3)
@@ -139,7 +141,7 @@ UP = np.array([0.0, 0.0, 1.0])
 VIEW = offscreen.direction(-58.0, 24.0, UP)
 BELOW_RIM = 2e-3
 """Distance of the silicone's level from the rim in mm: in one plane, rounding would leave films on the rim."""
-GHOST = 0.25
+GHOST_OPACITY = 0.25
 """Opacity of a mould's bodies around what is poured."""
 
 
@@ -165,23 +167,27 @@ def _piece_steps(made: make.Made, pour: actuator.Pour) -> list[tuple[str, offscr
     bodies, cast = made.of(pour)
     turn = standing(pour)
     apart, still = shifts(bodies, cast), dict.fromkeys((body.name for body in bodies), np.zeros(3))
-    filled = [(moved(cast.facets, turn, np.zeros(3)), LOST if pour.wax else SILICONE, 1.0)]
+    filled = [(moved(cast.facets, turn, np.zeros(3)), LOST_CORE_COLOUR if pour.wax else SILICONE_COLOUR, 1.0)]
 
     def placed(places: dict[str, Array], share: float, opacity: float) -> list[tuple[Facets, str, float]]:
         return [
-            (moved(body.facets, turn, share * turn @ places[body.name]), PRINTED if any(body.pull) else LOST, opacity)
+            (
+                moved(body.facets, turn, share * turn @ places[body.name]),
+                PRINTED_COLOUR if any(body.pull) else LOST_CORE_COLOUR,
+                opacity,
+            )
             for body in bodies
         ]
 
     if pour.wax:
-        return [(f"Pour the {pour.name} of wax", _shot([*filled, *placed(still, 1.0, GHOST)])),
+        return [(f"Pour the {pour.name} of wax", _shot([*filled, *placed(still, 1.0, GHOST_OPACITY)])),
                 (f"Take the {pour.name} out", _shot([*filled, *placed(apart, 1.0, 1.0)]))]  # fmt: skip
     if not pour.lid:
         return [(f"Fill the {pour.name}, scrape it flat", _shot([*filled, *placed(still, 1.0, 1.0)])),
                 (f"Take the {pour.name} out", _shot([*filled, *placed(apart, 1.0, 1.0)]))]  # fmt: skip
     lost = [body.name for body in bodies if not any(body.pull)]  # comes out within the piece
     out = {name: np.zeros(3) if name in lost else places for name, places in apart.items()}
-    closed, opened = _shot([*filled, *placed(still, 1.0, GHOST)]), _shot([*filled, *placed(out, 1.0, 1.0)])
+    closed, opened = _shot([*filled, *placed(still, 1.0, GHOST_OPACITY)]), _shot([*filled, *placed(out, 1.0, 1.0)])
     opening = f"Open, {'melt the wax out' if made.waxes else 'dissolve the core'}" if lost else "Open"
     if not pour.filled_open:
         closing = _shot(placed(apart, 0.6, 1.0))
@@ -189,7 +195,7 @@ def _piece_steps(made: make.Made, pour: actuator.Pour) -> list[tuple[str, offscr
     lid = next(places for name, places in apart.items() if pour.part(name) == " lid")
     stays = {body.name: any(word in pour.part(body.name) for word in ("cup", "pin")) for body in bodies}
     lifted = {name: np.zeros(3) if stay else lid for name, stay in stays.items()}
-    brim = (moved(_brimful(bodies, cast, stays), turn, np.zeros(3)), SILICONE, 1.0)
+    brim = (moved(_brimful(bodies, cast, stays), turn, np.zeros(3)), SILICONE_COLOUR, 1.0)
     return [
         (f"Fill the {pour.name} cup", _shot([brim, *placed(lifted, 0.6, 1.0)])),
         ("Lower the lid, cure", closed),
@@ -223,7 +229,7 @@ def _casts_apart(made: make.Made) -> list[tuple[Facets, str, float]]:
         _, cast = made.of(pour)
         turn, up = bodies.rotation_up(pour.up).T, np.array(pour.up)
         size = float(np.linalg.norm(np.ptp(cast.facets.points, axis=0)))
-        found.append((moved(cast.facets, turn, 0.12 * size * up), SILICONE, 1.0))
+        found.append((moved(cast.facets, turn, 0.12 * size * up), SILICONE_COLOUR, 1.0))
     return found
 
 

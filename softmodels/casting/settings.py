@@ -84,9 +84,9 @@ class Workshop:
         _ = self.direction, self.level, self.angles
 
     def _check_shares(self) -> None:
-        if not 0.0 <= self.draft <= STEEPEST:
+        if not 0.0 <= self.draft <= MAX_DRAFT:
             raise MouldError(
-                f"draft is {schema.shown(self.draft, 'degree')}; it must be between 0 and {STEEPEST:g} deg"
+                f"draft is {schema.shown(self.draft, 'degree')}; it must be between 0 and {MAX_DRAFT:g} deg"
             )
         for name, what in (("shrinkage", "silicones shrink"), ("wax_shrinkage", "waxes shrink")):
             if not 0.0 <= (value := getattr(self, name)) <= MOST_SHRINKAGE:
@@ -162,7 +162,7 @@ class Workshop:
     @property
     def inlet_width(self) -> float:
         """Diameter of the inlet's core in m, at the cavity."""
-        return {"tube": self.tube, "barb": GRIP * self.tube, "luer": LUER}[self.inlet]
+        return {"tube": self.tube, "barb": BARB_HOLE_RATIO * self.tube, "luer": LUER_DIAMETER}[self.inlet]
 
     @property
     def slope(self) -> float:
@@ -215,15 +215,14 @@ class Workshop:
             raise MouldError(f"split: {error}") from None
 
 
-STEEPEST = 15.0
-"""Largest accepted draft in degrees."""
+MAX_DRAFT = 15.0
 MOST_SHRINKAGE = 0.05
 """Largest accepted shrinkage: addition-cure silicones shrink by less than 0.01, condensation-cure by up to 0.02."""
 PIN_LENGTH = 0.6
 """Length of a pin relative to the wall of its socket."""
-GRIP = 0.8
+BARB_HOLE_RATIO = 0.8
 """Diameter of the hole for a barb over the barb's."""
-LUER = 0.00397
+LUER_DIAMETER = 0.00397
 """Diameter of a male Luer slip at its tip, m (ISO 80369-7: 3.925 to 4.027 mm)."""
 FINEST_CHORD = 2e-6
 """Smallest accepted chord error in m, finer than any printer."""

@@ -377,7 +377,7 @@ def _draw_modes(case: Case, found: NaturalFrequencies, sealed: bool, place: Path
 
     figure = analyses.frequency_figure(found.pressure / case.cm, found.frequency, sealed, units.column_unit(case.cm))
     files.write_bytes(place / "frequencies.png", style.png(figure))
-    last, state = found.modes[-1][: analyses.DRAWN], len(found.modes) - 1
+    last, state = found.modes[-1][: analyses.MAX_MODES_DRAWN], len(found.modes) - 1
     at = _pressure_text(found, state, case.cm)
     titles = [f"f{k} = {mode.frequency:.4g} Hz" if mode.stable else f"f{k}: unstable" for k, mode in enumerate(last, 1)]
     titles[0] += f", {at}"

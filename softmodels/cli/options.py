@@ -202,7 +202,7 @@ def main(command: click.Command) -> None:
         except materials.OwnModuleError as error:
             fail(str(error))
         except (click.exceptions.Abort, KeyboardInterrupt):
-            fail("stopped by the user", commands.STOPPED)
+            fail("stopped by the user", commands.EXIT_STOPPED)
         except click.exceptions.NoArgsIsHelpError as error:
             print(error.format_message())
             sys.exit(2)
@@ -325,7 +325,7 @@ def _unknowns(case: Case, quiet: bool) -> int:
             device.write(file, stopped)
             return int(PER_NODE * _nodes(file))
         except MeshingStopped:
-            raise StartError("stopped by the user during meshing; nothing was solved", commands.STOPPED) from None
+            raise StartError("stopped by the user during meshing; nothing was solved", commands.EXIT_STOPPED) from None
         except (GeometryError, MeshingError, MeshFileError, OSError):
             return 0  # occurs again in the run, which reports it
 
@@ -368,7 +368,7 @@ def start_again(ranks: int) -> int:
             with contextlib.suppress(OSError):
                 os.kill(receiver, number)
 
-    before = {number: signal.signal(number, forward) for number in commands.STOPS}
+    before = {number: signal.signal(number, forward) for number in commands.STOP_SIGNALS}
     try:
         returned = process.wait()
         return 128 - returned if returned < 0 else returned

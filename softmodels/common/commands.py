@@ -32,10 +32,10 @@ from softmodels.common.folders import InUseError, OwnFolderError
 # End commands cleanly when stopped or if the output fails: one sentence and a status, no traceback.
 
 
-FAILED, STOPPED = 1, 130
-STOPS = (signal.SIGINT, signal.SIGTERM)
+EXIT_FAILED, EXIT_STOPPED = 1, 130
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 BLOCKED = (
-    f"softmodels: stopped by the user; the step under way had not ended {processes.GRACE} s after the signal, "
+    f"softmodels: stopped by the user; the step under way had not ended {processes.GRACE_SECONDS} s after the signal, "
     "earlier ones are kept"
 )
 LONGEST_SENTENCE = 1000
@@ -251,7 +251,7 @@ def stoppable(name: str, speaks: Callable[[], bool] = lambda: True) -> Iterator[
     def end(number: int, frame: Any) -> None:
         if speaks():
             os.write(2, f"{name}: stopped by the user\n".encode())
-        os._exit(STOPPED)
+        os._exit(EXIT_STOPPED)
 
     before = signal.signal(signal.SIGINT, end)
     try:
@@ -261,7 +261,7 @@ def stoppable(name: str, speaks: Callable[[], bool] = lambda: True) -> Iterator[
         signal.signal(signal.SIGINT, before)
 
 
-ALL_PICTURES, USUAL = DrawingOptions(), RunOptions()
+ALL_PICTURES, DEFAULT_OPTIONS = DrawingOptions(), RunOptions()
 
 
 @contextlib.contextmanager
@@ -275,10 +275,10 @@ def asked_to_stop(waits: bool = False, speaks: bool = True) -> Iterator[Callable
 
     def note(number: int, frame: Any) -> None:
         if received:
-            os._exit(STOPPED)
+            os._exit(EXIT_STOPPED)
         received.append(number)
 
-    before = {number: signal.signal(number, note) for number in STOPS}
+    before = {number: signal.signal(number, note) for number in STOP_SIGNALS}
     guarded = processes.ended_after_signal(BLOCKED if speaks else "") if waits else contextlib.nullcontext()
     try:
         with guarded:
@@ -290,7 +290,7 @@ def asked_to_stop(waits: bool = False, speaks: bool = True) -> Iterator[Callable
 
 @contextlib.contextmanager
 def written(tell: Callable[[str], Any]) -> Iterator[None]:
-    """Exit with `FAILED`, and a sentence to ``tell``, where something cannot be written in here, standard output among it;
+    """Exit with `EXIT_FAILED`, and a sentence to ``tell``, where something cannot be written in here, standard output among it;
     without one where a reader has gone (a pipe to ``head``)."""
     try:
         try:
@@ -300,13 +300,13 @@ def written(tell: Callable[[str], Any]) -> Iterator[None]:
                 sys.stdout.flush()  # else Python finds out after the last line of the program
     except BrokenPipeError:
         _give_up_output()
-        sys.exit(FAILED)
+        sys.exit(EXIT_FAILED)
     except OSError as error:
         _give_up_output()
         what = f"{error.filename} cannot be read or written" if error.filename else "the output cannot be written"
         with contextlib.suppress(OSError):
             tell(f"{what} ({error.strerror or error})")
-        sys.exit(FAILED)
+        sys.exit(EXIT_FAILED)
 
 
 def _give_up_output() -> None:
@@ -317,7 +317,7 @@ def _give_up_output() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-CASES = (".toml", ".step", ".stp", ".msh", ".inp", ".stl")
+CASE_SUFFIXES = (".toml", ".step", ".stp", ".msh", ".inp", ".stl")
 """File endings of cases, drawings and meshes."""
 
 
@@ -336,7 +336,7 @@ class CommandGroup(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         name, known = args[0], self.list_commands(ctx)
-        if name.lower().endswith(CASES) and "run" in known:
+        if name.lower().endswith(CASE_SUFFIXES) and "run" in known:
             raise click.UsageError(f"{name!r} is not a command; did you mean softmodels run {name}?", ctx)
         if not name.startswith("-") and self.get_command(ctx, name) is None:
             near = errors.meant(name, known) or f"; there are {', '.join(known)}"
@@ -387,8 +387,8 @@ class LazyGroup(CommandGroup):
 
 
 def run_command(command: click.Command, name: str) -> None:
-    """Run a click command of this name and exit: usage errors have status 2, Ctrl-C `STOPPED`, output that has nowhere to go
-    1."""
+    """Run a click command of this name and exit: status 2 for usage errors, `EXIT_STOPPED` for Ctrl-C, 1 for output that has
+    nowhere to go."""
 
     def tell(sentence: str) -> None:
         processes.say(f"Error: {bounded(sentence)}", err=True)
@@ -405,13 +405,13 @@ def run_command(command: click.Command, name: str) -> None:
             sys.exit(error.exit_code)
         except (click.exceptions.Abort, KeyboardInterrupt):
             tell("stopped by the user")
-            sys.exit(STOPPED)
+            sys.exit(EXIT_STOPPED)
         except MemoryError:
             tell(
                 "out of memory; close other programs, or reduce the problem (a smaller photograph, "
                 "larger cells, fewer --jobs)"
             )
-            sys.exit(FAILED)
+            sys.exit(EXIT_FAILED)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -519,9 +519,9 @@ def check_output_file(
 # Where results are to go: asked before the work begins, so that nobody waits for what cannot be kept.
 
 
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+DISK_FULL_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Errors of a disk without room: the run failed, its input was good."""
-UNUSABLE = 2
+EXIT_BAD_INPUT = 2
 
 
 def trouble(folder: Path) -> str:
@@ -539,7 +539,7 @@ def trouble(folder: Path) -> str:
 
 def status_of(error: OSError) -> int:
     """Exit status where something could not be written: the place was bad input, or the disk became full."""
-    return FAILED if error.errno in FULL else UNUSABLE
+    return EXIT_FAILED if error.errno in DISK_FULL_ERRORS else EXIT_BAD_INPUT
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -81,7 +81,7 @@ class MeshFileError(Spoken, ValueError):
 # the owner of it changes that with `call`. Choices that follow an option are its values.
 
 
-OWN = ("softmodels", "geometries", "measurement")
+OWN_PACKAGES = ("softmodels", "geometries", "measurement")
 """Packages whose click commands are the project's command line; a program of the user's own calls a library."""
 PETSC = ("what follows --", "the variable PETSC_OPTIONS")
 """Where PETSc's options come from, at a command line and else."""
@@ -134,7 +134,7 @@ def at_command_line() -> bool:
     click = sys.modules.get("click")
     context = click.get_current_context(silent=True) if click else None
     module = getattr(getattr(context and context.command, "callback", None), "__module__", "")
-    return module.split(".")[0] in OWN
+    return module.split(".")[0] in OWN_PACKAGES
 
 
 def meant(name: object, known: Iterable[str]) -> str:

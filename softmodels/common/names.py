@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
 
-_OWN_FILES = tuple(str(Path(__file__).parents[2] / package) for package in errors.OWN)
+_OWN_FILES = tuple(str(Path(__file__).parents[2] / package) for package in errors.OWN_PACKAGES)
 """Files of the project: a warning names the line that called into them."""
 
 
@@ -93,7 +93,7 @@ def _called_by_us() -> bool:
     """Return whether the call comes from this project's own modules, which read and fit numbers that nobody typed into
     Python."""
     module = str(sys._getframe(2).f_globals.get("__name__", ""))
-    return module.split(".")[0] in (*errors.OWN, "dataclasses")
+    return module.split(".")[0] in (*errors.OWN_PACKAGES, "dataclasses")
 
 
 MAX_NAME_BYTES = 200

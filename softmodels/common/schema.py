@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 from softmodels.common import errors, units
 from softmodels.common.errors import GeometryError
 
-__all__ = ["LONGEST", "About", "about", "angle_field", "angles_field", "choice_field", "field_of", "length_field",
+__all__ = ["MAX_LENGTH", "About", "about", "angle_field", "angles_field", "choice_field", "field_of", "length_field",
            "lengths_field", "list_field", "number_field", "settle", "shown", "text_field"]  # fmt: skip
 
 
@@ -144,16 +144,16 @@ Scalar = str | int | float | bool
 Entry = Scalar | list[Scalar]
 """What a settings file holds."""
 
-SHORTEST = 1e-5
+MIN_LENGTH = 1e-5
 """Shortest length in m: the CAD kernel merges points closer than about 0.1 micrometre."""
 
-LONGEST = 10.0
+MAX_LENGTH = 10.0
 """Longest length in m; above it a wrong unit is assumed."""
 
-LISTED = 4
+MAX_LISTED_NUMBERS = 4
 """Up to so many whole numbers are listed one by one in messages; of more their least and largest are."""
 
-ROUNDING = 1e-9
+BOUND_TOLERANCE = 1e-9
 """Relative tolerance of bounds: 10 um is 9.999999999999999e-06 m."""
 
 
@@ -255,12 +255,12 @@ class Length(Quantity):
             raise errors.FieldError(
                 f"{name} is {shown(size, 'm')}; it must be {'0 or more' if self.zero else 'larger than 0'}"
             )
-        if size < SHORTEST * (1 - ROUNDING):
+        if size < MIN_LENGTH * (1 - BOUND_TOLERANCE):
             raise errors.FieldError(
-                f"{name} is {size * 1e6:.6g} um; lengths below {SHORTEST * 1e6:g} um cannot be modelled"
+                f"{name} is {size * 1e6:.6g} um; lengths below {MIN_LENGTH * 1e6:g} um cannot be modelled"
             )
-        if size > LONGEST * (1 + ROUNDING):
-            raise errors.FieldError(f"{name} is {shown(size, 'm')}; above {LONGEST:g} m this suggests a wrong unit")
+        if size > MAX_LENGTH * (1 + BOUND_TOLERANCE):
+            raise errors.FieldError(f"{name} is {shown(size, 'm')}; above {MAX_LENGTH:g} m this suggests a wrong unit")
         return length
 
 
@@ -306,9 +306,9 @@ class Choice(Kind):
 
     @property
     def ends(self) -> tuple[int, int] | None:
-        """The least and the largest of whole numbers without gaps, if they are more than `LISTED`."""
+        """The least and the largest of whole numbers without gaps, if they are more than `MAX_LISTED_NUMBERS`."""
         whole = [known for known in self.choices if isinstance(known, int)]
-        if len(whole) <= LISTED or whole != list(range(whole[0], whole[0] + len(self.choices))):
+        if len(whole) <= MAX_LISTED_NUMBERS or whole != list(range(whole[0], whole[0] + len(self.choices))):
             return None
         return whole[0], whole[-1]
 

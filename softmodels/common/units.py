@@ -55,7 +55,7 @@ STANDARD_GRAVITY = 9.80665
 WATER_DENSITY = 970.0
 """Density in kg/m3 of the water in the thesis' column (section 4.1: 0.97 g/ml measured)."""
 
-LONGEST = 100
+MAX_CHARACTERS = 100
 """Characters of the longest quantity; the most precise float has 24."""
 
 _NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
@@ -228,7 +228,7 @@ def _converted(read: float, written: str, unit: str, shown: str, hint: str) -> f
 
 def _split(text: str, what: str, hint: str = "") -> tuple[float, str]:
     shown = text.strip()
-    if len(shown) > LONGEST:
+    if len(shown) > MAX_CHARACTERS:
         raise UnitError(f"{brief(shown)} is not {what}{hint}")
     found = re.fullmatch(rf"({_NUMBER})\s*(.*)", shown, re.DOTALL)
     if found is None or (found[2] and not _UNIT.fullmatch(found[2])):
@@ -284,7 +284,7 @@ def column_unit(pascal: float | None = None) -> str:
     return f"cm, {density:.4g} g/ml"
 
 
-LIGHTER = "3 % less than water at 20 degC"
+DENSITY_NOTE = "3 % less than water at 20 degC"
 """What the usual density of a column's liquid is, `WATER_DENSITY`, for texts that ask for another."""
 
 _FRIENDLY = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3), "degree": ("deg", 1.0), "m^3": ("ml", 1e6)}

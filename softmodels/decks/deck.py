@@ -126,11 +126,11 @@ class Deck:
         return [*found, *(remark for silicone in self.silicones for remark in silicone.remarks)]
 
 
-WRITTEN = "written by softmodels"
+WRITTEN_BY = "written by softmodels"
 """Mark of a deck: files with it may be overwritten."""
 LOADS = (controls.LoadPart, Mass)
 """Kinds of parts written as nodal forces."""
-ALIKE = 1e-6
+NODE_TOLERANCE = 1e-6
 """Distance relative to the device's size below which two places are the same node."""
 
 
@@ -188,7 +188,7 @@ def needs_equations(case: Case) -> bool:
 def _by_node(mesh: MeshArrays, places: Array, forces: Array) -> Array:
     """Return the forces in the order of a mesh's nodes."""
     away, found = scipy.spatial.cKDTree(places).query(mesh.points)
-    if away.max() > ALIKE * np.ptp(mesh.points, axis=0).max():
+    if away.max() > NODE_TOLERANCE * np.ptp(mesh.points, axis=0).max():
         raise CaseError("the mesh and the equations have different nodes: the dead loads cannot be written")
     return forces[found]
 
@@ -539,11 +539,11 @@ class Springs:
 
 SHAPES = ("sphere", "cylinder", "plane")
 """Shapes whose distance is that of a point or a straight line, minus a radius."""
-ENTRIES, HARD_ENTRIES = 40, 20
+CONTACT_ENTRIES, STIFFENING_ENTRIES = 40, 20
 """Table entries over the penetration in which contact sets in, and over that in which a shape stiffens."""
-SETTLED, LIFTED = 8.0, 80
+LIFT_RANGE, LIFT_ENTRIES = 8.0, 80
 """Range of lift of a weight, in units of its rounding length, and number of table entries over it."""
-AWAY = 10.0
+OPEN_RANGE = 10.0
 """Table range on the open side, in sizes of the device."""
 
 
@@ -585,7 +585,7 @@ def pressing(system: System, mesh: MeshArrays, components: Sequence[Component]) 
 
 
 def _plane(term: contact.PlaneTerm) -> ContactStop:
-    depths = np.append(np.linspace(0.0, contact.ONSET, ENTRIES + 1), 0.5)
+    depths = np.append(np.linspace(0.0, contact.ONSET, CONTACT_ENTRIES + 1), 0.5)
     at, normal = term.numbers[:2]
     ground = (at @ normal - 1.0) * normal  # a spring that touches is one size long
     penalty = Penalty(term.shape.stiffness, contact.ONSET)
@@ -598,7 +598,8 @@ def _shape(shape: RigidShape, actuator: Actuator, gravity: Array) -> ContactStop
     onset, deepest = contact.ONSET_PRESSURE / shape.stiffness, shape.deepest(size)
     penalty = HardeningPenalty(shape.stiffness, onset, contact.HARDENS * deepest, contact.HARDER)
     depths = np.union1d(
-        np.linspace(0.0, onset, ENTRIES + 1), np.linspace(contact.HARDENS * deepest, deepest, HARD_ENTRIES + 1)
+        np.linspace(0.0, onset, CONTACT_ENTRIES + 1),
+        np.linspace(contact.HARDENS * deepest, deepest, STIFFENING_ENTRIES + 1),
     )
     across = np.outer(along, along)
     onto = np.eye(3) if shape.shape == "sphere" else np.eye(3) - across
@@ -612,7 +613,7 @@ def _slide(shape: RigidShape, actuator: Actuator, onto: Array, gravity: Array) -
     """Return the guide of a movable shape, for the modelled slice."""
     share, size = contact.copies_around(actuator, shape.crossed(actuator)), actuator.size
     stand = Stand(shape.spring / share, shape.weight_against(gravity) / share, contact.ONSET * size)
-    ways = np.concatenate([[-0.9 * size], np.linspace(0.0, SETTLED * stand.onset, LIFTED + 1), [0.9 * size]])
+    ways = np.concatenate([[-0.9 * size], np.linspace(0.0, LIFT_RANGE * stand.onset, LIFT_ENTRIES + 1), [0.9 * size]])
     forces = np.array([stand.force(float(way)) for way in ways])
     return Slide(shape.gives_way, onto @ shape.gives_way, size, ways, forces)
 
@@ -625,7 +626,7 @@ def _contact_springs(stop: ContactStop, mesh: MeshArrays, size: float, stress: f
     ground = size * stop.ground
     ends = ground + (places.reshape(-1, 3) - ground) @ stop.onto.T
     lengths = np.linalg.norm(ends - ground, axis=1)
-    depths = np.concatenate([[-AWAY], stop.depths])
+    depths = np.concatenate([[-OPEN_RANGE], stop.depths])
     slopes = np.concatenate([[0.0], stop.penalty.rates(stop.depths)[1]])
     order = np.argsort(-stop.sign * depths)
     touching = np.maximum(size * (stop.radius - stop.sign * depths[order]), 1e-3 * size)
@@ -657,10 +658,10 @@ def _row(onto: Array, nodes: npt.NDArray[np.int64], values: Array) -> Terms:
 # fabric's two families of yarns are such fibres if they neither contract each other nor resist shear.
 
 
-SMALLEST = 1e-4
-LONGEST, SHORTEST = 2.5, 0.3
-"""Range of stretch of the tables: strains grow from `SMALLEST` by a constant factor."""
-LONGER, SHORTER = 100, 40
+MIN_STRAIN = 1e-4
+MAX_STRETCH, MIN_STRETCH = 2.5, 0.3
+"""Range of stretch of the tables: strains grow from `MIN_STRAIN` by a constant factor."""
+TENSION_ENTRIES, COMPRESSION_ENTRIES = 100, 40
 """Entries of a table beyond a stretch of 1, and below."""
 
 
@@ -728,9 +729,9 @@ def _fibre_springs(family: Family, mesh: MeshArrays, size: float) -> Springs:
     terms = [_rows(own, size * one) for own, one in zip(nodes[laid], factors, strict=True)]
     stretches = np.concatenate(
         [
-            1 - np.geomspace(1 - SHORTEST, SMALLEST, SHORTER),
+            1 - np.geomspace(1 - MIN_STRETCH, MIN_STRAIN, COMPRESSION_ENTRIES),
             [1.0],
-            1 + np.geomspace(SMALLEST, LONGEST - 1, LONGER),
+            1 + np.geomspace(MIN_STRAIN, MAX_STRETCH - 1, TENSION_ENTRIES),
         ]
     )
     slope = family.stiffness * fibres.slope_of(family.law, stretches**2 - 1, family.exponent, family.slack)
@@ -793,18 +794,18 @@ def _in_regions(family: Family, mesh: MeshArrays) -> Points:
 
 NO_TERM = 1e10
 """D of a volumetric term without effect: for 0 CalculiX uses its own default."""
-PATIENT = "*CONTROLS, PARAMETERS=TIME INCREMENTATION\n30, 40, 9, 60, 10, 4, , 10\n"
-CLOSE = "*CONTROLS, PARAMETERS=FIELD\n1e-5, 1e-3, , , 1e-5, 1e-5, 1e-8, 1e-8\n"
+TIME_CONTROLS = "*CONTROLS, PARAMETERS=TIME INCREMENTATION\n30, 40, 9, 60, 10, 4, , 10\n"
+FIELD_CONTROLS = "*CONTROLS, PARAMETERS=FIELD\n1e-5, 1e-3, , , 1e-5, 1e-5, 1e-8, 1e-8\n"
 """Tolerances of residual and correction, instead of the default 0.5 % and 1 %."""
 
-NOTHING = 1e-12
+ZERO_FORCE_TOLERANCE = 1e-12
 """Fraction of the largest nodal force below which a force is rounding error."""
 
 
 def calculix(deck: Deck) -> str:
     """Return the deck's text: a step for the dead loads, if there are any, and one for each requested pressure."""
     out = io.StringIO()
-    for text in (WRITTEN, *deck.remarks):
+    for text in (WRITTEN_BY, *deck.remarks):
         out.write(f"** {text}\n")
     _write_mesh(deck, out)
     for tie in deck.tied:
@@ -837,7 +838,7 @@ def calculix(deck: Deck) -> str:
 
 def _write_step(out: TextIO, load: str) -> None:
     """Write a step that applies a load; loads of earlier steps stay."""
-    out.write("*STEP, NLGEOM, INC=400\n*STATIC\n0.1, 1., 1e-4, 0.2\n" + PATIENT + CLOSE)
+    out.write("*STEP, NLGEOM, INC=400\n*STATIC\n0.1, 1., 1e-4, 0.2\n" + TIME_CONTROLS + FIELD_CONTROLS)
     out.write(f"{load}*NODE FILE\nU\n")
     out.write("*NODE PRINT, NSET=PROBES, FREQUENCY=10000\nU\n*END STEP\n")
 
@@ -845,7 +846,7 @@ def _write_step(out: TextIO, load: str) -> None:
 def _forces(forces: npt.NDArray[np.float64]) -> str:
     """Return the lines with the forces on nodes, from N."""
     lines = []
-    for node, component in np.argwhere(np.abs(forces) > NOTHING * np.abs(forces).max()):
+    for node, component in np.argwhere(np.abs(forces) > ZERO_FORCE_TOLERANCE * np.abs(forces).max()):
         lines.append(f"{node + 1}, {component + 1}, {1e6 * forces[node, component]:.12e}\n")
     return "".join(lines)
 

@@ -295,13 +295,13 @@ def inverse_left_jacobian(turn: Array) -> Array:
     return np.eye(3) - K / 2 + c * K @ K
 
 
-TOLERANCE = 1e-11
+RESPONSE_TOLERANCE = 1e-11
 """Relative tolerance of the linear responses."""
-DEVIATIONS = 1.959963984540054
+NORMAL_QUANTILE = 1.959963984540054
 """Half width of a 95 % interval in standard deviations."""
-FEWEST = 4
+MIN_TABLE_STATES = 4
 """Minimum number of states of a table."""
-SAME = 1e-9
+ZERO_LOAD_TOLERANCE = 1e-9
 """Relative size below which a load by symmetry does nothing."""
 
 
@@ -429,7 +429,7 @@ def odd_body(body: Body) -> Body | None:
     if len(device.cut_planes) != 1 or device.dimension != 3:
         return None
     (plane,) = device.cut_planes
-    within = [e for e in np.eye(3) if abs(e @ plane.normal) < SAME]
+    within = [e for e in np.eye(3) if abs(e @ plane.normal) < ZERO_LOAD_TOLERANCE]
     if len(within) != 2 or any(hold.role == plane.name for hold in body.holds):
         return None
 
@@ -500,13 +500,13 @@ class Responses:
         control = controls.pressure_control(state.P)
         state = solver.solve(control, state.w, state.P)
         solver.factorise(state)
-        along = solver.tangent(state, control, TOLERANCE)
+        along = solver.tangent(state, control, RESPONSE_TOLERANCE)
         device = system.body.actuator
         position, R, rates = self.tip.pose(state)
         stress, n = system.stress_unit, system.n
         compliance = self._compliance(state, rates, touches(row))
         pushes = [push.copy() for push in system.pressure_loads()[: len(device.ratios)]]
-        jacobian = [self.tip.vectors @ solver.linear_response(push, 0.0, TOLERANCE).w[:n] for push in pushes]
+        jacobian = [self.tip.vectors @ solver.linear_response(push, 0.0, RESPONSE_TOLERANCE).w[:n] for push in pushes]
         return TipState(
             state.P * stress, row["added_volume"], position, R,
             along.V * system.volume_unit / stress, rates @ (self.tip.vectors @ along.w[:n]) / stress,
@@ -525,12 +525,15 @@ class Responses:
         for solver, tip in self._sides[:1] if touching else self._sides[::-1]:
             loads = rates @ tip.loads
             size = np.linalg.norm(loads, axis=1)
-            acting = [k for k in range(6) if size[k] > SAME * max(size[3 * (k // 3) : 3 * (k // 3) + 3])]
+            acting = [k for k in range(6) if size[k] > ZERO_LOAD_TOLERANCE * max(size[3 * (k // 3) : 3 * (k // 3) + 3])]
             if solver is not self.solver:
                 solver.factorise(state)
-                solver.tangent(state, controls.pressure_control(state.P), TOLERANCE)
+                solver.tangent(state, controls.pressure_control(state.P), RESPONSE_TOLERANCE)
             moved = np.transpose(
-                [tip.vectors @ solver.linear_response(loads[k], 0.0, TOLERANCE).w[: len(loads[k])] for k in acting]
+                [
+                    tip.vectors @ solver.linear_response(loads[k], 0.0, RESPONSE_TOLERANCE).w[: len(loads[k])]
+                    for k in acting
+                ]
             )
             found[np.ix_(acting, acting)] = (rates @ moved)[acting] * unit
             for k in acting:
@@ -549,10 +552,10 @@ class Responses:
             for name, change in zip(errors.names, root, strict=True):
                 own, slope = known.material_force(name)
                 force, dmu = force + change * own, dmu + change * slope
-            found = self.solver.linear_response(-force, -state.P * dmu / system.stress_unit, TOLERANCE)
+            found = self.solver.linear_response(-force, -state.P * dmu / system.stress_unit, RESPONSE_TOLERANCE)
             pose = rates @ (self.tip.vectors @ found.w[: system.n])
             moves.append(np.append(pose, found.V * system.volume_unit))
-        return DEVIATIONS * np.linalg.norm(moves, axis=0)
+        return NORMAL_QUANTILE * np.linalg.norm(moves, axis=0)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -630,9 +633,10 @@ def table_of(source: States, face: str = "") -> ReducedModel:
     if case.program or case.driven is not None or case.supply is not None:
         raise CaseError("a reduced model needs a path over one pressure; run the case with pressures or added volumes")
     steps, end = usable(rows)
-    if len(steps) < FEWEST:
+    if len(steps) < MIN_TABLE_STATES:
         raise RunError(
-            f"the run has {len(steps)} states with rising pressure; a reduced model needs {FEWEST}, so request more pressures"
+            f"the run has {len(steps)} states with rising pressure; a reduced model "
+            f"needs {MIN_TABLE_STATES}, so request more pressures"
         )
     comm = mpi.start()
     if comm.size > 1:

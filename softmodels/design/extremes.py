@@ -142,15 +142,15 @@ class CellChoice:
         return told + (f" within {1e3 * self.within:g} mm" if self.within else "")
 
 
-EVERYWHERE = CellChoice()
+ALL_CELLS = CellChoice()
 
 
-def stretch_field(design: quantities.DesignedBody, where: CellChoice = EVERYWHERE) -> list[FieldPart]:
+def stretch_field(design: quantities.DesignedBody, where: CellChoice = ALL_CELLS) -> list[FieldPart]:
     """Return the largest principal stretch in some cells."""
     return _parts(design, lambda _: ufl.sqrt(laws.eigenvalues(design.strain.C)[0]), where)
 
 
-def mises_field(design: quantities.DesignedBody, where: CellChoice = EVERYWHERE) -> list[FieldPart]:
+def mises_field(design: quantities.DesignedBody, where: CellChoice = ALL_CELLS) -> list[FieldPart]:
     """Return the von Mises stress in shear moduli, of the deviator of (dW/dF) F^T / J, in some cells."""
 
     def field(region: regions.MaterialRegion) -> Expr:
@@ -171,7 +171,7 @@ def _parts(
         cells = where.of(design, region.cells)
         if mpi.any_rank(body.mesh.comm, len(cells) > 0):
             found.append(
-                FieldPart(field(region), region.dx if where == EVERYWHERE else cell_measure(body, cells), cells)
+                FieldPart(field(region), region.dx if where == ALL_CELLS else cell_measure(body, cells), cells)
             )
     if not found:
         raise ValueError(f"no cell of the device lies{where.words}")
@@ -368,14 +368,14 @@ class StretchNorm(PowerMean):
 # wall that it faces. The minimum of several values is not differentiable where two are equal. The quantity is therefore the
 # smooth minimum of Kreisselmeier and Steinhauser (1979, doi 10.1016/S1474-6670(17)65584-8),
 #
-#     -ln(sum over places exp(-rho gap)) / rho,    rho = `SHARPNESS` / t,
+#     -ln(sum over places exp(-rho gap)) / rho,    rho = `MINIMUM_SHARPNESS` / t,
 #
 # with the thickness t of the thinnest of these walls on the initial mesh. It never exceeds the smallest gap, and is below
 # it by ln(k)/rho for k equally close places, so a design that keeps it positive has no overlapping walls. The smallest gap
 # itself is reported too.
 
 
-SHARPNESS = 50.0
+MINIMUM_SHARPNESS = 50.0
 """rho times the thickness of the thinnest wall: ten places that are equally close take 5 % of that thickness off the gap."""
 
 
@@ -441,7 +441,7 @@ class GapMeasure(NodesMeasure):
         if not len(gaps.values):  # within the search distance
             return state_values.LAST_REACH * self._walls.size, "no walls are near each other", rates
         if not self._rho:
-            self._rho = SHARPNESS / float(gaps.thickness.min())
+            self._rho = MINIMUM_SHARPNESS / float(gaps.thickness.min())
         least = float(gaps.values.min())
         weights = np.exp(-self._rho * (gaps.values - least))
         near = weights > 1e-16

@@ -25,8 +25,8 @@ from softmodels.common.lazy import MPI
 from softmodels.components.loads import weighed
 from softmodels.design import result, targets
 from softmodels.design.problem import (
-    EVALUATIONS,
-    KEPT,
+    LIMIT_TOLERANCE,
+    MAX_EVALUATIONS,
     DesignProblem,
     EvaluationRequest,
     Formulation,
@@ -164,7 +164,7 @@ class MeshedDesign:
                 states.carry(here.ahead(earlier[0][1], (goal - way) / (way - earlier[0][0])) if earlier else None)
             except newton.NoConvergence:
                 step /= 2
-                if step < SHORTEST:
+                if step < MIN_DESIGN_STEP:
                     self._retrace(case, start, first)
                     return
                 continue
@@ -189,7 +189,7 @@ class MeshedDesign:
         """Move the mesh, unless its cells would become poor."""
         before = self.case
         self.show(case)
-        if self.design.motion.quality() < POOREST:  # smaller steps would not improve the cells
+        if self.design.motion.quality() < MIN_MESH_QUALITY:  # smaller steps would not improve the cells
             self.show(before)
             raise PoorMesh("the quality of the moved mesh is too low")
 
@@ -338,15 +338,15 @@ def _between(start: Case, end: Case, share: float, names: Sequence[str]) -> Case
     return varied(start, {name: (1.0 - share) * value_of(start, name) + share * value_of(end, name) for name in names})
 
 
-FARTHEST = 3.0
+MAX_LIMIT_RATIO = 3.0
 """Multiple of the working pressure up to which a limit point is searched."""
 
 
 class DesignModel:
     """Evaluates designs of one device, each from the states of the previous one, on all ranks.
 
-    A limit point is looked for up to a ``highest`` pressure in Pa where a quantity is of it; by default `FARTHEST` times the
-    highest working pressure. ``materials`` are the numbers of the material by which derivatives are wanted. GeometryError for
+    Where a quantity needs it, a limit point is looked for up to ``highest``, Pa; by default `MAX_LIMIT_RATIO` times the highest
+    working pressure. ``materials`` are the numbers of the material by which derivatives are wanted. GeometryError for
     a parameter that the device's mesh cannot follow.
     """
 
@@ -367,7 +367,7 @@ class DesignModel:
         loads = tuple(sorted({part.load for part in parts if part.load is not None}))
         self.question = EvaluationRequest(self.names, parts, loads, 0.0, tuple(materials), shape)
         if any(isinstance(part, OfLimit) for part in parts):
-            up_to = highest or FARTHEST * self.question.working
+            up_to = highest or MAX_LIMIT_RATIO * self.question.working
             self.question = dataclasses.replace(self.question, highest=up_to)
         self.meshed: MeshedDesign | None = None
 
@@ -509,9 +509,9 @@ def _finer(device: Actuator, times: float) -> Actuator:
 # A mesh of a device under design with its states and quantities: follows designs and evaluates them.
 
 
-POOREST = 0.3
+MIN_MESH_QUALITY = 0.3
 """Mesh quality below which the device is remeshed."""
-SHORTEST = 1 / 4
+MIN_DESIGN_STEP = 1 / 4
 """Minimum step between designs, below which the states are solved along the whole path."""
 
 
@@ -548,7 +548,7 @@ def _tell(comm: MPI.Comm, how: SearchOptions, text: str) -> None:
 # Evaluate designs, the same on all ranks: none twice on one mesh, each stored and reported at once.
 
 
-USUAL = 18
+TYPICAL_EVALUATIONS = 18
 """Typical number of evaluations of a start, to estimate the remaining time."""
 
 
@@ -584,7 +584,7 @@ class Evaluating:
         if found is None:
             if mpi.on_root(self.comm, self.how.get("stopped", bool)):
                 raise DesignStopped
-            if len(self.visited) >= self.how.get("evaluations", EVALUATIONS):
+            if len(self.visited) >= self.how.get("evaluations", MAX_EVALUATIONS):
                 raise EnoughError
             found = self._evaluated(theta)
             self.trials.add(found)
@@ -648,7 +648,7 @@ class Evaluating:
         if len(self._seconds) < 2:
             return None
         starts = self.how.get("starts", 1) - self.start
-        per_start = min(USUAL, self.how.get("evaluations", EVALUATIONS))
+        per_start = min(TYPICAL_EVALUATIONS, self.how.get("evaluations", MAX_EVALUATIONS))
         return float(np.mean(self._seconds[1:])) * (max(per_start - len(self.visited), 1) + starts * per_start)
 
 
@@ -838,7 +838,9 @@ def line(problem: DesignProblem, trial: Trial, form: Formulation | None, left: f
     worst, row = form.worst(trial)
     limits = "no limits"
     if row is not None:
-        limits = f"{'VIOLATED' if worst > KEPT else 'satisfied'}: {row.compared(trial.values[row.key], worst)}"
+        limits = (
+            f"{'VIOLATED' if worst > LIMIT_TOLERANCE else 'satisfied'}: {row.compared(trial.values[row.key], worst)}"
+        )
     rest = "" if left is None else f", about {max(left, 0.0):.0f} s left"
     return (
         f"{head}  {label(asked, problem.case.cm)} {in_words(asked, form.objective(trial), 5)}  "

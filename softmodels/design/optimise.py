@@ -24,7 +24,7 @@ from softmodels.common.processes import one_at_a_time
 from softmodels.design import model, trials
 from softmodels.design.problem import (
     CLEARANCES,
-    EVALUATIONS,
+    MAX_EVALUATIONS,
     DesignProblem,
     Formulation,
     Judge,
@@ -33,7 +33,7 @@ from softmodels.design.problem import (
     in_words,
     label,
 )
-from softmodels.design.result import MET, DesignResult, StartEnd, case_text, holding
+from softmodels.design.result import ACTIVE_TOLERANCE, DesignResult, StartEnd, case_text, holding
 from softmodels.design.trials import Trial
 from softmodels.mechanics import mpi
 from softmodels.runs import outcomes
@@ -47,7 +47,7 @@ def optimise(
     folder: str | Path | None = None,
     *,
     starts: int = 1,
-    evaluations: int = EVALUATIONS,
+    evaluations: int = MAX_EVALUATIONS,
     seed: int = 1,
     resume: bool = False,
     progress: Callable[[str], object] | None = None,
@@ -102,7 +102,7 @@ def optimise(
             kept.leave()
 
 
-TRIED = 8
+MAX_START_TRIALS = 8
 """Maximum number of points tried for a further start until one has a state."""
 
 
@@ -201,7 +201,7 @@ def _starts(under_way: model.Evaluating) -> Iterator[Array]:
     points = further_starts(problem, under_way.how.get("seed", 1))
     for number in range(2, under_way.how.get("starts", 1) + 1):
         under_way.start = number
-        for x in itertools.islice(points, TRIED):
+        for x in itertools.islice(points, MAX_START_TRIALS):
             under_way.fresh_mesh()
             if not under_way.trial(under_way.form.theta(x)).failed:
                 yield under_way.form.theta(x)
@@ -313,7 +313,7 @@ SHORTEST_REACH = 0.05
 """Move limit below which SLSQP takes over."""
 WORTH_IT = 0.05
 """Expected relative gain of a step below which SLSQP takes over."""
-GOOD, POOR = 0.6, 0.1
+GOOD_GAIN, MIN_GAIN = 0.6, 0.1
 """Fractions of the predicted gain above which the move limits grow, and below which a step is rejected."""
 
 
@@ -331,12 +331,12 @@ def approached(evaluate: Callable[[Array], Scaled | None], start: Array, price: 
         there = evaluate(trial)
         gain = -np.inf if there is None else _merit(here, price) - _merit(there, price)
         if there is not None and (
-            gain > POOR * predicted or there.fresh
+            gain > MIN_GAIN * predicted or there.fresh
         ):  # values of different meshes are not comparable
             x, here = trial, there
-        if gain < POOR * predicted:
+        if gain < MIN_GAIN * predicted:
             reach = min(reach, float(np.abs(step).max())) / 2
-        elif gain > GOOD * predicted:
+        elif gain > GOOD_GAIN * predicted:
             reach = min(2 * reach, FARTHEST_REACH)
     return x, reach
 
@@ -359,7 +359,7 @@ def _step(here: Scaled, x: Array, reach: float, price: float) -> tuple[Array, fl
 Evaluate = Callable[[Array], Scaled | None]
 """A scaled design by its scaled parameters; None if it fails."""
 
-PRICES = (10.0, 100.0)
+PENALTIES = (10.0, 100.0)
 """Penalties of a violation of 100 % of a limit, in objectives; the second if the first was too small."""
 OBJECTIVE_TOLERANCE = 1e-4
 """The search ends if a step gains less than this fraction of the objective."""
@@ -374,8 +374,8 @@ MOST_STEPS = 60
 def search(evaluate: Evaluate, start: Array) -> Array:
     """Return the end of the search, in scaled parameters, from a start that does not fail. Every c at most zero is wanted; to
     evaluate a design may raise to end the search."""
-    x, reach = approached(evaluate, start, PRICES[0])
-    for price in PRICES:
+    x, reach = approached(evaluate, start, PENALTIES[0])
+    for price in PENALTIES:
         x = _pass(evaluate, x, price, reach)
         if _violation(evaluate, x) <= OBJECTIVE_TOLERANCE:
             return x
@@ -428,9 +428,9 @@ def _pass(evaluate: Evaluate, start: Array, price: float, reach: float, objectiv
 
 PARAMETER_TOLERANCE = 1e-6
 """Convergence tolerance of the parameters, relative to their ranges."""
-GAIN = 1e-10
+MIN_RELATIVE_GAIN = 1e-10
 """Minimum relative decrease of the sum of squares per step."""
-MESHES = 3
+MAX_MESHES = 3
 """Maximum number of meshes; it restarts on each, because values of two meshes differ."""
 
 
@@ -451,7 +451,7 @@ def followed(judged: Callable[[Array], Trial], form: Formulation, start: Array) 
             known[key] = judged(point)
         return known[key]
 
-    for _ in range(MESHES):
+    for _ in range(MAX_MESHES):
         known.clear()
         rows = len(distances(form, trial(x)))
 
@@ -460,8 +460,8 @@ def followed(judged: Callable[[Array], Trial], form: Formulation, start: Array) 
             return np.full(rows, np.nan) if found.failed else distances(form, found)
 
         x = least_squares(
-            residuals, x, lambda point: slopes(form, trial(point)), bounds=(0.0, 1.0), xtol=PARAMETER_TOLERANCE, ftol=GAIN,
-            gtol=1e-15,
+            residuals, x, lambda point: slopes(form, trial(point)), bounds=(0.0, 1.0), xtol=PARAMETER_TOLERANCE,
+            ftol=MIN_RELATIVE_GAIN, gtol=1e-15,
         ).x  # fmt: skip
         if not any(one.remeshed for one in list(known.values())[1:]):
             break
@@ -493,13 +493,13 @@ def _stacked(form: Formulation, trial: Trial) -> Array:
 # One start: a search, repeated if values on a fresh mesh differ from those of the search.
 
 
-PASSES = 4
+MAX_PASSES = 4
 """Maximum passes of a robust search: standard deviations are fixed in a pass, and updated at its end."""
-SETTLED = 1e-3
+ALLOWANCE_TOLERANCE = 1e-3
 """Change of the allowances, relative to a limit, below which a robust search has converged."""
-CORRECTIONS = 4
+MAX_CORRECTIONS = 4
 """Maximum number of continuations on a fresh mesh."""
-WASTED = 0.02
+MAX_WASTED_SLACK = 0.02
 """Relative slack of a limit on the fresh mesh, active in the search, above which the search continues."""
 
 
@@ -516,7 +516,7 @@ def follow(under_way: model.Evaluating, theta: Array) -> StartEnd:
             return StartEnd(under_way.start, best, form, why=why)
         ends.append(StartEnd(under_way.start, best, form, *under_way.confirmed(best), why))
         safety = np.zeros(len(form.rows))
-        while len(ends) <= CORRECTIONS and _differs(ends[-1], len(ends)):
+        while len(ends) <= MAX_CORRECTIONS and _differs(ends[-1], len(ends)):
             under_way.tell("limits differ on a fresh mesh: continuing the search from there")
             if len(ends) > 1:  # meshes differ randomly too
                 safety = np.maximum(safety, _apart(ends[-1]))
@@ -547,8 +547,8 @@ def _differs(end: StartEnd, rounds: int) -> bool:
     if end.trouble or end.best is None or not end.form.rows or not end.form.feasible(end.best):
         return False
     fresh = end.form.passed(end.confirmed, end.form.allowances(end.best))
-    met = end.form.violations(end.best) > -MET
-    unused = rounds <= 2 and bool(met.any()) and float(fresh[met].max()) < -WASTED
+    met = end.form.violations(end.best) > -ACTIVE_TOLERANCE
+    unused = rounds <= 2 and bool(met.any()) and float(fresh[met].max()) < -MAX_WASTED_SLACK
     return unused or not end.feasible
 
 
@@ -569,7 +569,7 @@ def _searched(under_way: model.Evaluating, form: Formulation, theta: Array, seen
         if can_follow(form, judged(start)):
             followed(judged, form, start)
             return ""
-        for _ in range(PASSES if form.spread.any else 1):
+        for _ in range(MAX_PASSES if form.spread.any else 1):
             allowances = form.allowances(judged(end))
 
             def evaluate(point: Array, allowances: Array = allowances) -> Scaled | None:
@@ -582,7 +582,7 @@ def _searched(under_way: model.Evaluating, form: Formulation, theta: Array, seen
 
             end = search(evaluate, end)
             change = np.abs(form.allowances(judged(end)) - allowances) / np.array([row.scale for row in form.rows])
-            if change.max(initial=0.0) <= SETTLED:
+            if change.max(initial=0.0) <= ALLOWANCE_TOLERANCE:
                 break
     except model.EnoughError:
         return f"after {len(under_way.visited)} evaluations"
@@ -593,13 +593,13 @@ def _searched(under_way: model.Evaluating, form: Formulation, theta: Array, seen
 # Starting points of searches: the given device, then points spread over the bounds.
 
 
-DRAWN = 64
+MAX_DRAWN_POINTS = 64
 """Number of points drawn; invalid devices, or those with too thin a wall, are skipped."""
 
 
 def further_starts(problem: DesignProblem, seed: int) -> Iterator[Array]:
     """Yield the scaled parameters of devices spread over the bounds: a Latin hypercube (McKay, Beckman and Conover 1979)."""
-    for x in qmc.LatinHypercube(len(problem.free), rng=np.random.default_rng(seed)).random(DRAWN):
+    for x in qmc.LatinHypercube(len(problem.free), rng=np.random.default_rng(seed)).random(MAX_DRAWN_POINTS):
         if _is_device(problem, x):
             yield x
 

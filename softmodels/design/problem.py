@@ -28,7 +28,7 @@ from softmodels.mechanics import controls
 OBJECTIVES = {"maximise": -1.0, "minimise": 1.0, "follow": 1.0}
 """Kinds of objectives, with the sign for minimisation."""
 TABLES = ("name", "case", "parameters", *OBJECTIVES, "keep", "tolerances", "material_errors")
-ROOM = 1.15
+LIMIT_SEARCH_FACTOR = 1.15
 """Factor above the required limit pressure up to which a limit point is searched; beyond it, it does not matter."""
 
 
@@ -181,7 +181,7 @@ class DesignProblem:
             for keep in self.limits
             if keep.quantity.name in kept
         ]
-        return ROOM * max(*most, self.working, key=abs) if most else None
+        return LIMIT_SEARCH_FACTOR * max(*most, self.working, key=abs) if most else None
 
     @property
     def working(self) -> float:
@@ -753,7 +753,7 @@ def crossed_corners(case: Case, free: Sequence[Free]) -> str:
 # First-order propagation of fabrication tolerances and material errors to a value.
 
 
-SURE = 1.645
+NORMAL_QUANTILE = 1.645
 """One-sided 95 % quantile of the normal distribution."""
 
 
@@ -801,7 +801,7 @@ class ToleranceSpread:
 # Options of an optimisation.
 
 
-EVALUATIONS = 40
+MAX_EVALUATIONS = 40
 """Maximum number of evaluations per start."""
 
 
@@ -844,11 +844,11 @@ class SearchOptions(TypedDict, total=False):
 # Scaled design problem: parameters from 0 to 1, quantities relative to their limits, constraints c <= 0.
 
 
-ZERO = 0.01
+MIN_VIOLATION_SCALE = 0.01
 """Minimum scale of a length's violation, relative to the device's size, if its limit is 0."""
-KEPT = 1e-9
+LIMIT_TOLERANCE = 1e-9
 """Relative tolerance of a limit, for rounding."""
-INSIDE = 2e-4
+SAFETY_MARGIN = 2e-4
 """Relative safety margin to a limit in the search, so that its end satisfies the limit."""
 
 
@@ -916,7 +916,7 @@ class Formulation:
 
     def _rows(self, keep: Keep, values: Mapping[str, float]) -> list[ConstraintRow]:
         rows = []
-        floor = ZERO * self.problem.case.actuator.size if keep.quantity.unit == "m" else 0.0
+        floor = MIN_VIOLATION_SCALE * self.problem.case.actuator.size if keep.quantity.unit == "m" else 0.0
         for key in keep.keys(values):
             words = label(keep.quantity, self.problem.case.cm) if key == keep.quantity.key else key
             for sign, limit in ((-1.0, keep.at_least), (1.0, keep.at_most)):
@@ -954,7 +954,7 @@ class Formulation:
 
     def allowances(self, trial: Trial) -> Array:
         """Return the 95 % allowances of each limit for tolerances and the material's errors, SI units, shape (rows,)."""
-        return np.array([SURE * self.spread.sigma(trial, row.key) for row in self.rows])
+        return np.array([NORMAL_QUANTILE * self.spread.sigma(trial, row.key) for row in self.rows])
 
     def violations(self, trial: Trial, allowances: Array | None = None) -> Array:
         """Return the violation of each limit, in its scale; negative if satisfied. Shape (rows,)."""
@@ -1000,7 +1000,7 @@ class Formulation:
 
     def feasible(self, trial: Trial) -> bool:
         """Return whether it was evaluated and satisfies every limit."""
-        return not trial.failed and self.worst(trial)[0] <= KEPT
+        return not trial.failed and self.worst(trial)[0] <= LIMIT_TOLERANCE
 
     def scaled(self, trial: Trial, allowances: Array, fresh: bool = False) -> Scaled:
         """Return the scaled design with fixed allowances, without the derivative of a standard deviation."""
@@ -1009,7 +1009,7 @@ class Formulation:
         sign = self.problem.sign / self.size
         return Scaled(
             sign * self.objective(trial), sign * self._slope(trial) * self.width,
-            self.violations(trial, allowances) + INSIDE, np.array(slopes).reshape(len(self.rows), count),
+            self.violations(trial, allowances) + SAFETY_MARGIN, np.array(slopes).reshape(len(self.rows), count),
             fresh,
         )  # fmt: skip
 

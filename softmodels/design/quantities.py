@@ -365,7 +365,7 @@ class Mass(DesignQuantity):
 # Positions of named points: rises, coordinates, and figures of a device derived from them.
 
 
-STEP = 1e-5
+DIFFERENCE_STEP = 1e-5
 """Step of the central differences of a device's figures by probe positions, relative to the size."""
 
 
@@ -384,7 +384,7 @@ class PlacesMeasure(Measure):
         moved = {name: probes.displacement(name) for name in self.names}
         by_w = np.zeros(self.design.system.n)
         by_X = np.zeros(self.design.motion.entries)
-        step = STEP * self.design.system.length_unit
+        step = DIFFERENCE_STEP * self.design.system.length_unit
         for name in self.names:
             by_place, by_displacement = np.zeros(3), np.zeros(3)
             for axis in range(3):
@@ -835,8 +835,12 @@ class FacePlace(OfFace):
 
     def measure(self, design: DesignedBody) -> Measure:
         way, body, unit = _direction(self.axis, f"{self.name}: axis"), design.system.body, design.system.length_unit
-        across = [plane for plane in body.actuator.cut_planes if abs(float(np.dot(way, plane.normal))) > SQUARE]
-        if across or (body.axisymmetric and abs(way[2]) < 1 - SQUARE):
+        across = [
+            plane
+            for plane in body.actuator.cut_planes
+            if abs(float(np.dot(way, plane.normal))) > PERPENDICULAR_TOLERANCE
+        ]
+        if across or (body.axisymmetric and abs(way[2]) < 1 - PERPENDICULAR_TOLERANCE):
             raise ValueError(f"{self.title}: by symmetry it does not move along {self.axis}; use another axis")
 
         def mean(values: Array) -> tuple[float, Array]:
@@ -865,7 +869,11 @@ class Turn(OfFace):
 
     def measure(self, design: DesignedBody) -> Measure:
         way, body = _direction(self.axis, f"{self.name}: axis"), design.system.body
-        across = [plane for plane in body.actuator.cut_planes if abs(float(np.dot(way, plane.normal))) < 1 - SQUARE]
+        across = [
+            plane
+            for plane in body.actuator.cut_planes
+            if abs(float(np.dot(way, plane.normal))) < 1 - PERPENDICULAR_TOLERANCE
+        ]
         if across or body.axisymmetric:
             raise ValueError(f"{self.name}: by symmetry nothing turns about {self.axis}; use {body.actuator.fuller}")
         return self.integrated(design, way, lambda values: _turn(way, values))
@@ -875,7 +883,7 @@ class Turn(OfFace):
         return [ufl.dot(along, ufl.cross(X, x)), square, one, *(X[i] for i in range(3)), *(x[i] for i in range(3))]
 
 
-SQUARE = 1e-9
+PERPENDICULAR_TOLERANCE = 1e-9
 """Largest scalar product of unit vectors that count as perpendicular."""
 
 

@@ -22,8 +22,8 @@ from softmodels.common.arrays import Array
 from softmodels.common.lazy import scipy
 from softmodels.design import extremes, trials
 from softmodels.design.problem import (
-    INSIDE,
-    SURE,
+    NORMAL_QUANTILE,
+    SAFETY_MARGIN,
     ConstraintRow,
     DesignProblem,
     Formulation,
@@ -222,7 +222,7 @@ class DesignResult(cards.Shown):
                 words = label(asked, self.problem.case.cm) if key == asked.key else key
                 told.append(
                     f"{words}: {in_words(asked, fresh, 5)} on the fresh mesh, {in_words(asked, found, 5)} in the search "
-                    f"({share:.2%} apart{', more than ' + format(FRESH, '.0%') if share > FRESH else ''})"
+                    f"({share:.2%} apart{', more than ' + format(MESH_TOLERANCE, '.0%') if share > MESH_TOLERANCE else ''})"
                 )
         return told
 
@@ -241,8 +241,8 @@ class DesignResult(cards.Shown):
         for row, taken in zip(self.form.rows, allowances, strict=True):
             asked, value = row.keep.quantity, self.values[row.key]
             told.append(
-                f"{row.text}: {in_words(asked, value)} +- {in_words(asked, taken / SURE, 2)} (one standard deviation), so with "
-                f"95 % {'below' if row.sign > 0 else 'above'} {in_words(asked, value + row.sign * taken)}"
+                f"{row.text}: {in_words(asked, value)} +- {in_words(asked, taken / NORMAL_QUANTILE, 2)} (one standard "
+                f"deviation), so with 95 % {'below' if row.sign > 0 else 'above'} {in_words(asked, value + row.sign * taken)}"
             )
         return told
 
@@ -258,11 +258,11 @@ class DesignResult(cards.Shown):
 
 AT_BOUND = 1e-6
 """Tolerance relative to the range within which a parameter is at a bound."""
-WIDE = 0.5
+WEAK_INTERVAL = 0.5
 """Half width of a 95 % interval, relative to the range, above which a combination is weakly determined."""
-SHARE = 0.1
+MIN_NAMED_COMPONENT = 0.1
 """Minimum component, relative to the largest, for naming a parameter in a combination."""
-SHOWN = 0.1
+SHOWN_CHANGE = 0.1
 """Change of the largest component of a combination in its description, relative to its range."""
 
 
@@ -376,9 +376,9 @@ def _weakest(form: Formulation, trial: Trial, free: list[Free], vector: Array, h
     parts = []
     changes = {}
     for one, share in zip(free, vector, strict=True):
-        step = SHOWN * share * one.width
+        step = SHOWN_CHANGE * share * one.width
         changes[one.name] = step
-        if abs(share) >= SHARE:
+        if abs(share) >= MIN_NAMED_COMPONENT:
             unit = trials.shown_unit(one.unit) or "1"
             shown = step / trials.factor(unit, one.unit or "1")
             parts.append(f"{one.name} {shown:+.2g}{'' if unit == '1' else ' ' + unit}")
@@ -393,7 +393,7 @@ def _weakest(form: Formulation, trial: Trial, free: list[Free], vector: Array, h
     words = (
         f"{', '.join(parts)} {together}would move the device by {in_words(asked, math.sqrt(moved), 2)} from the target"
     )
-    if half > WIDE:
+    if half > WEAK_INTERVAL:
         return f"one combination of the parameters is weakly determined: {words}"
     return f"least determined: {words}"
 
@@ -406,11 +406,11 @@ def _weakest(form: Formulation, trial: Trial, free: list[Free], vector: Array, h
 # of the search.
 
 
-MET = 5e-3
+ACTIVE_TOLERANCE = 5e-3
 """Fraction of a limit above which it is active."""
-LEAST = 1e-3
+MIN_MULTIPLIER = 1e-3
 """Multipliers below this fraction of the largest count as zero."""
-BALANCED = 0.2
+MAX_GRADIENT_REMAINDER = 0.2
 """Maximum relative remainder of the objective's gradient at an optimum."""
 
 
@@ -437,9 +437,9 @@ class Holding:
 def holding(form: Formulation, trial: Trial) -> Holding:
     """Return the active limits and bounds of a design, from its gradients."""
     scaled = form.scaled(trial, form.allowances(trial))
-    violations = scaled.c - INSIDE
+    violations = scaled.c - SAFETY_MARGIN
     infeasible = bool(violations.max(initial=-1.0) > 1e-9)
-    met = violations.max() - MET if infeasible else -MET
+    met = violations.max() - ACTIVE_TOLERANCE if infeasible else -ACTIVE_TOLERANCE
     rows = [k for k in range(len(form.rows)) if violations[k] >= met]
     x = form.x(np.array(trial.theta))
     bounds = [(k, -1.0) for k in range(len(x)) if x[k] <= AT_BOUND] + [
@@ -456,7 +456,7 @@ def holding(form: Formulation, trial: Trial) -> Holding:
     size = float(np.linalg.norm(wanted)) or 1.0
     found = []
     for place in np.argsort(-multipliers):
-        if multipliers[place] <= LEAST * multipliers.max():
+        if multipliers[place] <= MIN_MULTIPLIER * multipliers.max():
             continue
         if place < len(rows):
             row = form.rows[rows[place]]
@@ -466,7 +466,7 @@ def holding(form: Formulation, trial: Trial) -> Holding:
             found.append(_bound(form, bounds[place - len(rows)], float(multipliers[place]), infeasible))
     if infeasible:
         found = _trades(found)
-    return Holding(tuple(found), rest <= BALANCED * size)
+    return Holding(tuple(found), rest <= MAX_GRADIENT_REMAINDER * size)
 
 
 def _round(value: float) -> float:
@@ -536,7 +536,7 @@ def _trades(holders: list[Holder]) -> list[Holder]:
 # Cases of evaluated designs.
 
 
-KEPT = ("material", "load")
+KEPT_TABLES = ("material", "load")
 """Tables that a design does not change, written as by the user."""
 
 
@@ -554,7 +554,7 @@ def case_text(problem: DesignProblem, case: Case) -> str:
     """
     exact = case.to_toml()
     changed = {one.name.partition(".")[0] for one in problem.free if "." in one.name}
-    own = {name: problem.written[name] for name in KEPT if name in problem.written and name not in changed}
+    own = {name: problem.written[name] for name in KEPT_TABLES if name in problem.written and name not in changed}
     text = tomli_w.dumps({**tomllib.loads(exact), **own})
     with contextlib.suppress(*entries.INPUT_ERRORS):
         if Case.from_toml(text) == case:
@@ -566,7 +566,7 @@ SAME_VALUE, SAME_PLACE = 0.01, 0.05
 """Starts agree if their results differ by less than these fractions of the objective, or of each parameter's range."""
 FRESH_LIMIT = 2e-3
 """Relative violation of a limit allowed on the fresh mesh; the search itself keeps a margin."""
-FRESH = 0.02
+MESH_TOLERANCE = 0.02
 """Relative difference of a value on the fresh mesh above which a warning is given."""
 
 
@@ -623,7 +623,7 @@ def _overlaps(row: ConstraintRow, values: Mapping[str, float]) -> bool:
 # Summary of a result as plain numbers and sentences in ``design.json``, for pictures and report.
 
 
-FILE = "design.json"
+DESIGN_FILE = "design.json"
 
 
 class ParameterTold(TypedDict):

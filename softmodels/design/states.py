@@ -49,7 +49,7 @@ class WorkingStates:
         self._rest_volume = 0.0
         self.followed: dict[trials.JudgedLoad, Followed] = {}
         """Of states that depend on their path."""
-        self._steps = STEPS
+        self._steps = PRESSURE_STEPS
         self._grips = [
             term for term in self.system.potential.terms.values() if isinstance(term, assembly.RememberingTerm)
         ]
@@ -206,7 +206,7 @@ class WorkingStates:
         found = {load: self._solve(load, state, rest) for load, state in guess.states.items()}
         for load, state in found.items():
             grown, before = state.V - rest, guess.states[load].V - guess.rest
-            if before > NOTHING * abs(rest) and grown > LARGEST_JUMP * before:
+            if before > MIN_VOLUME_SHARE * abs(rest) and grown > LARGEST_JUMP * before:
                 raise newton.NoConvergence("the cavity has grown as if the device had snapped through")
         by_pressure = [found[load] for load in _in_order(found, trials.PRESSURE)]
         limit = None
@@ -239,11 +239,11 @@ Numbers = npt.NDArray[np.int64]
 
 EDGES = {2: ((0, 1), (1, 2), (0, 2)), 3: ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))}
 """Corners of each mid-edge node, in VTK's order, by dimension."""
-NEAREST = 24
+NEAREST_CELLS = 24
 """Number of nearest cells in which a point is searched."""
-ITERATIONS = 6
+MAX_NEWTON_STEPS = 6
 """Iterations of Newton's method for the position in a curved cell."""
-OUTSIDE = 0.1
+MAX_OUTSIDE_DISTANCE = 0.1
 """Maximum distance of a point outside its cell, in barycentric coordinates, because meshes of a curved wall differ."""
 
 
@@ -255,7 +255,7 @@ class Places:
         self.cells, d = cells, nodes.shape[1]
         self.edges = EDGES[d]
         corners = nodes[cells[:, : d + 1]]
-        count = min(NEAREST, len(cells))
+        count = min(NEAREST_CELLS, len(cells))
         _, near = scipy.spatial.cKDTree(corners.mean(axis=1)).query(points, count)
         near = near.reshape(len(points), count)
         frames = np.linalg.inv(np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2))
@@ -270,7 +270,7 @@ class Places:
             share = self._curved(nodes[cells[chosen]], points, straight)
             better = share.min(axis=1) > self.share.min(axis=1)
             self.cell, self.share = np.where(better, chosen, self.cell), np.where(better[:, None], share, self.share)
-        inside = np.maximum(self.share, -OUTSIDE)
+        inside = np.maximum(self.share, -MAX_OUTSIDE_DISTANCE)
         self.share = inside / inside.sum(axis=1, keepdims=True)
 
     def _curved(self, nodes: Array, points: Array, share: Array) -> Array:
@@ -279,7 +279,7 @@ class Places:
         found = np.clip(share, -0.5, 1.5)
         found = found / found.sum(axis=1, keepdims=True)
         start = found
-        for _ in range(ITERATIONS):
+        for _ in range(MAX_NEWTON_STEPS):
             gap = points - np.einsum("mn,mni->mi", self._shapes(found), nodes)
             slopes = np.einsum("mnk,mni->mik", self._slopes(found), nodes)  # by each coordinate as if independent
             jacobian = slopes[:, :, 1:] - slopes[:, :, :1]
@@ -408,7 +408,7 @@ class Known:
 LARGEST_JUMP = 3.0
 """Growth of the added volume from one design to the next above which the state may be one behind a limit point: a shorter step
 is taken, and at last the whole path."""
-NOTHING = 1e-3
+MIN_VOLUME_SHARE = 1e-3
 """Added volume relative to the cavity's below which its growth says nothing."""
 
 
@@ -417,7 +417,7 @@ def _in_order(loads: Iterable[trials.JudgedLoad], kind: str) -> list[trials.Judg
     return sorted((load for load in loads if load.kind == kind), key=lambda load: abs(load.value))
 
 
-STEPS = 12
+PRESSURE_STEPS = 12
 """Steps of the pressure up to the highest load where states depend on the path. They are the same for every design, so that
 values are smooth; where Newton's method fails there are twice as many from then on."""
 MOST_STEPS = 96
@@ -447,7 +447,7 @@ class Followed:
 # and dP/dtheta = (v . dR/dtheta) / (v . q).
 
 
-STEP = 1e-5
+DIFFERENCE_STEP = 1e-5
 """Relative step of the differences by material parameters at fixed unknowns."""
 CENTRAL = {1.0: 0.5, -1.0: -0.5}
 BACKWARD = {0.0: 1.5, -1.0: -2.0, -2.0: 0.5}
@@ -597,7 +597,7 @@ class Adjoint:
         central differences."""
         found = {}
         for name in names:
-            own, step = name.rpartition(".")[2], STEP * self.sensitivity.scale(name)
+            own, step = name.rpartition(".")[2], DIFFERENCE_STEP * self.sensitivity.scale(name)
             weights = BACKWARD if own == "poisson" else CENTRAL  # which must not exceed 0.5
             found[name] = 0.0
             for shift, weight in weights.items():
@@ -638,10 +638,10 @@ class Adjoint:
 # because it is stationary.
 
 
-SPREADS = np.array([-0.06, -0.025, 0.025, 0.06])
+BIFURCATION_OFFSETS = np.array([-0.06, -0.025, 0.025, 0.06])
 """Positions of the states around the expected bifurcation, relative to the volume added up to it. Nearer ones would show an
 imperfect mesh's eigenvalue (see `softmodels.path.continuation.SPREADS`)."""
-NEAR = 0.01
+BIFURCATION_TOLERANCE = 0.01
 """Maximum relative distance of the bifurcation from the expected place; otherwise the states are recomputed around it."""
 MOST_TRIES = 6
 
@@ -683,7 +683,7 @@ class Bifurcations:
         for _ in range(MOST_TRIES):
             added = V - rest
             states, modes, values = [], [], []
-            for spread in SPREADS:
+            for spread in BIFURCATION_OFFSETS:
                 found = self.solver.solve(controls.volume_control(V + spread * added), state.w, state.P)
                 quantities.check_apart(self.design, "bifurcation")
                 state = found
@@ -693,7 +693,7 @@ class Bifurcations:
                 values.append(value)
             cubic = Cubic([found.V for found in states])
             root = cubic.root(np.array(values), V)
-            if abs(root - V) < NEAR * added:
+            if abs(root - V) < BIFURCATION_TOLERANCE * added:
                 P = float(cubic.weights(root)[0] @ np.array([found.P for found in states]))
                 return Bifurcation(root, P, tuple(states), tuple(modes), np.array(values))
             V = root

@@ -251,7 +251,7 @@ SAMPLINGS = ("latin-hypercube", "sobol", "saltelli", "grid")
 ANSWERS = ("path", "limit")
 FIT = "fit"
 """What ``material`` is varied by: the covariance of the fit that is the case's band."""
-MOST = 100_000
+MAX_SAMPLES = 100_000
 """Maximum number of samples."""
 
 
@@ -300,8 +300,8 @@ class StudyPlan:
             raise StudyError(str(error)) from None
         numbers = {key: table[key] for key in ("samples", "seed") if key in table}
         for key, value in numbers.items():
-            if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= MOST:
-                raise StudyError(f"{path}: {key} is {value!r}; it must be a whole number up to {MOST}")
+            if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= MAX_SAMPLES:
+                raise StudyError(f"{path}: {key} is {value!r}; it must be a whole number up to {MAX_SAMPLES}")
         if why := names.unusable_name(table.get("name", "study")):
             raise StudyError(f"{path}: {why}")
         responses = table.get("responses", [])
@@ -327,9 +327,9 @@ class StudyPlan:
             raise StudyError(f"samples is {self.samples}; it must be 1 or more")
         if self.sampling in ("sobol", "saltelli") and self.samples & (self.samples - 1):
             raise StudyError(f"samples is {self.samples}; a Sobol sequence needs a power of two, such as 32 or 64")
-        if len(self.points) > MOST:
+        if len(self.points) > MAX_SAMPLES:
             raise StudyError(
-                f"the study has {len(self.points)} samples; at most {MOST} are solved, so take fewer or larger steps"
+                f"the study has {len(self.points)} samples; at most {MAX_SAMPLES} are solved, so take fewer or larger steps"
             )
 
     @functools.cached_property
@@ -479,13 +479,13 @@ def solved(task: tuple[Case, str]) -> dict[str, object]:
     return {"rows": asked, "ended": ended, "limit_Pa": limits[0]["pressure"] if limits else math.nan}
 
 
-_BESIDE = threading.local()
+_SOLVER_PROCESS = threading.local()
 """The process beside this one that solves for a thread, on a machine of a cluster."""
 
 
 def solved_beside(task: tuple[Case, str]) -> processes.Answer:
     """Return the answer for a sample of a process beside this one: what a worker of dask calls."""
-    worker: processes.Worker = _BESIDE.__dict__.setdefault("worker", processes.Worker(__name__))
+    worker: processes.Worker = _SOLVER_PROCESS.__dict__.setdefault("worker", processes.Worker(__name__))
     return worker.answer(solved.__name__, task)
 
 
@@ -724,15 +724,15 @@ def dataset_of(plan: StudyPlan, found: Mapping[int, Mapping[str, object]]) -> xa
 # What a study shows: the dataset, surrogates, Sobol indices.
 
 
-FOLDS = 10
+FOLD_COUNT = 10
 """Parts of the samples; each is predicted by a surrogate of the others."""
-FEWEST = 8
+MIN_SURROGATE_SAMPLES = 8
 """Minimum number of samples of a surrogate."""
-DRAWS = 2**12
+BASE_SAMPLES = 2**12
 """Base samples of a surrogate's indices."""
-RESAMPLED = 100
+BOOTSTRAP_SAMPLES = 100
 """Bootstrap samples of the indices' intervals."""
-DEVIATIONS = 1.96
+NORMAL_QUANTILE = 1.96
 """Half width of a 95 % interval in standard deviations."""
 
 
@@ -771,7 +771,7 @@ class Indices:
         wrong = [
             f"{key} ({first:.3f} of {total:.3f})"
             for key, first, total in pairs
-            if first < -SCATTER or first > total + SCATTER
+            if first < -INDEX_TOLERANCE or first > total + INDEX_TOLERANCE
         ]
         if not wrong:
             return ""
@@ -781,7 +781,7 @@ class Indices:
         )
 
 
-SCATTER = 0.01
+INDEX_TOLERANCE = 0.01
 """Share of the variance by which an index may contradict another without a word."""
 
 
@@ -808,8 +808,8 @@ def surrogate_of(inputs: tuple[Input, ...], points: Array, values: Array) -> Sur
     from sklearn.model_selection import KFold, cross_val_predict
 
     known = np.isfinite(values)
-    if known.sum() < FEWEST:
-        raise StudyError(f"{known.sum()} samples have a result; a surrogate needs at least {FEWEST}")
+    if known.sum() < MIN_SURROGATE_SAMPLES:
+        raise StudyError(f"{known.sum()} samples have a result; a surrogate needs at least {MIN_SURROGATE_SAMPLES}")
     X, y = features(inputs, points[known]), values[known]
     spread = float(y.std())
     if spread <= 1e-12 * float(np.abs(y).max()):
@@ -819,12 +819,14 @@ def surrogate_of(inputs: tuple[Input, ...], points: Array, values: Array) -> Sur
     with warnings.catch_warnings(action="ignore"):
         process = GaussianProcessRegressor(kernel, normalize_y=True, random_state=0).fit(X, y)
     again = GaussianProcessRegressor(process.kernel_, optimizer=None, normalize_y=True)
-    folds = KFold(min(FOLDS, len(y)), shuffle=True, random_state=0)
+    folds = KFold(min(FOLD_COUNT, len(y)), shuffle=True, random_state=0)
     error = float(np.sqrt(np.mean((cross_val_predict(again, X, y, cv=folds) - y) ** 2)))
     return Surrogate(inputs, error, spread, process.predict)
 
 
-def indices_of(inputs: tuple[Input, ...], response: Callable[[Array], Array] | Array, draws: int = DRAWS) -> Indices:
+def indices_of(
+    inputs: tuple[Input, ...], response: Callable[[Array], Array] | Array, draws: int = BASE_SAMPLES
+) -> Indices:
     """Return the Sobol indices of a function of points (n, inputs), or of values at the points of ``"saltelli"``."""
     if callable(response):
         shares = unit_points("saltelli", len(inputs), draws, 0)
@@ -842,6 +844,6 @@ def indices_of(inputs: tuple[Input, ...], response: Callable[[Array], Array] | A
 
     count, rng = parts.shape[1], np.random.default_rng(0)
     found = estimated(np.arange(count))
-    again = np.array([estimated(rng.integers(0, count, size=(count,))) for _ in range(RESAMPLED)])
-    first, total, first_half, total_half = map(tuple, np.vstack([found, DEVIATIONS * again.std(axis=0)]).tolist())
+    again = np.array([estimated(rng.integers(0, count, size=(count,))) for _ in range(BOOTSTRAP_SAMPLES)])
+    first, total, first_half, total_half = map(tuple, np.vstack([found, NORMAL_QUANTILE * again.std(axis=0)]).tolist())
     return Indices(tuple(one.key for one in inputs), first, total, first_half, total_half)

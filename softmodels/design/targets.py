@@ -73,7 +73,7 @@ def _added(space: object, dofs: npt.NDArray[np.integer], values: Array) -> Array
     return np.array(b.array)
 
 
-FEWEST = 3
+MIN_TARGET_ROWS = 3
 ONE_SIDED = 0.1
 """Fraction of its width within which the top of a one-sided outline lies, from the axis outwards."""
 
@@ -171,8 +171,8 @@ class Outline(quantities.DesignQuantity):
                 raise ValueError(
                     "the points of an outline are pairs: distance from the axis and height, in m"
                 ) from None
-        if len(points) < FEWEST or not np.isfinite(points).all():
-            raise ValueError(f"an outline needs at least {FEWEST} points, all finite")
+        if len(points) < MIN_TARGET_ROWS or not np.isfinite(points).all():
+            raise ValueError(f"an outline needs at least {MIN_TARGET_ROWS} points, all finite")
         object.__setattr__(self, "points", tuple(map(tuple, points.tolist())))
 
     @property
@@ -394,7 +394,7 @@ def _in_unit(what: str, value: float | str, unit: str) -> float:
 
 Row = tuple[float, float, float, float]
 
-ENOUGH = 3
+MIN_REQUESTED_ROWS = 3
 """Minimum number of rows at requested pressures; with fewer, all rows are used."""
 PRESSURE = re.compile(r"pressure[_ ]*[\[(]?([A-Za-z]+)[\])]?")
 PLACE = re.compile(r"(?:(?!max_stretch)(\w+?)[_ ])?([xyz])[_ ]*[\[(]?([a-z]+)[\])]?")
@@ -507,4 +507,4 @@ def _rising(table: Array, asked: npt.NDArray[np.bool_]) -> Array:
     last = int(np.argmax(table[:, 0])) + 1
     kept = np.arange(len(table)) < last
     kept &= (table[:, 0] > 0.0) & (table[:, 0] > np.r_[0.0, np.maximum.accumulate(table[:, 0])[:-1]])
-    return table[kept & asked] if (kept & asked).sum() >= ENOUGH else table[kept]
+    return table[kept & asked] if (kept & asked).sum() >= MIN_REQUESTED_ROWS else table[kept]

@@ -134,13 +134,13 @@ class DesignStopped(Exception):
 # Units of quantities: reading limits and showing values.
 
 
-SPELLED = {"1": "", "tolerances": "", "m2": "m^2", "m3": "m^3", "deg": "degree", "kg/m3": "kg/m^3"}
+UNIT_SPELLINGS = {"1": "", "tolerances": "", "m2": "m^2", "m3": "m^3", "deg": "degree", "kg/m3": "kg/m^3"}
 """Units in Pint's spelling, where it differs."""
 
 
 def spelled(unit: str) -> str:
     """Return a unit as `softmodels.common.units.quantity` takes it."""
-    return SPELLED.get(unit, unit)
+    return UNIT_SPELLINGS.get(unit, unit)
 
 
 def read(what: str, value: object, unit: str, bare: bool = True) -> float:

@@ -45,16 +45,16 @@ class Comparison:
 errors.call("material all", 'material="all"')
 
 
-UNDECIDED = 2.0
+EQUIVALENT_AICC = 2.0
 """Laws whose criteria differ by less than this are equivalent (Burnham & Anderson 2002, section 2.6)."""
 CURVE_VALUES = 10.0
 """Number of independent values per measured curve, for any number of points: errors of a test (cross-section, grips,
 crosshead strain) are correlated over about a tenth of it."""
-EQUAL = 1.3
+EQUAL_MISFIT_RATIO = 1.3
 """Misfits are equal within the error if one mean square is less than 1.7 times the other."""
 MOST_RATIO = 2.5
 """A law whose rms misfit is this many times another's is not preferred, even if it is simpler."""
-SAME = 1e-3
+EQUAL_MISFIT_TOLERANCE = 1e-3
 """Misfits below this fraction of the common error are equivalent: measurements cannot distinguish them."""
 
 
@@ -81,8 +81,8 @@ def compare(
     whatever errors they are fitted with: `on_yardstick` fits each law again at the same stretches for every sampling, with
     what a test can tell, a share of the stress, as its error. Each curve counts as `CURVE_VALUES` values, however densely it
     is sampled. A further parameter then pays where it takes a tenth off the mean square misfit, or off what a test can tell
-    where the misfit is below that. A simpler law is preferred only where its misfit on that yardstick is less than `EQUAL`
-    times the closest law's.
+    where the misfit is below that. A simpler law is preferred only if its misfit is below `EQUAL_MISFIT_RATIO` times
+    the closest law's.
 
     Which of two indistinguishable laws is ahead may change with the noise of a few readings. So it does not count: the one
     with fewer parameters is preferred, and of two with the same number the one that comes first in a fixed order.
@@ -97,7 +97,7 @@ def compare(
         sums = [sum(_means(fit).values()) / len(fit.summaries) for fit in judged]
         values, closest = CURVE_VALUES * len(judged[0].summaries), min(sums)
         misfits = [values * one / max(closest, 1.0) for one in sums]
-        even = [one <= EQUAL**2 * max(closest, SAME**2) for one in sums]
+        even = [one <= EQUAL_MISFIT_RATIO**2 * max(closest, EQUAL_MISFIT_TOLERANCE**2) for one in sums]
     else:
         misfits, values = _on_residuals(fits)
     ratios = _ratios(fits)
@@ -152,7 +152,7 @@ def _ratios(fits: Sequence[least_squares.LeastSquaresFit]) -> list[float]:
     hidden = {label: math.sqrt(float(np.mean(values**2))) for label, values in away.items()}
     misfits = [{k: math.hypot(v.rms, hidden.get(k, 0.0)) for k, v in fit.summaries.items()} for fit in fits]
     least = {
-        name: max(min(one[name] for one in misfits), SAME * float(sizes[labels == name].mean()))
+        name: max(min(one[name] for one in misfits), EQUAL_MISFIT_TOLERANCE * float(sizes[labels == name].mean()))
         for name in fits[0].summaries
     }
     sums = [sum((one[name] / least[name]) ** 2 for name in least) for one in misfits]
@@ -172,7 +172,7 @@ def _judgement(ranked: tuple[Ranked, ...]) -> tuple[least_squares.LeastSquaresFi
     first = best.label
     if len(ranked) == 1:
         return best, f"only {first} was fitted; use --material all to compare laws"
-    rivals = [one for one in ranked[1:] if one.aicc < UNDECIDED and one.fit.converged and one.near]
+    rivals = [one for one in ranked[1:] if one.aicc < EQUIVALENT_AICC and one.fit.converged and one.near]
     if rivals:
         simplest, *more = sorted((ranked[0].fit, *(one.fit for one in rivals)), key=_simplicity)
         others = ", ".join(one.fit.label for one in rivals)
@@ -181,7 +181,7 @@ def _judgement(ranked: tuple[Ranked, ...]) -> tuple[least_squares.LeastSquaresFi
         return simplest, f"the data do not distinguish {first} and {others}; use {simplest.label}{why}"
     second = ranked[1]
     times = f"a misfit {second.ratio / ranked[0].ratio:.3g} times as large"
-    if not second.near or second.aicc < UNDECIDED:
+    if not second.near or second.aicc < EQUIVALENT_AICC:
         return best, f"the data prefer {first}: the next, {second.fit.label}, leaves {times}"
     joint = "and leaves" if second.ratio >= ranked[0].ratio else "although it leaves"
     said = f"the next, {second.fit.label}, is {second.aicc:.3g} worse in AICc (significant above 2) {joint} {times}"
@@ -218,7 +218,7 @@ class FittedLaw(cards.Shown):
     material: Material
     verdict: specimens.Verdict
     profiles: dict[str, least_squares.Profile]
-    judgement: least_squares.Judgement = least_squares.NOTHING
+    judgement: least_squares.Judgement = least_squares.NO_JUDGEMENT
     devices: tuple[DeviceMisfit, ...] = ()
 
     def _line(self) -> str:
@@ -306,11 +306,11 @@ def _plain(value: float, error: float) -> str:
 
 TEST_ERROR = 0.02
 """Relative error of the stress in a test of one cast: cross-section, load cell, crosshead strain."""
-BEYOND = 3.0
+CONTRADICTION_ERRORS = 3.0
 """Curves that differ by this many standard errors contradict each other."""
-TOE = 0.05
+TOE_STRETCH = 0.05
 """Stretches this close to 1 are skipped, because of slack in the grips."""
-SAMPLES = 50
+CURVE_SAMPLES = 50
 
 
 @dataclasses.dataclass(frozen=True)
@@ -351,14 +351,14 @@ def contradictions(curves: Sequence[TensileCurve], gauge_error: float = 0.0) -> 
     No law is needed for that, so a law that follows neither cannot hide it, nor one that follows both poorly feign it.
     """
     found = []
-    allowed = BEYOND * math.sqrt(2) * max(TEST_ERROR, gauge_error)
+    allowed = CONTRADICTION_ERRORS * math.sqrt(2) * max(TEST_ERROR, gauge_error)
     for (i, a), (j, b) in itertools.combinations(enumerate(curves), 2):
         if a.mode != b.mode:
             continue
         low, high = max(a.stretch[0], b.stretch[0]), min(a.stretch[-1], b.stretch[-1])
-        stretch = np.linspace(low, high, SAMPLES)
-        stretch = stretch[np.abs(stretch - 1) > TOE]
-        if high <= low or len(stretch) < SAMPLES // 4:
+        stretch = np.linspace(low, high, CURVE_SAMPLES)
+        stretch = stretch[np.abs(stretch - 1) > TOE_STRETCH]
+        if high <= low or len(stretch) < CURVE_SAMPLES // 4:
             continue
         one, other = (np.interp(stretch, c.stretch, c.stress) for c in (a, b))
         mean = (one + other) / 2
@@ -504,18 +504,18 @@ class FitReport(cards.Shown):
 # else.
 
 
-CASTABLE = (5e3, 1.5e6)
+CASTABLE_MODULI = (5e3, 1.5e6)
 """Range of secant shear moduli in Pa of casting silicones, from Ecoflex 00-10 (7 kPa) to hard PDMS (1 MPa)."""
 ANY = "any"
 """Instead of a silicone's name: any casting silicone."""
-STRETCH = 1.5
+REFERENCE_STRETCH = 1.5
 """Uniaxial stretch at which moduli are compared, or the largest fitted one."""
-ROOM = (1.05, 1.25)
+SEVERAL_SOURCES = (1.05, 1.25)
 """Accepted factors below and above the published values of a product measured by several laboratories; parts stiffen with
 age."""
-ALONE = (1.7, 1.7)
+ONE_SOURCE = (1.7, 1.7)
 """The same for a product with one published curve: laboratories differ by up to a factor two."""
-GUESS = (4.0, 4.0)
+OWN_LAW = (4.0, 4.0)
 """The same for a case's own law that is not a named silicone."""
 FACTORS = (
     (0.1, "a tenth of the expected: were mm listed as cm, cm of water as mm, or kPa as cm of water?"),
@@ -540,7 +540,7 @@ class Expected:
     def range(self, stretch: float) -> tuple[float, float]:
         """Return the lowest and highest plausible secant shear modulus in Pa at a stretch."""
         if not self.curves:
-            return CASTABLE
+            return CASTABLE_MODULI
         moduli = [specimens.secant_modulus(curve, stretch) for curve in self.curves]
         return min(moduli) / self.room[0], max(moduli) * self.room[1]
 
@@ -553,13 +553,13 @@ def expected(silicone: str | None, material: Material | None = None) -> Expected
         return Expected("casting silicones", (), (1.0, 1.0), silicone == ANY)
     if name is None:
         assert material is not None
-        return Expected("the case's own material", (material,), GUESS, False)
+        return Expected("the case's own material", (material,), OWN_LAW, False)
     curves = published(name)
     if not curves:
         raise FitError(
             f"silicone {units.brief(name)} is unknown; {errors.known_are(name, silicones.PRODUCTS, ', and any')}"
         )
-    return Expected(f"published curves of {name}", curves, ROOM if len(curves) > 1 else ALONE, True)
+    return Expected(f"published curves of {name}", curves, SEVERAL_SOURCES if len(curves) > 1 else ONE_SOURCE, True)
 
 
 def published(name: str) -> tuple[Material, ...]:
@@ -570,7 +570,7 @@ def published(name: str) -> tuple[Material, ...]:
 
 def objection(material: Material, largest: float, known: Expected) -> str:
     """Return a sentence if a law fitted up to a largest stretch is implausible for its silicone; else ""."""
-    stretch = min(STRETCH, max(largest, 1.05))
+    stretch = min(REFERENCE_STRETCH, max(largest, 1.05))
     modulus, (low, high) = specimens.secant_modulus(material, stretch), known.range(stretch)
     if low <= modulus <= high:
         return ""
@@ -612,7 +612,7 @@ def shifted(
     change[: fit.count] = np.concatenate(moved) - fit.residuals[: fit.count]
     size = np.linalg.norm(fit.jacobian, axis=0)
     size[size == 0.0] = 1.0
-    steps = np.linalg.lstsq(fit.jacobian / size, -change, rcond=least_squares.BLIND)[0] / size
+    steps = np.linalg.lstsq(fit.jacobian / size, -change, rcond=least_squares.MIN_SINGULAR_VALUE)[0] / size
     return values | {p.name: fit.values[p.name] + step for p, step in zip(fit.free, steps.tolist(), strict=True)}
 
 
@@ -621,9 +621,9 @@ def with_rubber(
 ) -> least_squares.Judgement:
     """Return a judgement with a note on every parameter of the law that would change by more than its standard error with the
     Poisson's ratio of rubber, see `shifted`."""
-    if choice.poisson == laws.RUBBER or any(p.name == "poisson" for p in fit.free):
+    if choice.poisson == laws.DEFAULT_POISSON_RATIO or any(p.name == "poisson" for p in fit.free):
         return judgement
-    values, said = shifted(fit, choice, {"poisson": laws.RUBBER}), []
+    values, said = shifted(fit, choice, {"poisson": laws.DEFAULT_POISSON_RATIO}), []
     for p in fit.free:
         if p.name in choice.names and p.name in values:
             error, now, then = fit.error(p.name), fit.values[p.name], values[p.name]
@@ -633,8 +633,8 @@ def with_rubber(
     if not said:
         return judgement
     note = (
-        f"the answer depends on Poisson's ratio, given as {choice.poisson:g}: with {laws.RUBBER:g}, as of rubber (--poisson "
-        f"{laws.RUBBER:g}), {', '.join(said)}"
+        f"the answer depends on Poisson's ratio, given as {choice.poisson:g}: with {laws.DEFAULT_POISSON_RATIO:g}, as of "
+        f"rubber (--poisson {laws.DEFAULT_POISSON_RATIO:g}), {', '.join(said)}"
     )
     return dataclasses.replace(judgement, notes=(*judgement.notes, note))
 

@@ -102,14 +102,14 @@ USUAL_LENGTH = 0.01
 """Length in m of a laminar leak where the supply has none."""
 SMALLEST_BORE = 1e-5
 """In m, of a case."""
-DECISIVE = 6.0
+DECISIVE_AICC = 6.0
 """Difference of two kinds' AICc above which the readings tell them apart: the wrong one is ahead by that much at most once in
 exp(6 / 2) = 20 times."""
-GRID = 4001
+INTEGRAL_POINTS = 4001
 """Number of pressures at which the integral G is known."""
 LARGEST_CAVITY = 1.0
 """In m3."""
-REACH = (0.2, 1.2)
+INTEGRAL_RANGE = (0.2, 1.2)
 """They go from this share of the lowest reading to this multiple of the highest."""
 
 
@@ -125,8 +125,8 @@ class LeakResiduals:
 
     def __init__(self, times: Array, pressures: Array, errors: Array, supply: Reservoir, cavity: Array):
         self.times, self.pressures, self.errors = times - times[0], pressures, errors
-        P = np.geomspace(REACH[0] * pressures.min(), REACH[1] * pressures.max(), GRID)
-        V, slope = np.full(GRID, cavity[0, 1]), np.zeros(GRID)
+        P = np.geomspace(INTEGRAL_RANGE[0] * pressures.min(), INTEGRAL_RANGE[1] * pressures.max(), INTEGRAL_POINTS)
+        V, slope = np.full(INTEGRAL_POINTS, cavity[0, 1]), np.zeros(INTEGRAL_POINTS)
         if len(cavity) > 1:
             course = PchipInterpolator(*cavity.T)
             V, slope = course(P), course.derivative()(P)
@@ -184,13 +184,14 @@ def fit_leak(
     made = [_fitted(kind, t, P, known, supply, error) for kind in KINDS]
     best, other = sorted(made, key=lambda one: one.fit.aicc)
     behind = other.fit.aicc - best.fit.aicc
-    if behind >= DECISIVE:
+    if behind >= DECISIVE_AICC:
         said = f"the readings are those of {best.words}: {other.words} is {behind:.3g} worse in AICc"
-        return dataclasses.replace(best, sentence=f"{said} (decisive above {DECISIVE:g})")
+        return dataclasses.replace(best, sentence=f"{said} (decisive above {DECISIVE_AICC:g})")
     ends = (min(best.flow[1], other.flow[1]), max(best.flow[2], other.flow[2]))
     said = (
-        f"the readings do not tell {best.words} from {other.words} ({behind:.2g} worse in AICc; decisive above {DECISIVE:g}): "
-        "the interval of the flow contains both; readings over a longer time, down to a tenth of the first, tell them apart"
+        f"the readings do not tell {best.words} from {other.words} ({behind:.2g} worse in AICc; decisive above "
+        f"{DECISIVE_AICC:g}): the interval of the flow contains both; readings over a longer time, down to a tenth of "
+        "the first, tell them apart"
     )
     return dataclasses.replace(best, flow=(best.flow[0], *ends), sentence=said)
 

@@ -155,7 +155,7 @@ class LeastSquaresFit:
             return names.read_only(np.zeros((len(self.free), len(self.free))))
         inside = [p.name not in self.at_bounds for p in self.free]
         J = self.jacobian[: self.count] * inside
-        moved = np.linalg.pinv(J, rcond=BLIND) @ self.shared
+        moved = np.linalg.pinv(J, rcond=MIN_SINGULAR_VALUE) @ self.shared
         return names.read_only(np.asarray(moved @ moved.T))
 
     def _sandwich(self, J: Array) -> Array:
@@ -163,7 +163,7 @@ class LeastSquaresFit:
         size[size == 0.0] = 1.0
         bread, meat = self.information(J / size)
         eigenvalues, vectors = np.linalg.eigh(bread)
-        seen = eigenvalues > BLIND**2 * max(eigenvalues[-1], 1e-300)
+        seen = eigenvalues > MIN_SINGULAR_VALUE**2 * max(eigenvalues[-1], 1e-300)
         inverse = (vectors[:, seen] / eigenvalues[seen]) @ vectors[:, seen].T
         covariance = inverse @ meat @ inverse
         blind = (np.abs(vectors[:, ~seen]) > 1e-6).any(axis=1)
@@ -185,7 +185,7 @@ class LeastSquaresFit:
         bread = slope * data.T @ data + known
         spread = np.array([self.runs[name] for name in self.rows.groups])
         if self.errors == "unknown":
-            inverse = np.linalg.pinv(bread, rcond=BLIND**2, hermitian=True)
+            inverse = np.linalg.pinv(bread, rcond=MIN_SINGULAR_VALUE**2, hermitian=True)
             leverage = slope * np.einsum("ij,jk,ik->i", data, inverse, data)
             spread = spread * (psi / np.maximum(1 - leverage, LEAST_FREEDOM)) ** 2
         else:
@@ -204,18 +204,18 @@ class LeastSquaresFit:
         psi, _ = self.influence
         gradient = J.T @ np.concatenate([psi, self.residuals[self.count :]])
         bread, _ = self.information(J)
-        step = np.linalg.pinv(bread, rcond=BLIND, hermitian=True) @ gradient
+        step = np.linalg.pinv(bread, rcond=MIN_SINGULAR_VALUE, hermitian=True) @ gradient
         # Data matched to rounding have no meaningful standard error.
         model = self.jacobian[: self.count] @ np.array([self.values[p.name] for p in self.free])
-        rounding = EXACT**2 * float(np.mean(model**2))
+        rounding = ROUNDING_TOLERANCE**2 * float(np.mean(model**2))
         return math.sqrt(max(float(gradient @ step), 0.0) / max(self.dispersion, rounding, 1e-300))
 
     @property
     def quantile(self) -> float:
         """Half a 95 % interval in standard errors: Student's if the errors are estimated from the scatter."""
         if self.errors == "stated" and self.dispersion == 1.0:
-            return float(ndtri((1 + LEVEL) / 2))
-        return float(stdtrit(max(self.independent - len(self.free), 1.0), (1 + LEVEL) / 2))
+            return float(ndtri((1 + CONFIDENCE_LEVEL) / 2))
+        return float(stdtrit(max(self.independent - len(self.free), 1.0), (1 + CONFIDENCE_LEVEL) / 2))
 
     def error(self, name: str) -> float:
         """Return the standard error of a parameter in its unit; 0 if it is fixed, nan at a bound."""
@@ -239,7 +239,7 @@ class LeastSquaresFit:
             return 0.0
         considered = float(self.considered[names.index(name)][names.index(name)])
         own = max(self.error(name) ** 2 - considered, 0.0) if math.isfinite(self.error(name)) else self.error(name)
-        return math.sqrt(self.quantile**2 * own + ndtri((1 + LEVEL) / 2) ** 2 * considered)
+        return math.sqrt(self.quantile**2 * own + ndtri((1 + CONFIDENCE_LEVEL) / 2) ** 2 * considered)
 
     @functools.cached_property
     def correlations(self) -> Array:
@@ -266,7 +266,7 @@ class LeastSquaresFit:
 
     @functools.cached_property
     def excess(self) -> dict[str, float]:
-        """Groups whose root mean square residual is more than `MANY` times the error of the measurement, and how many times:
+        """Groups whose root mean square residual exceeds `MAX_RMS_RESIDUAL` errors of the measurement, and by what factor:
         the stated error, or the usual one of its source. Groups without either are left out."""
         sizes, usual = np.array(self.rows.sizes), np.array(self.rows.usual)
         if self.errors == "stated":
@@ -274,7 +274,7 @@ class LeastSquaresFit:
         squares = (self.residuals[: self.count] * sizes / usual) ** 2
         losses, labels = loss_of(self.loss, squares, 0)[0], np.array(self.rows.groups)
         times = {name: math.sqrt(float(losses[labels == name].mean())) for name in self.runs}
-        return {name: value for name, value in times.items() if value > MANY}
+        return {name: value for name, value in times.items() if value > MAX_RMS_RESIDUAL}
 
     @property
     def aicc(self) -> float:
@@ -294,14 +294,14 @@ class LeastSquaresFit:
         return self.count * math.log(max(self.deviance, 1e-300) / self.count)
 
 
-LEVEL = 0.95
-BLIND = 1e-8
+CONFIDENCE_LEVEL = 0.95
+MIN_SINGULAR_VALUE = 1e-8
 """Relative singular value of the scaled Jacobian below which a direction is undetermined."""
 LEAST_FREEDOM = 0.2
 """Minimum freedom of a residual, 1 - leverage."""
-MANY = 3.0
+MAX_RMS_RESIDUAL = 3.0
 """Root mean square residual in errors of the measurement above which the model does not follow the data."""
-EXACT = 1e-6
+ROUNDING_TOLERANCE = 1e-6
 """Residuals below this fraction of the model count as rounding."""
 
 
@@ -322,9 +322,9 @@ LOSSES = ("linear", "soft_l1")
 ERRORS = ("stated", "unknown")
 SAME_DEVIANCE = 1e-4
 """Starts whose deviances differ by less than this (plus the same fraction) ended in the same minimum."""
-TOLERANCE = 1e-10
+START_TOLERANCE = 1e-10
 """At which a start ends: relative, on the sum of squares, on the parameters and on the gradient."""
-FAR = 0.1
+MAX_NEWTON_STEP = 0.1
 """Newton step in standard errors above which a fit has not converged."""
 
 
@@ -360,7 +360,7 @@ def fit_parameters(
             first = problem.residuals(x)
             if not np.isfinite(first).all():
                 raise CannotEvaluate("the model has no finite value there")
-            found = problem.solve(x, TOLERANCE, evaluations)
+            found = problem.solve(x, START_TOLERANCE, evaluations)
         except CannotEvaluate as error:
             runs.append(StartResult(problem.values(x), math.inf, str(error)))
             continue
@@ -402,7 +402,7 @@ def _judge(
     troubles, step = [], result.newton_step
     if found.status <= 0:
         troubles.append(f"the fit did not converge within {found.nfev} evaluations; do not use its values")
-    elif step > FAR:
+    elif step > MAX_NEWTON_STEP:
         troubles.append(
             f"the fit stopped where a further step would still move it by {step:.2g} standard "
             "errors; do not use its values"
@@ -497,7 +497,7 @@ def _check(sources: Sequence[Residuals], parameters: Sequence[Parameter], loss: 
 # Acceptance of a fit: general objections, for any law and data.
 
 
-NORMAL = 1.96
+NORMAL_QUANTILE = 1.96
 """Half a 95 % interval in standard errors."""
 
 
@@ -511,7 +511,7 @@ class Judgement:
     notes: tuple[str, ...] = ()
 
 
-NOTHING = Judgement()
+NO_JUDGEMENT = Judgement()
 
 
 def objections(fit: LeastSquaresFit, modulus: Callable[[Mapping[str, float]], float]) -> tuple[str, ...]:
@@ -524,7 +524,7 @@ def objections(fit: LeastSquaresFit, modulus: Callable[[Mapping[str, float]], fl
     ]
     found += [f"the data do not determine {p.words}: {why}" for p in fit.free if (why := _undetermined(fit, p))]
     value, error = modulus(fit.values), _modulus_error(fit, modulus)
-    if not found and not NORMAL * error < abs(value):
+    if not found and not NORMAL_QUANTILE * error < abs(value):
         found.append(
             f"the data do not determine the shear modulus: {value / 1e3:.4g} kPa with a standard error of {error / 1e3:.3g} kPa"
         )
@@ -537,7 +537,7 @@ def _undetermined(fit: LeastSquaresFit, p: Parameter) -> str:
         return ""
     if not math.isfinite(fit.error(p.name)):
         return "another parameter compensates any change of it"
-    low, high = (fit.values[p.name] + sign * NORMAL * fit.error(p.name) for sign in (-1.0, 1.0))
+    low, high = (fit.values[p.name] + sign * NORMAL_QUANTILE * fit.error(p.name) for sign in (-1.0, 1.0))
     whole = math.isfinite(p.upper - p.lower) and low <= p.lower and high >= p.upper
     return "its interval is as wide as its bounds" if whole and not p.answers else ""
 
@@ -565,7 +565,7 @@ def _modulus_error(fit: LeastSquaresFit, modulus: Callable[[Mapping[str, float]]
 # Identifiability of a fit's parameters.
 
 
-TOGETHER = 0.98
+MAX_CORRELATION = 0.98
 """Correlation above which two parameters are identifiable only jointly."""
 
 
@@ -603,11 +603,11 @@ def unseen(fit: LeastSquaresFit) -> tuple[str, ...]:
     R = fit.correlations
     for i, a in enumerate(fit.free):
         for j in range(i):
-            if abs(R[i, j]) > TOGETHER and not (a.hidden or fit.free[j].hidden):
+            if abs(R[i, j]) > MAX_CORRELATION and not (a.hidden or fit.free[j].hidden):
                 both = f"{fit.free[j].name} and {a.name}"
                 said.append(f"the data determine {both} only jointly (correlation {R[i, j]:.3f})")
     values, vectors = singular_values(fit)
-    if np.isinf(np.diag(fit.covariance)).any() and values[-1] <= BLIND * max(values[0], 1e-300):
+    if np.isinf(np.diag(fit.covariance)).any() and values[-1] <= MIN_SINGULAR_VALUE * max(values[0], 1e-300):
         mixed = [p.words for p, share in zip(fit.free, vectors[-1], strict=True) if abs(share) > 0.1]
         said.append(f"the data do not determine one combination of {', '.join(mixed)}")
     return tuple(said)
@@ -637,10 +637,10 @@ def _allowed(p: Parameter, value: float) -> tuple[float, str]:
 # Profile likelihoods: the rise of the deviance with one parameter fixed away from its best value.
 
 
-REACH = 1.6
+INITIAL_PROFILE_RANGE = 1.6
 """Initial range of a profile, in half widths of the expected interval."""
-DOUBLINGS = 6
-CLOSER, STEEP = 8, 1.5
+MAX_DOUBLINGS = 6
+MAX_REFINEMENTS, MIN_STEEP_RISE = 8, 1.5
 """Maximum refinements of the interval's end, and the relative rise above which they are needed."""
 RESTART_TOLERANCE = 1e-9
 
@@ -721,11 +721,11 @@ def _side(
     if best == bound:
         return []
     whole = result.reach(p.name)
-    reach = REACH * whole if math.isfinite(whole) and whole > 0.0 else 0.5 * (abs(best) or p.scale)
+    reach = INITIAL_PROFILE_RANGE * whole if math.isfinite(whole) and whole > 0.0 else 0.5 * (abs(best) or p.scale)
     warm = dict(result.values)
     found: list[tuple[float, float]] = []
     held, step = best, reach / count
-    for i in range(count + 3 * DOUBLINGS):
+    for i in range(count + 3 * MAX_DOUBLINGS):
         if i >= count:
             step *= 1.5
         held = best + sign * step if not found else held + sign * step
@@ -752,8 +752,8 @@ def _closer(
     if crossing is None:
         return more
     inner, outer = outward[crossing - 1], outward[crossing]
-    for _ in range(CLOSER):
-        if outer[1] < STEEP * limit:
+    for _ in range(MAX_REFINEMENTS):
+        if outer[1] < MIN_STEEP_RISE * limit:
             break
         middle = (inner[0] + outer[0]) / 2
         solved = _held(result, name, middle, dict(result.values))

@@ -23,7 +23,7 @@ from softmodels.materials.laws import Material, MaterialError
 # Groups of residuals, such as those of one curve or photograph, and their correlation length.
 
 
-SHORTEST = 8
+MIN_GROUP_SIZE = 8
 """Minimum number of residuals of a group to estimate their correlation."""
 
 
@@ -56,7 +56,7 @@ def autocorrelation_time(r: Array) -> float:
     neighbours per independent value. It ends at the first lag whose correlation could be chance (2 / sqrt(n))."""
     n = len(r)
     power = float(np.sum(r**2))
-    if n < SHORTEST or power == 0.0:
+    if n < MIN_GROUP_SIZE or power == 0.0:
         return 1.0
     total = 1.0
     for lag in range(1, n // 2):
@@ -377,7 +377,7 @@ class FitOptions:
             is then that of equilibrium.
     """
 
-    poisson: float = laws.RUBBER
+    poisson: float = laws.DEFAULT_POISSON_RATIO
     changes: Changes = dataclasses.field(default_factory=lambda: MappingProxyType({}))
     robust: bool = False
     profiles: bool = True
@@ -442,7 +442,7 @@ class FitOptions:
         return {name: change for name, change in self.changes.items() if name in names}
 
 
-DEFAULTS = FitOptions()
+DEFAULT_OPTIONS = FitOptions()
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -455,7 +455,7 @@ DEFAULTS = FitOptions()
 Design = Callable[[Material, Sequence[str]], Array]
 """Slopes of all standardised stresses by the named parameters of a material, shape (n, m)."""
 
-STARTS = 6
+MAX_STARTS = 6
 """Number of starts of a law of several terms, out of all combinations of its grid."""
 
 
@@ -470,7 +470,7 @@ class LawChoice:
     poisson: float
 
     @classmethod
-    def from_text(cls, text: str, poisson: float = laws.RUBBER) -> LawChoice:
+    def from_text(cls, text: str, poisson: float = laws.DEFAULT_POISSON_RATIO) -> LawChoice:
         """Read ``"yeoh"`` or ``"ogden2"``; `FitError` for no such law, or too many terms."""
         name, _, numbers = text.partition(":")
         found = laws.law_called(name)
@@ -490,7 +490,7 @@ class LawChoice:
         return cls(f"{law.name}{terms}", law, terms, poisson)
 
     @classmethod
-    def from_law(cls, law: type[Material], poisson: float = laws.RUBBER) -> LawChoice:
+    def from_law(cls, law: type[Material], poisson: float = laws.DEFAULT_POISSON_RATIO) -> LawChoice:
         """Return a law's class, with as many terms as are usual."""
         name = f"{law.name}{law.usual_terms}" if law.usual_terms else law.name
         return cls(name, law, law.usual_terms, poisson)
@@ -532,7 +532,7 @@ Laws = str | type[Material] | Sequence[str | type[Material]]
 """One law or several: names with their numbers of terms, with commas between, or classes; ``"all"`` for all."""
 
 
-def law_choices(laws: Laws, poisson: float = laws.RUBBER) -> list[LawChoice]:
+def law_choices(laws: Laws, poisson: float = laws.DEFAULT_POISSON_RATIO) -> list[LawChoice]:
     """Read ``"yeoh,ogden2"``, ``"all"``, or classes of laws; `FitError` for no such law, or one named twice."""
     if not -1.0 < poisson <= 0.5:
         raise FitError(f"poisson = {poisson:g} is outside -1 to 0.5")
@@ -628,7 +628,7 @@ def _term_starts(choice: LawChoice, design: Design, target: Array, modulus: floa
     return [
         {key: value for i, pair in enumerate(zip(factors.tolist(), shapes, strict=True), 1)
          for key, value in zip((f"{factor}{i}", f"{shape}{i}"), pair, strict=True)}
-        for _, shapes, factors in tried[:STARTS]
+        for _, shapes, factors in tried[:MAX_STARTS]
     ]  # fmt: skip
 
 

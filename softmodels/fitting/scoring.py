@@ -35,13 +35,13 @@ from softmodels.materials import silicones, specimens
 from softmodels.materials.laws import Material
 from softmodels.mechanics import mpi
 
-WITHIN = 1.959964
+BAND_ERRORS = 1.959964
 """Half of the 95 % band of a normal error, in standard errors."""
 COLUMNS = [
     "material", "data", "values", "rms", "unit", "chi2_per_value", "chi2_measurement", "chi2_material", "coverage_95", "worst",
 ]  # fmt: skip
 """Of the table of scores."""
-BAND = 0.95
+IDENTICAL_TOLERANCE = 0.95
 """Tolerance relative to its errors for identical materials."""
 
 
@@ -111,7 +111,7 @@ def _explained(residuals: Array, slopes: Array, free: Array, errors: MaterialErr
         moves = moves - basis @ (basis.T @ moves)
     curvature, vectors = np.linalg.eigh(moves.T @ moves)
     slope = vectors.T @ (moves.T @ residuals)
-    reach = math.sqrt(chdtri(len(slope), 1 - BAND))
+    reach = math.sqrt(chdtri(len(slope), 1 - IDENTICAL_TOLERANCE))
 
     def step(shift: float) -> Array:
         return np.asarray(-slope / np.maximum(curvature + shift, 1e-300))
@@ -210,7 +210,7 @@ def _mean_square(values: Array) -> float:
 
 
 def _covered(sizes: Array) -> float:
-    return float(np.mean(np.abs(sizes) <= WITHIN))
+    return float(np.mean(np.abs(sizes) <= BAND_ERRORS))
 
 
 def write_scores(path: Path, scores: Sequence[Score]) -> None:
@@ -296,7 +296,7 @@ def score(
 def error_of(text: str) -> residuals.StressError:
     """Return the standard error of stresses; `TensileError` for none, since a score needs its absolute size."""
     if text == "auto":
-        return residuals.StressError(residuals.RELATIVE, None, True)
+        return residuals.StressError(residuals.DEFAULT_RELATIVE_ERROR, None, True)
     if text == "constant":
         raise TensileError("a score needs absolute errors: write 2%+0.5kPa, or auto")
     return residuals.StressError.from_text(text)

@@ -186,9 +186,9 @@ Expression = Any
 """Values of an energy's arguments: UFL expressions (untyped), numpy arrays or numbers, real or complex, or `Dual`."""
 Six = Sequence[Expression]
 
-PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+TENSOR_ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """Rows and columns of the six entries."""
-COUNTS = (1, 1, 1, 2, 2, 2)
+ENTRY_COUNTS = (1, 1, 1, 2, 2, 2)
 """How often each of them stands in the tensor."""
 IDENTITY = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
 SECONDS = schema.Quantity("s")
@@ -321,7 +321,7 @@ class InNumpy:
 
 def six(A: Expression) -> list[Expression]:
     """Return the entries of a symmetric 3 x 3 tensor that is indexed by A[i, j]."""
-    return [A[i, j] for i, j in PLACES]
+    return [A[i, j] for i, j in TENSOR_ENTRIES]
 
 
 def cofactors(A: Six) -> list[Expression]:
@@ -339,7 +339,7 @@ def determinant(A: Six) -> Expression:
     return a * (b * c - bc**2) - ab * (ab * c - ac * bc) + ac * (ab * bc - ac * b)
 
 
-SMALL = 0.02
+SERIES_LIMIT = 0.02
 """Argument below which the two functions of `_shares` are their series, to rounding."""
 
 
@@ -348,9 +348,9 @@ def _shares(z: Expression, of: Functions) -> tuple[Expression, Expression]:
     series = [1 / math.factorial(5 + n) for n in (1, 2)]
     for k in reversed(range(5)):  # Horner's rule, because a compiled power takes as long as twenty products
         series = [1 / math.factorial(k + n) - z * term for n, term in zip((1, 2), series, strict=True)]
-    big = of.below(z, SMALL, SMALL, z)
+    big = of.below(z, SERIES_LIMIT, SERIES_LIMIT, z)
     first = (1 - of.exp(-big)) / big
-    return of.below(z, SMALL, series[0], first), of.below(z, SMALL, series[1], (1 - first) / big)
+    return of.below(z, SERIES_LIMIT, series[0], first), of.below(z, SERIES_LIMIT, series[1], (1 - first) / big)
 
 
 def growth(C: Six, Cv: Six) -> Expression:
@@ -427,12 +427,12 @@ def step_stiffness(
         g = spring_stiffness(I1, spring)
         half, third = g * half, g * third + sum(w * (a - 1) / 6 * (I1 / 3) ** (a - 2) for w, a in spring)
     less, more = [half * entry for entry in B], [third * entry for entry in B]
-    return [[more[p] * B[q] - _crossed(less, B, p, q) for q in range(p + 1)] for p in range(len(PLACES))]
+    return [[more[p] * B[q] - _crossed(less, B, p, q) for q in range(p + 1)] for p in range(len(TENSOR_ENTRIES))]
 
 
 def _crossed(A: Six, B: Six, p: int, q: int) -> Expression:
     """Return A_ik B_jl + A_il B_jk of the entries p = (i, j) and q = (k, l)."""
-    (i, j), (k, m) = PLACES[p], PLACES[q]
+    (i, j), (k, m) = TENSOR_ENTRIES[p], TENSOR_ENTRIES[q]
     return _entry(A, i, k) * _entry(B, j, m) + _entry(A, i, m) * _entry(B, j, k)
 
 
@@ -441,7 +441,10 @@ def isochoric(C: Six, stress: Six, stiffness: Sequence[Six]) -> tuple[list[Expre
     as of `step_stress` and `step_stiffness`."""
     inverse, t = cofactors(C), contracted(stress, C)
     slope = [s - t / 3 * i for s, i in zip(stress, inverse, strict=True)]
-    along = [contracted([stiffness[max(p, q)][min(p, q)] for q in range(len(PLACES))], C) for p in range(len(PLACES))]
+    along = [
+        contracted([stiffness[max(p, q)][min(p, q)] for q in range(len(TENSOR_ENTRIES))], C)
+        for p in range(len(TENSOR_ENTRIES))
+    ]
     less = (contracted(along, C) - t) / 18
     u = [(a + s) / 3 - less * i for a, s, i in zip(along, slope, inverse, strict=True)]
     sixth = [t / 6 * i for i in inverse]

@@ -137,32 +137,32 @@ PNEUNETS = Origin(
 
 def _marechal(c1: float, c2: float, elongation: float, top: float = 3.0, c3: float = 0.0) -> Silicone:
     """Return the least squares on the nominal stress (Pa), c2 and c3 not below zero so that the law stays stable."""
-    return Silicone(Yeoh(c1, c2, c3, laws.RUBBER), (1.02, top), MARECHAL, elongation)
+    return Silicone(Yeoh(c1, c2, c3, laws.DEFAULT_POISSON_RATIO), (1.02, top), MARECHAL, elongation)
 
 
 def _data_sheet(psi: float) -> Silicone:
     """From the nominal stress at stretch 2: S = 2 c1 (2 - 1/4)."""
-    return Silicone(Yeoh(round(psi * PSI / 3.5, 1), 0.0, 0.0, laws.RUBBER), (1.0, 2.0), SMOOTH_ON)
+    return Silicone(Yeoh(round(psi * PSI / 3.5, 1), 0.0, 0.0, laws.DEFAULT_POISSON_RATIO), (1.0, 2.0), SMOOTH_ON)
 
 
 def _compressed(modulus: float, alpha: float) -> Silicone:
-    return Silicone(Ogden.from_two_mu((modulus,), (alpha,), laws.RUBBER), (0.75, 1.0), SPARKS)
+    return Silicone(Ogden.from_two_mu((modulus,), (alpha,), laws.DEFAULT_POISSON_RATIO), (0.75, 1.0), SPARKS)
 
 
 def _sorotoki(c1: float, c2: float) -> Silicone:
-    return Silicone(Yeoh(c1, c2, 0.0, laws.RUBBER), None, SOROTOKI)
+    return Silicone(Yeoh(c1, c2, 0.0, laws.DEFAULT_POISSON_RATIO), None, SOROTOKI)
 
 
 def _johnston(young: float, cure: str) -> Silicone:
     origin = dataclasses.replace(JOHNSTON, key=f"johnston-2014-{cure}", history=f"cured at {cure.upper()[:-1]} C")
-    return Silicone(Yeoh(young / 6, 0.0, 0.0, laws.RUBBER), (1.0, 1.4), origin)
+    return Silicone(Yeoh(young / 6, 0.0, 0.0, laws.DEFAULT_POISSON_RATIO), (1.0, 1.4), origin)
 
 
 PRODUCTS: dict[str, tuple[Silicone, ...]] = {
     "ecoflex-00-10": (_marechal(3670.0, 126.0, 17.09), _compressed(12605.0, 4.32), _data_sheet(8.0)),
     "ecoflex-00-30": (
         _marechal(7859.0, 94.3, 16.07),
-        Silicone(Yeoh(13892.0, 61.2, 29.5, laws.RUBBER), (1.0, 3.01), LIAO),
+        Silicone(Yeoh(13892.0, 61.2, 29.5, laws.DEFAULT_POISSON_RATIO), (1.0, 3.01), LIAO),
         _compressed(22081.0, 0.825),
         _sorotoki(8400.0, 100.0),
         _data_sheet(10.0),
@@ -184,7 +184,7 @@ PRODUCTS: dict[str, tuple[Silicone, ...]] = {
     "rebound-25": (_marechal(48694.0, 4434.5, 6.27, 2.0),),
     "soloplast-150318": (_marechal(33279.0, 2054.3, 7.39, 2.0),),
     "wagnersil-20-nf": (_marechal(55737.0, 9028.0, 3.27, 2.0),),
-    "elastosil-m4601": (Silicone(Yeoh(110e3, 20e3, 0.0, laws.RUBBER), None, PNEUNETS),),
+    "elastosil-m4601": (Silicone(Yeoh(110e3, 20e3, 0.0, laws.DEFAULT_POISSON_RATIO), None, PNEUNETS),),
     "sylgard-184": (_johnston(1.32e6, "25c"), _johnston(2.97e6, "200c")),
 }
 """Every source of every product. The strain of Marechal's curves is the crosshead's: the first few percent are less sure."""

@@ -29,7 +29,7 @@ from softmodels.materials.laws import Material, MaterialError
 # the law's parameters (Pa); beyond the locking stretch of a law (Gent) they are nan.
 
 
-_STEP = 1e-30  # so small that its square vanishes relative to 1: no truncation error
+_COMPLEX_STEP = 1e-30  # so small that its square vanishes relative to 1: no truncation error
 
 MODES: dict[str, tuple[tuple[float, float, float], int]] = {
     "uniaxial": ((1.0, -0.5, -0.5), 1),
@@ -163,7 +163,7 @@ def _wall_pressure(
     return np.vectorize(pressure, otypes=[float])(np.asarray(inner_stretch, dtype=float))
 
 
-_NEWTON = 60
+_MAX_NEWTON_STEPS = 60
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -249,15 +249,15 @@ def _nudged_memory(given: memory.Memory, name: str, by: complex) -> memory.Memor
 
 def _incompressible(material: Material, stretch: Array, mode: str, parameters: Sequence[str]) -> Response:
     def by_step(law: Material, at: memory.Expression) -> Array:
-        return np.asarray(np.imag(_incompressible_stress(law, at, mode)) / _STEP + dead)
+        return np.asarray(np.imag(_incompressible_stress(law, at, mode)) / _COMPLEX_STEP + dead)
 
     stress = np.asarray(_incompressible_stress(material, stretch, mode))
     dead = 0.0 * stress  # nan where it is
     # The stretch stays real, so that only terms with the nudged parameter are complex: complex powers take most of a fit's
     # time.
-    columns = [by_step(nudged(material, name, 1j * _STEP), stretch) for name in parameters]
+    columns = [by_step(nudged(material, name, 1j * _COMPLEX_STEP), stretch) for name in parameters]
     side = stretch ** MODES[mode][0][2]
-    return Response(stress, _columns(columns, stretch), side, lambda: by_step(material, stretch + 1j * _STEP))
+    return Response(stress, _columns(columns, stretch), side, lambda: by_step(material, stretch + 1j * _COMPLEX_STEP))
 
 
 _SIDES = {
@@ -282,16 +282,20 @@ def _compressible(material: Material, stretch: Array, mode: str, parameters: Seq
     stress = slopes(material, stretch, side)[0] / sum(pulled)
     dead = 0.0 * stress
     a, s = stretch.astype(complex), side.astype(complex)
-    by_side = slopes(material, a, s + 1j * _STEP)
+    by_side = slopes(material, a, s + 1j * _COMPLEX_STEP)
 
     def follow(moved: tuple[memory.Expression, memory.Expression]) -> Array:
         """Return the total derivative, with the free side moving so that it stays stress-free."""
         drift = -np.imag(moved[1]) / np.imag(by_side[1])
-        total: Array = (np.imag(moved[0]) / _STEP + np.imag(by_side[0]) / _STEP * drift) / sum(pulled) + dead
+        total: Array = (np.imag(moved[0]) / _COMPLEX_STEP + np.imag(by_side[0]) / _COMPLEX_STEP * drift) / sum(
+            pulled
+        ) + dead
         return total
 
-    columns = [follow(slopes(nudged(material, name, 1j * _STEP), a, s)) for name in parameters]
-    return Response(stress, _columns(columns, stretch), side, lambda: follow(slopes(material, a + 1j * _STEP, s)))
+    columns = [follow(slopes(nudged(material, name, 1j * _COMPLEX_STEP), a, s)) for name in parameters]
+    return Response(
+        stress, _columns(columns, stretch), side, lambda: follow(slopes(material, a + 1j * _COMPLEX_STEP, s))
+    )
 
 
 def _free_side(material: Material, slopes: memory.Expression, stretch: Array, mode: str) -> Array:
@@ -303,10 +307,10 @@ def _free_side(material: Material, slopes: memory.Expression, stretch: Array, mo
     exact = stretch ** MODES[mode][0][2]  # what it would be at nu = 0.5
     side = exact ** (2 * nu if mode == "uniaxial" else nu / (1 - nu))  # Hooke's law in logarithms
     low, high = np.minimum(np.minimum(exact, 1.0), side) / 2, np.maximum(np.maximum(exact, 1.0), side) * 2
-    for _ in range(_NEWTON):
+    for _ in range(_MAX_NEWTON_STEPS):
         here = slopes(material, stretch, side)[1]
         low, high = np.where(here < 0.0, side, low), np.where(here > 0.0, side, high)
-        rise = np.imag(slopes(material, stretch.astype(complex), side + 1j * _STEP)[1]) / _STEP
+        rise = np.imag(slopes(material, stretch.astype(complex), side + 1j * _COMPLEX_STEP)[1]) / _COMPLEX_STEP
         step = side - here / rise
         step = np.where((step > low) & (step < high) & (rise > 0.0), step, np.sqrt(low * high))
         moved = np.abs(step - side) > 4e-16 * side
@@ -326,7 +330,7 @@ def _columns(columns: list[Array], stretch: Array) -> Array:
 
 MOST_ERROR = 1e-4
 """Largest error of integration in time, relative to the largest stress."""
-_HALVINGS = 12
+_MAX_HALVINGS = 12
 SOFTENING = ("softening", "softening_m", "softening_beta")
 """Names of the softening's parameters to differentiate by: 1/r, m in Pa, beta."""
 FLOW = ("onset", "exponent")
@@ -385,7 +389,7 @@ def branch_stress(
     for at in range(1, len(time)):
         coarse = crossed(Cv, at, steps)
         share = np.minimum((time[at] - time[at - 1]) / taus, 1.0)
-        for _ in range(_HALVINGS):
+        for _ in range(_MAX_HALVINGS):
             fine = crossed(Cv, at, 2 * steps)
             off = np.abs(stress(stretch[at], fine) - stress(stretch[at], coarse)) - allowed * share
             if (off <= 1e-13).all():
@@ -452,10 +456,12 @@ def stress_in_time(
             elif name in by_flow:
                 added[:, i] = size * by_flow[name] @ shares
             elif name not in (*SOFTENING, *FLOW):
-                moved = nudged(material, name, 1j * _STEP)
+                moved = nudged(material, name, 1j * _COMPLEX_STEP)
                 change = _pulled(moved, stretch, mode)
-                slopes[:, i], energy_slopes[:, i] = (np.imag(v) / _STEP + dead for v in (change.slope, change.value))
-                added[:, i] = np.imag(moved.shear_modulus_0) / _STEP * viscous
+                slopes[:, i], energy_slopes[:, i] = (
+                    np.imag(v) / _COMPLEX_STEP + dead for v in (change.slope, change.value)
+                )
+                added[:, i] = np.imag(moved.shear_modulus_0) / _COMPLEX_STEP * viscous
         if own.softening is not None:
             stress, slopes = _softened(own.softening, time, stress, slopes, energy, energy_slopes, parameters)
     return stress + size * viscous, slopes + added
@@ -539,8 +545,11 @@ def log_strain_stiffness(material: Material, stretch: npt.ArrayLike, mode: str) 
         return [_slope(material, sides, (i * sides[0], j * sides[1], -sides[2])) for i, j in np.eye(2)]
 
     with np.errstate(all="ignore"):
-        first, second = gradient(e1 + 1j * _STEP, e2 + 0j), gradient(e1 + 0j, e2 + 1j * _STEP)
-        H = np.moveaxis(np.imag([first, second]), (0, 1), (-2, -1)) / _STEP + 0.0 * gradient(e1, e2)[0][:, None, None]
+        first, second = gradient(e1 + 1j * _COMPLEX_STEP, e2 + 0j), gradient(e1 + 0j, e2 + 1j * _COMPLEX_STEP)
+        H = (
+            np.moveaxis(np.imag([first, second]), (0, 1), (-2, -1)) / _COMPLEX_STEP
+            + 0.0 * gradient(e1, e2)[0][:, None, None]
+        )
         k = np.exp(2 * e1) + np.exp(2 * e2) + np.exp(-2 * (e1 + e2)) - 3
     return H, k
 
@@ -558,10 +567,10 @@ def strain_of(mode: str, stretch: npt.ArrayLike) -> Array:
 # it within its range makes simulations fail, however small its residuals.
 
 
-FURTHEST = 10.0
+MAX_STRETCH = 10.0
 """Range of stretch, up to this value and down to its inverse, over which a law is checked."""
-POINTS = 600
-REST = 0.01
+STRETCH_POINTS = 600
+INITIAL_STRETCH_TOLERANCE = 0.01
 """Stretch near 1 below which an instability counts as initial."""
 
 
@@ -578,14 +587,16 @@ class Instability:
         return f"{self.mode} {way} at stretch {self.stretch:.3g}"
 
 
-def instabilities(material: Material, furthest: float = FURTHEST) -> tuple[Instability, ...]:
+def instabilities(material: Material, furthest: float = MAX_STRETCH) -> tuple[Instability, ...]:
     """Return the first states along every mode, in tension and compression, that violate Drucker's criterion, the smallest
     strain first, of a law taken as incompressible; from 1/furthest to ``furthest`` of stretch."""
     found = []
     for mode in MODE_NAMES:
         for way in (1.0, -1.0):
             first = _first(
-                material, mode, np.exp(way * np.linspace(min(1e-3, math.log(furthest) / 2), math.log(furthest), POINTS))
+                material,
+                mode,
+                np.exp(way * np.linspace(min(1e-3, math.log(furthest) / 2), math.log(furthest), STRETCH_POINTS)),
             )
             if first:
                 found.append(first)
@@ -593,13 +604,13 @@ def instabilities(material: Material, furthest: float = FURTHEST) -> tuple[Insta
 
 
 def weakest(material: Material) -> Instability | None:
-    """Return the instability at the smallest stretch in tension, over all modes; None up to `FURTHEST`."""
+    """Return the instability at the smallest stretch in tension, over all modes; None up to `MAX_STRETCH`."""
     return min((one for one in instabilities(material) if one.stretch > 1), key=lambda one: one.stretch, default=None)
 
 
 def weakness(material: Material) -> str:
     """Return at which stretch a law becomes unstable in tension, as a clause with its name; empty if stable up to
-    `FURTHEST`."""
+    `MAX_STRETCH`."""
     found = {one.mode: one.stretch for one in instabilities(material) if one.stretch > 1}
     if not found:
         return ""
@@ -623,8 +634,8 @@ def described(material: Material) -> str:
 
 
 def check_rest(material: Material) -> None:
-    """Raise `MaterialError` for a law that is not stable (Drucker) within `REST` of its state of rest."""
-    if weak := instabilities(material, furthest=1 + REST):
+    """Raise `MaterialError` for a law that is not stable (Drucker) within `INITIAL_STRETCH_TOLERANCE` of its state of rest."""
+    if weak := instabilities(material, furthest=1 + INITIAL_STRETCH_TOLERANCE):
         raise MaterialError(
             f"the law {described(material)} is unstable at small strain (Drucker's criterion: {weak[0]}); check the "
             f"signs and units of its parameters, or fit another law"
@@ -679,7 +690,7 @@ def judge(material: Material, strain: float) -> Verdict:
     elif weak:
         notes.append(f"stable (Drucker) within this range; unstable beyond it in {weak[0]}")
     else:
-        notes.append(f"stable (Drucker) in every mode from stretch {1 / FURTHEST:g} to {FURTHEST:g}")
+        notes.append(f"stable (Drucker) in every mode from stretch {1 / MAX_STRETCH:g} to {MAX_STRETCH:g}")
     if math.isfinite(material.strain_limit):
         ends = ", ".join(f"{mode} {last_stretch(material, mode):.3g}" for mode in MODE_NAMES)
         notes.append(f"the chains lock at stretch: {ends}")

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from softmodels.design.study import Indices, Input, Study
 
 
-SHOWN = {"m": (1e3, ", mm"), "degree": (1.0, ", degrees"), "": (1.0, "")}
+SHOWN_UNITS = {"m": (1e3, ", mm"), "degree": (1.0, ", degrees"), "": (1.0, "")}
 """Factor and text of each unit on an axis."""
 
 
@@ -51,7 +51,7 @@ def grasp_figure(made: Grasp, found: Sequence[grasp.Held], outlines: Sequence[Se
         """Return vectors along and across the load as across and up."""
         return np.stack([vectors[..., 1], -vectors[..., 0]], axis=-1)
 
-    figure = Figure((style.WIDTH, style.WIDTH / len(shown) + 0.6), dpi=style.DPI, layout="constrained")
+    figure = Figure((style.WIDTH_INCHES, style.WIDTH_INCHES / len(shown) + 0.6), dpi=style.DPI, layout="constrained")
     for axes, number in zip(np.atleast_1d(figure.subplots(1, len(shown))), shown, strict=True):
         held = found[number]
         for corners in outlines[number]:
@@ -96,7 +96,7 @@ def scatter_figure(
     the pressure is stands at the axes, such as ``"limit pressure"``, with the ``unit`` of the column."""
     label = f"{what}, {unit}"
     pressures = np.sort([pressure for _, pressure in limits])
-    figure = Figure((style.WIDTH, 4.8 if len(tolerances) < 3 else 4.4), dpi=style.DPI, layout="constrained")
+    figure = Figure((style.WIDTH_INCHES, 4.8 if len(tolerances) < 3 else 4.4), dpi=style.DPI, layout="constrained")
     axes = figure.subplots(1, 1 + len(tolerances))
     share = (np.arange(len(pressures)) + 0.5) / len(pressures) * 100
     axes[0].step(pressures, share, where="mid", color=style.CURVE)
@@ -108,7 +108,7 @@ def scatter_figure(
     axes[0].set(xlabel=label, ylabel="devices below it, %", ylim=(0, 100))
     axes[0].legend(loc="best", fontsize=9)
     for place, tolerance in zip(axes[1:], tolerances, strict=True):
-        factor, unit = SHOWN[tolerance.unit]
+        factor, unit = SHOWN_UNITS[tolerance.unit]
         values = [changes[tolerance.name] * factor for changes, _ in limits]
         place.plot(values, [pressure for _, pressure in limits], "o", color=style.CURVE, markersize=4)
         place.set(xlabel=f"{tolerance.name.replace('_', ' ')}{unit}", ylabel=label)
@@ -121,11 +121,11 @@ def scatter_figure(
 # Solids are rendered in a separate process, because VTK and DOLFINx each bring their own HDF5.
 
 
-AMOUNT = 0.15
+MAX_MODE_AMPLITUDE = 0.15
 """Largest displacement of a mode as drawn, in sizes of the slice, unless walls meet before."""
-SMALLER = 0.6 ** np.arange(7)
+AMPLITUDE_FACTORS = 0.6 ** np.arange(7)
 """Shares of it that are tried until no walls of a solid pass through each other."""
-DRAWN = 4
+MAX_MODES_DRAWN = 4
 """Maximum number of modes drawn."""
 
 
@@ -167,14 +167,14 @@ def section_shapes(moved: Array, shapes: Sequence[Array], cells: grid.Cells, tit
     """Draw an axisymmetric section of cells, shape (c, 6), in its first modes (largest entry 1, shape (n, 3) each) with their
     titles, over its outline without them; nodes of the state in m, shape (n, 3) with y = 0."""
     flat = moved[:, ::2] * 1e3
-    size = AMOUNT * np.ptp(flat[:, 0])
+    size = MAX_MODE_AMPLITUDE * np.ptp(flat[:, 0])
     bent = [flat + size * shape[:, ::2] for shape in shapes]
     low, high = np.min([flat, *bent], axis=(0, 1)), np.max([flat, *bent], axis=(0, 1))
     shape_of_panel = (high - low)[1] / (high - low)[0]
-    columns = 2 if shape_of_panel < 0.8 else DRAWN
+    columns = 2 if shape_of_panel < 0.8 else MAX_MODES_DRAWN
     rows = -(-len(shapes) // columns)
-    tall = rows * (min(style.WIDTH / columns * shape_of_panel, style.WIDTH) + 0.6)
-    figure = Figure((style.WIDTH, tall), dpi=style.DPI, layout="constrained")
+    tall = rows * (min(style.WIDTH_INCHES / columns * shape_of_panel, style.WIDTH_INCHES) + 0.6)
+    figure = Figure((style.WIDTH_INCHES, tall), dpi=style.DPI, layout="constrained")
     for place, shape, title in zip(figure.subplots(rows, columns, squeeze=False).flat, bent, titles, strict=False):
         for shown, colour in ((flat, style.FAINT), (shape, style.INK)):
             place.add_collection(LineCollection(list(grid.outline(shown, cells)), colors=colour, linewidths=1.4))
@@ -192,7 +192,7 @@ def solid_shapes(
     """Return what `main` renders of a slice: undeformed nodes in m, shape (n, 3), cells, shape (c, 10), with XDMF's name of
     them, nodes of the state in m, and the modes."""
     skin, up = grid.surface_of(points, cells, cell_name, actuator), np.asarray(actuator.lift)
-    size = AMOUNT * np.ptp(points, axis=0).max()
+    size = MAX_MODE_AMPLITUDE * np.ptp(points, axis=0).max()
     walls = state_values.FacingWalls(points, cells, cell_name, [plane.normal for plane in actuator.cut_planes])
     bent = np.array([skin.points(moved + _apart(walls, moved - points, size * shape)) for shape in shapes])
     whole = offscreen.direction(*((-45.0, 32.0) if actuator.axial else (-58.0, 24.0)), up)
@@ -209,11 +209,11 @@ def solid_shapes(
 
 def _apart(walls: state_values.FacingWalls, displacement: Array, shape: Array) -> Array:
     """Return a mode as large, and of that sign, as makes no walls pass through each other."""
-    for share in SMALLER:
+    for share in AMPLITUDE_FACTORS:
         for sign in (1.0, -1.0):
             if not walls.cross(displacement + sign * share * shape):
                 return sign * share * shape
-    return SMALLER[-1] * shape
+    return AMPLITUDE_FACTORS[-1] * shape
 
 
 def draw_solids(told: SolidShapes, titles: Sequence[str]) -> Figure:
@@ -235,7 +235,7 @@ def draw_solids(told: SolidShapes, titles: Sequence[str]) -> Figure:
 # Pictures and report of a study: parallel coordinates, response surfaces, shares of the variance, and a page with all.
 
 
-FINE = 41
+SURFACE_POINTS = 41
 """Points of a response surface along each input."""
 PERCENTILES = (5, 50, 95)
 
@@ -269,7 +269,7 @@ def parallel(study: Study) -> Figure:
     whole = np.isfinite(lines[..., 1]).all(axis=1)
     order = np.argsort(values[0][whole])
     bundle = LineCollection(
-        list(lines[whole][order]), array=values[0][whole][order], cmap=style.LINES, linewidths=1.0, alpha=0.7
+        list(lines[whole][order]), array=values[0][whole][order], cmap=style.LINES_CMAP, linewidths=1.0, alpha=0.7
     )
     axes.add_collection(bundle)
     figure.colorbar(bundle, ax=axes, label=_label(responses[0]), pad=0.02)
@@ -299,7 +299,7 @@ def _axis_texts(axes: Axes, place: int, one: Input | str, ends: tuple[float, flo
 def surface_figure(study: Study, response: str, strongest: tuple[int, int]) -> Figure:
     """Return a response over the two strongest inputs, the others in their middle: its surrogate, and the samples."""
     inputs, model = study.plan.inputs, study.surrogate(response)
-    shares = (np.arange(FINE) + 0.5) / FINE
+    shares = (np.arange(SURFACE_POINTS) + 0.5) / SURFACE_POINTS
     across, up = (_along(inputs[k], shares) for k in strongest)
     middle = np.array([float(one.ppf(np.array([0.5]))[0]) for one in inputs])
     points = np.tile(middle, (len(across) * len(up), 1))
@@ -307,16 +307,16 @@ def surface_figure(study: Study, response: str, strongest: tuple[int, int]) -> F
     points[:, strongest[1]] = np.tile(up, len(across))
     values = model(points).reshape(len(across), len(up)).T
     first, second = (inputs[k] for k in strongest)
-    figure, axes = style.chart(4.8, 0.72 * style.WIDTH)
+    figure, axes = style.chart(4.8, 0.72 * style.WIDTH_INCHES)
     x, y = _shown(first, across), _shown(second, up)
     low, high = float(values.min()), float(values.max())
     levels = np.linspace(low, high if high > low else low + 1.0, 15)
-    filled = axes.contourf(x, y, values, levels=levels, cmap=style.LINES)
+    filled = axes.contourf(x, y, values, levels=levels, cmap=style.LINES_CMAP)
     own = study.values(response)
     known = np.isfinite(own)
     at = study.plan.points
     axes.scatter(
-        _shown(first, at[known, strongest[0]]), _shown(second, at[known, strongest[1]]), c=own[known], cmap=style.LINES,
+        _shown(first, at[known, strongest[0]]), _shown(second, at[known, strongest[1]]), c=own[known], cmap=style.LINES_CMAP,
         vmin=levels[0], vmax=levels[-1], edgecolors="white", s=36, label="samples",
     )  # fmt: skip
     if not known.all():
@@ -350,7 +350,7 @@ def _shown(one: Input, points: Array) -> Array:
 def shares_figure(found: dict[str, Indices]) -> Figure:
     """Return the Sobol indices of each response as bars with their 95 % intervals."""
     names = next(iter(found.values())).inputs
-    figure = Figure((style.WIDTH, 1.3 + 0.45 * len(names)), dpi=style.DPI, layout="constrained")
+    figure = Figure((style.WIDTH_INCHES, 1.3 + 0.45 * len(names)), dpi=style.DPI, layout="constrained")
     for axes, (response, one) in zip(np.ravel(figure.subplots(1, len(found), sharey=True)), found.items(), strict=True):
         places = np.arange(len(names))
         axes.barh(

@@ -24,7 +24,7 @@ from softmodels.common.lazy import scipy
 from softmodels.common.pages import Page
 from softmodels.materials import silicones
 from softmodels.pictures import curves
-from softmodels.pictures.style import LINE_COLOURS, STYLE, WIDTH, chart
+from softmodels.pictures.style import LINE_COLOURS, STYLE, WIDTH_INCHES, chart
 from softmodels.runs import columns, table
 from softmodels.runs.states import StoredStates
 from softmodels.runs.store import ResultsError
@@ -69,7 +69,7 @@ class Comparison(cards.Shown):
     @matplotlib.rc_context(STYLE)
     def plot(self) -> Figure:
         """Plot the paths over each other: the rise of the gauge over the load."""
-        figure, axes = chart(4.6, 0.6 * WIDTH)
+        figure, axes = chart(4.6, 0.6 * WIDTH_INCHES)
         for one, colour in zip(self.results, itertools.cycle(LINE_COLOURS), strict=False):
             over = curves.over_of(one.case)[0]
             path = np.column_stack([one.loads, one.rows.shown(one.gauge)])
@@ -89,7 +89,7 @@ class Comparison(cards.Shown):
         steps = [None if self.common is None else _step_at(one, abs(self.common)) for one in self.results]
         if not all(one.case.actuator.on_profile(one.points).any() for one in self.results):
             return None
-        figure, axes = chart(4.6, 0.6 * WIDTH)
+        figure, axes = chart(4.6, 0.6 * WIDTH_INCHES)
         for one, step, colour in zip(self.results, steps, itertools.cycle(LINE_COLOURS), strict=False):
             if step is None:
                 return None
@@ -98,7 +98,7 @@ class Comparison(cards.Shown):
                 line = curves.profile(one.points, moved, one.case.actuator) * 1e3
                 axes.plot(*line.T, style, color=colour, label=f"{one.name}{label}")
         axes.margins(0.05)
-        if np.ptp(axes.get_ylim()) > FLAT * np.ptp(axes.get_xlim()):
+        if np.ptp(axes.get_ylim()) > MAX_FLAT_RATIO * np.ptp(axes.get_xlim()):
             axes.set_aspect("equal")
         axes.set(xlabel="distance in mm", ylabel="height in mm")
         figure.legend(loc="outside lower center", ncols=2, fontsize=10)
@@ -140,12 +140,12 @@ class Comparison(cards.Shown):
         files.write_text(Path(path), self.html())
 
 
-COMPARED = ("added_volume", "max_stretch", "peak_stretch", "max_von_mises", "blocked_force", "contact_force")
+COMPARED_COLUMNS = ("added_volume", "max_stretch", "peak_stretch", "max_von_mises", "blocked_force", "contact_force")
 """Variables compared at the highest common load, beside the rise."""
 MOST_LOADS = 6
 """Common loads at most whose rises are compared."""
-MISSING = "not given"
-FLAT = 0.3
+MISSING_TEXT = "not given"
+MAX_FLAT_RATIO = 0.3
 """Height of outlines over their width below which both axes have scales of their own."""
 
 
@@ -287,7 +287,7 @@ def _differences(results: Sequence[Compared]) -> list[Difference]:
     tables = [_flat(tomllib.loads(one.case.to_toml())) for one in results]
     found = []
     for field in dict.fromkeys(itertools.chain(*tables)):
-        texts = tuple(table.get(field, MISSING) for table in tables)
+        texts = tuple(table.get(field, MISSING_TEXT) for table in tables)
         if field != "name" and len(set(texts)) > 1:
             short = tuple(re.sub(r"\d+\.\d{7,}", lambda digits: f"{float(digits[0]):.6g}", text) for text in texts)
             found.append(Difference(field, short if len(set(short)) == len(set(texts)) else texts))
@@ -323,7 +323,7 @@ def _figures(results: Sequence[Compared], over: str) -> tuple[tuple[Figures, ...
         stored = all(_step_at(one, common) is not None for one in results)
         where = f"at {sign * common:.5g} {meaning.unit}{'' if stored else ', interpolated'}"
         found.append(Figures(f"rise {where}", "mm", tuple(_between(one, one.gauge, common) for one in results)))
-        for name in COMPARED:
+        for name in COMPARED_COLUMNS:
             values = tuple(_between(one, name, common) for one in results)
             if any(map(math.isfinite, values)):
                 known = columns.term(next(one.rows[0].column(name) for one in results if name in one.rows))

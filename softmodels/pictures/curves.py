@@ -20,7 +20,20 @@ from geometries import Actuator
 from softmodels.common import pages, units
 from softmodels.common.arrays import Array
 from softmodels.materials import silicones
-from softmodels.pictures.style import BRANCH, CURVE, DPI, EDGE, FAINT, INK, LINES, SPAN, STYLE, WARNING, WIDTH, chart
+from softmodels.pictures.style import (
+    BRANCH,
+    CURVE,
+    DPI,
+    EDGE,
+    FAINT,
+    INK,
+    LINES_CMAP,
+    SPAN,
+    STYLE,
+    WARNING,
+    WIDTH_INCHES,
+    chart,
+)
 from softmodels.runs import columns, grid, labels, notes, states, table
 from softmodels.runs.states import Line, States
 
@@ -59,7 +72,7 @@ def curves(
         wanted.insert(0, (("stroke", f"stroke of the {words.driver} in ml"), _pressure(words)))
     figures = []
     for (place, below), (variable, label) in wanted:
-        figure, axes = chart(4.2, WIDTH / 2)
+        figure, axes = chart(4.2, WIDTH_INCHES / 2)
         _sources(axes, sources, rows, variable, place)
         _path(axes, rows, variable, branch, place)
         for name, colour, marker, events in _events(rows):
@@ -291,7 +304,7 @@ def smooth(path: Array, count: int = 400) -> Array:
 # Plots of a program: loads of each cavity and response of the device, over the program's steps.
 
 
-SUPPLIED = {"source_pressure": "source pressure\nin {}", "flow": "flow in\nml/min"}
+SUPPLY_LABELS = {"source_pressure": "source pressure\nin {}", "flow": "flow in\nml/min"}
 """Variables of a supply in time, with their labels."""
 
 
@@ -303,21 +316,21 @@ def steps(rows: table.PathTable, words: labels.StateLabels) -> Figure:
         (words.volumes(rows[0]), "added volume\nin ml"),
         *(
             ([name], label.format(words.unit))
-            for name, label in SUPPLIED.items()
+            for name, label in SUPPLY_LABELS.items()
             if not np.isnan(rows[0].get(name, np.nan))
         ),
         *(([name], str(columns.term(rows[0].column(name)))) for name in words.loads),
         *([(["kinetic_energy"], "kinetic energy\nin mJ")] if "kinetic_energy" in rows else []),
     ]
     panels = [panel for panel in panels if panel[0]]
-    figure = Figure((WIDTH, 7.6 + 1.8 * (len(panels) - 3)), dpi=DPI, layout="constrained")
+    figure = Figure((WIDTH_INCHES, 7.6 + 1.8 * (len(panels) - 3)), dpi=DPI, layout="constrained")
     places = figure.subplots(len(panels), 1, sharex=True, height_ratios=(1.4, *(1.0 for _ in panels[1:])))
     timed = "time" in rows
     along = "time" if timed else "load_step"
     come, asked = rows[along], rows["requested"] != 0
     for axes, (variables, label) in zip(places, panels, strict=True):
         count = len(variables)
-        shades = matplotlib.colormaps[LINES](np.linspace(0.1, 0.8, count)) if count > 1 else [CURVE]
+        shades = matplotlib.colormaps[LINES_CMAP](np.linspace(0.1, 0.8, count)) if count > 1 else [CURVE]
         for k, (name, colour) in enumerate(zip(variables, shades, strict=True), 1):
             values = rows.shown(name)
             cavity = f"cavity{k}" if count > 1 else None
@@ -349,9 +362,9 @@ def loop(rows: table.PathTable, words: labels.StateLabels) -> Figure:
     """Plot the pressure over the added volume and over the gauge's rise in each cycle of a load with times, with the areas of
     the loops."""
     found = notes.cycles(rows)
-    figure = Figure((WIDTH, 5.4), dpi=DPI, layout="constrained")
+    figure = Figure((WIDTH_INCHES, 5.4), dpi=DPI, layout="constrained")
     places = figure.subplots(1, 2, sharey=True)
-    shades = matplotlib.colormaps[LINES](np.linspace(0.1, 0.8, len(found))) if len(found) > 1 else [CURVE]
+    shades = matplotlib.colormaps[LINES_CMAP](np.linspace(0.1, 0.8, len(found))) if len(found) > 1 else [CURVE]
     for count, (cycle, colour) in enumerate(zip(found, shades, strict=True), 1):
         label = f"cycle {count}: loses {cycle.loss}" if cycle.closed else f"cycle {count}, not closed"
         marker, wide = {1: ("o", 2.0), len(found): ("s", 2.0)}.get(count, ("", 0.9))
@@ -369,7 +382,7 @@ def loop(rows: table.PathTable, words: labels.StateLabels) -> Figure:
 # Plots of the device's outline at each pressure, from the side or in a section. No rendering needed.
 
 
-FEW = 2
+MAX_FEW_VALUES = 2
 """Number of requested values up to which the profile also shows steps in between."""
 LEGEND_LINES = 12
 
@@ -395,7 +408,7 @@ def profile_steps(rows: table.PathTable, words: labels.StateLabels) -> list[floa
     if not loaded:
         return []
     shown: set[float] = {k for k in loaded if rows[k]["requested"] or rows[k]["limit"]} | {loaded[-1]}
-    if sum(bool(rows[k]["requested"]) for k in loaded) > FEW:
+    if sum(bool(rows[k]["requested"]) for k in loaded) > MAX_FEW_VALUES:
         return sorted(shown)
     if even := states.round_steps(rows, PRESSURE, 8) if words.pressure and "load_step" not in rows else []:
         shown |= set(even)
@@ -418,8 +431,8 @@ def cut_profiles(
     upwards, shape (2, 3)."""
     flat = np.concatenate([rest, *lines.values()]).reshape(-1, 3) @ axes_of_plane.T
     wide, tall = np.ptp(flat, axis=0)
-    figure, axes = chart(min(max(0.72 * WIDTH * tall / wide + 1.4, 3.5), WIDTH))
-    colours = matplotlib.colormaps[LINES](np.linspace(0.9, 0.0, max(len(lines), 2)))
+    figure, axes = chart(min(max(0.72 * WIDTH_INCHES * tall / wide + 1.4, 3.5), WIDTH_INCHES))
+    colours = matplotlib.colormaps[LINES_CMAP](np.linspace(0.9, 0.0, max(len(lines), 2)))
     names = _labels(*path, _labelled(list(lines)))
     drawn: list[tuple[Array, ColorType, float, str, str | None]] = [(rest, EDGE, 1.4, ":", "undeformed")]
     drawn += [
@@ -444,7 +457,7 @@ def _direction(axis: Array) -> str:
     return "xyz"[near] if abs(axis[near]) > 1 - 1e-9 else f"along ({', '.join(f'{value:.3g}' for value in axis)})"
 
 
-TALLEST = 8.0
+MAX_AXES_INCHES = 8.0
 """Largest height of a profile's axes in inches."""
 
 
@@ -465,15 +478,17 @@ def profiles(
     tall = max(high - low, 0.25 * (right - left)) * 1.16
     bottom = low - 0.08 * tall
     # The legend is beside the axes, so that it hides no line.
-    inner = min(7.1, TALLEST * (right - left) / tall)
+    inner = min(7.1, MAX_AXES_INCHES * (right - left) / tall)
     height = inner * tall / (right - left)
     names = _labels(*path, _labelled(list(lines)))
     whole = max(height + 1.25, 0.24 * sum(1.3 + name.count("\n") for name in names.values()) + 1.1)
-    figure = Figure((WIDTH, whole), dpi=DPI)
-    axes = figure.add_axes((0.85 / WIDTH, (whole - height + 0.25) / 2 / whole, inner / WIDTH, height / whole))
+    figure = Figure((WIDTH_INCHES, whole), dpi=DPI)
+    axes = figure.add_axes(
+        (0.85 / WIDTH_INCHES, (whole - height + 0.25) / 2 / whole, inner / WIDTH_INCHES, height / whole)
+    )
     axes.set(xlim=(left, right), ylim=(bottom, bottom + (right - left) * height / inner), aspect="equal")
     axes.plot(*_outline(rest, axial).T, "--", color=EDGE, linewidth=1.4, label="undeformed")
-    colours = matplotlib.colormaps[LINES](np.linspace(0.9, 0.0, max(len(lines), 2)))
+    colours = matplotlib.colormaps[LINES_CMAP](np.linspace(0.9, 0.0, max(len(lines), 2)))
     for colour, (step, line) in zip(colours, lines.items(), strict=False):
         axes.plot(*_outline(line, axial).T, color=colour, label=names.get(step))
     if plate is not None:

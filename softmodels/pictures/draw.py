@@ -52,7 +52,7 @@ def draw(
     if not (folder / f"{name}.h5").exists():
         raise ResultsError(f"{folder} holds no {name}.h5, so there is nothing to draw")
     own = store.picture_folder(folder)
-    own.take(folders.PATIENCE)
+    own.take(folders.DRAWING_TIMEOUT)
     try:
         states = StoredStates(folder, name)
         # Check all files before removing any, so that a foreign file does not cost the earlier pictures.

@@ -31,16 +31,16 @@ if TYPE_CHECKING:
 # Plots of a fit to outlines: measured and simulated ones overlaid, and the residuals of each photograph.
 
 
-SHOWN = 400
+MAX_POINTS_SHOWN = 400
 """Number of measured points drawn per photograph."""
-COLUMNS = 3
+GRID_COLUMNS = 3
 
 
 def draw_outlines(matches: Sequence[residuals.MatchedPhotograph], law: str) -> Figure:
     """Plot all outlines in device coordinates: measured points, simulated lines, a colour per pressure."""
-    figure, axes = style.chart(0.55 * style.WIDTH)
+    figure, axes = style.chart(0.55 * style.WIDTH_INCHES)
     for fitting, colour in zip(matches, _colours(len(matches)), strict=True):
-        stride = max(len(fitting.points) // SHOWN, 1)
+        stride = max(len(fitting.points) // MAX_POINTS_SHOWN, 1)
         measured = 1e3 * (fitting.points * np.column_stack([fitting.side, np.ones_like(fitting.side)]))[::stride]
         axes.plot(measured[:, 0], measured[:, 1], ".", ms=2.5, color=style.INK, alpha=0.5)
         half = 1e3 * shapes.half_outline(fitting.shadow.curve, 2e-5)[0]
@@ -69,13 +69,13 @@ def _legend_beside(axes: Axes) -> None:
 def draw_photographs(matches: Sequence[residuals.MatchedPhotograph], law: str) -> Figure:
     """Plot the residuals (simulated - measured) along the outline, one panel per photograph, with a band of two standard
     errors."""
-    rows = -(-len(matches) // COLUMNS)
+    rows = -(-len(matches) // GRID_COLUMNS)
     figure, panels = _panels(len(matches), 2.3 + 0.5 / rows, sharex=True, whole=True)
     for k, (axes, fitting) in enumerate(zip(panels, matches, strict=True)):
         _panel(axes, fitting)
-        if k // COLUMNS == rows - 1:
+        if k // GRID_COLUMNS == rows - 1:
             axes.set_xlabel("distance from the axis (mm)")
-        if k % COLUMNS == 0:
+        if k % GRID_COLUMNS == 0:
             axes.set_ylabel("residual (um)\nsimulated - measured")
     figure.suptitle(f"{law}: residuals of each photograph; grey: two standard errors of a bin's mean")
     return figure
@@ -88,7 +88,7 @@ def _name(shape: Shape) -> str:
 
 def draw_creep(matches: Sequence[residuals.MatchedPhotograph], law: str) -> Figure:
     """Plot the heights of photographs with times over their hold times, a colour per level of the pressure."""
-    figure, axes = style.chart(0.5 * style.WIDTH, 0.75 * style.WIDTH)
+    figure, axes = style.chart(0.5 * style.WIDTH_INCHES, 0.75 * style.WIDTH_INCHES)
     levels: dict[tuple[object, ...], list[residuals.MatchedPhotograph]] = {}
     for one in matches:
         history, device = one.shape.history, one.shape.source.rpartition("/")[0]
@@ -125,7 +125,7 @@ def _colours(count: int) -> Array:
 
 STYLES = ("-", "--", "-.", ":")
 NAMES = {"uniaxial": "uniaxial tension", "planar": "pure shear", "equibiaxial": "equibiaxial tension"}
-BOTH = {**NAMES, "uniaxial": "uniaxial tension and compression"}
+NAMES_OF_BOTH = {**NAMES, "uniaxial": "uniaxial tension and compression"}
 
 
 def _plot_law(axes: Axes, i: int, x: Array, y: Array, label: str = "", marker: str = "") -> None:
@@ -152,7 +152,7 @@ def draw_curves(report: comparison.FitReport) -> Figure:
         for i, one in enumerate(report.laws):
             stress = _gauge(one, report, curve) * predicted(one.material, drawn)
             _plot_law(axes, i, along, stress / 1e3, label=one.choice.name)
-        names = BOTH if curve.stretch.min() < 0.99 else NAMES
+        names = NAMES_OF_BOTH if curve.stretch.min() < 0.99 else NAMES
         axes.set_title(f"{names[curve.mode]}\n{processes.plain(curve.name)}")
         axes.set(xlabel="stretch" if against == "stretch" else "time (s)", ylabel="nominal stress (kPa)")
         measured = curve.stress / 1e3
@@ -190,7 +190,7 @@ def draw_residuals(report: comparison.FitReport) -> Figure:
 def draw_profiles(one: comparison.FittedLaw) -> Figure:
     """Return the rise of the deviance along every free parameter, the limit of the 95 % interval, and the quadratic
     approximation."""
-    figure, grid = _panels(len(one.profiles), 3.6 + 0.3 / -(-len(one.profiles) // COLUMNS), whole=True)
+    figure, grid = _panels(len(one.profiles), 3.6 + 0.3 / -(-len(one.profiles) // GRID_COLUMNS), whole=True)
     for axes, profile in zip(grid, one.profiles.values(), strict=True):
         best = one.fit.values[profile.name]
         _, unit = units.with_prefix(best, profile.unit)
@@ -212,13 +212,13 @@ def draw_profiles(one: comparison.FittedLaw) -> Figure:
 
 
 def _panels(
-    count: int, height: float, most: int = COLUMNS, sharex: bool = False, whole: bool = False
+    count: int, height: float, most: int = GRID_COLUMNS, sharex: bool = False, whole: bool = False
 ) -> tuple[Figure, Sequence[Axes]]:
     """Return a figure of panels side by side, ``height`` inches each; a single one is narrower unless ``whole``."""
     columns = min(count, most)
     rows = -(-count // columns)
     figure = Figure(
-        (style.WIDTH if columns > 1 or whole else 0.75 * style.WIDTH, height * rows),
+        (style.WIDTH_INCHES if columns > 1 or whole else 0.75 * style.WIDTH_INCHES, height * rows),
         dpi=style.DPI,
         layout="constrained",
     )
@@ -228,10 +228,10 @@ def _panels(
     return figure, list(grid[:count])
 
 
-SMALL = {**style.STYLE, "font.size": 10, "axes.titlesize": 11, "legend.fontsize": 9}
+SMALL_STYLE = {**style.STYLE, "font.size": 10, "axes.titlesize": 11, "legend.fontsize": 9}
 
 
-@matplotlib.rc_context(SMALL)
+@matplotlib.rc_context(SMALL_STYLE)
 def figures(report: comparison.FitReport) -> dict[str, Figure]:
     """Return all pictures by the stem of their file's name."""
     found = {"curves": draw_curves(report), "residuals": draw_residuals(report)} if report.curves else {}
@@ -330,13 +330,13 @@ def _law(one: comparison.FittedLaw, charts: Mapping[str, pages.Charts]) -> list[
 # Plot materials in test specimens.
 
 
-@matplotlib.rc_context(SMALL)
+@matplotlib.rc_context(SMALL_STYLE)
 def draw(
     many: Sequence[specimens.MaterialCurves], measured: Sequence[TensileCurve], radius: float, thickness: float
 ) -> bytes:
     """Return three tests and the balloon of a radius and thickness in m, with measured curves beside them, as PNG; nominal
     stresses are solid, unstable parts marked."""
-    figure = Figure((style.WIDTH, 8.4), dpi=style.DPI, layout="constrained")
+    figure = Figure((style.WIDTH_INCHES, 8.4), dpi=style.DPI, layout="constrained")
     panels = figure.subplots(2, 2).ravel()
     for axes, mode in zip(panels[:3], specimens.MODE_NAMES, strict=True):
         for i, one in enumerate(many):
@@ -349,7 +349,7 @@ def draw(
                 axes.plot(
                     curve.stretch, curve.stress / 1e3, marker, ms=3.5, mfc="none", mec=style.INK, mew=0.7, label=label
                 )
-        names = BOTH if many[0].stretch[0] < 0.99 else NAMES
+        names = NAMES_OF_BOTH if many[0].stretch[0] < 0.99 else NAMES
         axes.set(title=names[mode], xlabel="stretch", ylabel="nominal stress (kPa)")
         axes.set_xlim(many[0].stretch[0], many[0].stretch[-1])
         _limit(axes, many, measured, mode)

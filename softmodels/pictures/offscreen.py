@@ -20,7 +20,7 @@ from softmodels.common.arrays import Array
 from softmodels.common.lazy import pyvista
 from softmodels.components import contact
 from softmodels.components.contact import RigidShape
-from softmodels.pictures.style import DPI, EDGE, INK, WARNING, WIDTH, Caption, Scale, subject
+from softmodels.pictures.style import DPI, EDGE, INK, WARNING, WIDTH_INCHES, Caption, Scale, subject
 from softmodels.runs import grid, labels
 from softmodels.runs.fields import coloured
 from softmodels.runs.states import States
@@ -53,7 +53,7 @@ def can_render() -> bool:
     return False
 
 
-PIXELS = round(WIDTH * DPI)
+WIDTH_PX = round(WIDTH_INCHES * DPI)
 """Width of a picture."""
 type Layer = tuple[PolyData, Style]
 """A mesh and its style."""
@@ -95,7 +95,7 @@ class ViewCamera:
 
     @classmethod
     def around(
-        cls, clouds: Sequence[Array], direction: Array, up: Array, width: int = PIXELS, tallest: float = 0.62
+        cls, clouds: Sequence[Array], direction: Array, up: Array, width: int = WIDTH_PX, tallest: float = 0.62
     ) -> ViewCamera:
         """Return the camera that frames point clouds, each (n, 3) in m, from a direction towards the viewer that is not along
         ``up``, in a picture of a width in pixels whose height over it is at most ``tallest``."""
@@ -135,7 +135,7 @@ def _triple(vector: Array) -> tuple[float, float, float]:
     return x, y, z
 
 
-AROUND, ALONG = 48, 16
+FACETS_AROUND, FACETS_ALONG = 48, 16
 """Facets around a shape, and from an end to its middle."""
 
 
@@ -165,7 +165,7 @@ def seen_lines(points: Array, pairs: grid.Cells) -> list[Layer]:
 
 def ring(centre: Array, direction: Array, radius: float) -> PolyData:
     """Return a circle to draw around a place, seen from a direction; lengths in m."""
-    return pyvista.Polygon(center=centre, radius=radius, normal=direction, n_sides=AROUND, fill=False)
+    return pyvista.Polygon(center=centre, radius=radius, normal=direction, n_sides=FACETS_AROUND, fill=False)
 
 
 @functools.cache
@@ -244,7 +244,7 @@ class Style(TypedDict, total=False):
 # card. Nothing here is specular, so skipping it changes no pixel.
 
 
-HEADLIGHT, LAMP = 0.5, 0.35
+HEADLIGHT_INTENSITY, LAMP_INTENSITY = 0.5, 0.35
 """Intensities of the headlight and of a second light."""
 LAMP_PLACE = (-0.4, 1.0, 0.3)
 """Direction of the second light: to the right, upwards, towards the viewer."""
@@ -258,14 +258,14 @@ SHADING = """
 
 def add_lights(plotter: Plotter) -> None:
     """Add the lights to VTK, for surfaces without `shade`."""
-    plotter.add_light(pyvista.Light(light_type="headlight", intensity=HEADLIGHT))
-    plotter.add_light(pyvista.Light(light_type="camera light", position=LAMP_PLACE, intensity=LAMP))
+    plotter.add_light(pyvista.Light(light_type="headlight", intensity=HEADLIGHT_INTENSITY))
+    plotter.add_light(pyvista.Light(light_type="camera light", position=LAMP_PLACE, intensity=LAMP_INTENSITY))
 
 
 def shade(actor: Actor) -> None:
     """Shade a surface by the lights, without specular reflection."""
     lamp = np.array(LAMP_PLACE) / np.linalg.norm(LAMP_PLACE)
-    code = SHADING.format(*lamp, HEADLIGHT, LAMP)
+    code = SHADING.format(*lamp, HEADLIGHT_INTENSITY, LAMP_INTENSITY)
     actor.GetShaderProperty().AddFragmentShaderReplacement("//VTK::Light::Impl", True, code, False)
 
 
@@ -283,7 +283,7 @@ def profile(shape: RigidShape, reach: float) -> Array:
         return np.array([[0.0, 0.0], [0.0, reach]])
     if shape.shape == "cylinder":
         return np.array([[-reach, shape.radius], [reach, shape.radius]])
-    angle = np.linspace(0.0, np.pi / 2, ALONG)
+    angle = np.linspace(0.0, np.pi / 2, FACETS_ALONG)
     end = shape.radius * np.column_stack([np.sin(angle), np.cos(angle)])
     shift = np.array([shape.length / 2, 0.0])
     return np.concatenate([end[::-1] * (-1, 1) - shift, end + shift])
@@ -298,7 +298,7 @@ def shape_surface(shape: RigidShape, reach: float) -> PolyData:
     first /= np.linalg.norm(first)
     points = profile(shape, reach) @ [axis, first]
     pairs = np.column_stack([np.arange(len(points) - 1), np.arange(1, len(points))])
-    swept = lines(points, pairs).extrude_rotate(resolution=AROUND, rotation_axis=tuple(axis), capping=False)
+    swept = lines(points, pairs).extrude_rotate(resolution=FACETS_AROUND, rotation_axis=tuple(axis), capping=False)
     return swept.triangulate().clean(polys_to_lines=False).translate(shape.at)
 
 
@@ -357,7 +357,7 @@ def draw_outlines(axes: Axes, states: States, step: int) -> None:
 
 SOLID_STYLE: Style = {"smooth_shading": True, "culling": "back"}
 """Style of a closed surface: back faces are culled."""
-BESIDE = 0.5
+MAX_SHAPE_DISTANCE = 0.5
 """Distance from a device within which rigid shapes are shown, relative to its size."""
 
 
@@ -401,11 +401,11 @@ class Look:
             **texts,
         )
 
-    def camera(self, steps: Sequence[float], width: int = PIXELS, tallest: float = 0.62) -> ViewCamera:
+    def camera(self, steps: Sequence[float], width: int = WIDTH_PX, tallest: float = 0.62) -> ViewCamera:
         """Return the camera that frames some states, and nearby parts of rigid shapes."""
         clouds = [self.points(step) for step in steps]
         low, high = (limit([limit(cloud, axis=0) for cloud in clouds], axis=0) for limit in (np.min, np.max))
-        around = BESIDE * float(np.max(high - low))
+        around = MAX_SHAPE_DISTANCE * float(np.max(high - low))
         shapes = [np.asarray(data.points) for step in steps for data, _ in shape_layers(self.states, step)]
         clouds += [np.clip(cloud, low - around, high + around) for cloud in shapes]
         if self.plate is not None:
@@ -627,9 +627,9 @@ def outlined(images: Sequence[Image], covered: Image) -> list[Image]:
     line = 1 - np.abs(2 * soft - 1)
     on, found = line > 0.02, [image.copy() for image in images]
     for image in found:
-        image[on] = image[on] + line[on, None] * (np.array(OUTLINE) - image[on])
+        image[on] = image[on] + line[on, None] * (np.array(OUTLINE_COLOUR) - image[on])
     return found
 
 
-OUTLINE = (150, 150, 150)
+OUTLINE_COLOUR = (150, 150, 150)
 """Colour of the undeformed outline."""

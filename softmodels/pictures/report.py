@@ -97,7 +97,7 @@ class Report:
         return self.folder / REPORT
 
 
-ROUNDING = 1e-12
+ROUNDING_TOLERANCE = 1e-12
 """Values below this, in the columns' units, are rounding errors."""
 
 
@@ -168,9 +168,9 @@ def _text(value: object) -> str:
 # one needs neither network nor installation, keeps one slice and its images, and 10 bytes per vertex and step before packing.
 
 
-VALUES = 2_500_000
+MAX_VIEW_VALUES = 2_500_000
 """Maximum vertices times steps of a view; with more, some steps are skipped."""
-FULL = 65535
+MAX_UINT16 = 65535
 
 
 def view(look: offscreen.Look) -> dict[str, object]:
@@ -192,14 +192,23 @@ def view(look: offscreen.Look) -> dict[str, object]:
 def _steps(states: States) -> list[int]:
     """Return the steps of the view: all, or as many as possible, preferring the requested ones."""
     count = len(states.rows)
-    most = max(VALUES // max(len(states.points), 1), 2)
+    most = max(MAX_VIEW_VALUES // max(len(states.points), 1), 2)
     if count <= most:
         return list(range(count))
     spread = {int(k) for k in np.linspace(0, count - 1, most).round()}
     return sorted(spread | {0, states.main, *(round(step) for step in states.shown())})
 
 
-PARTS = ((0, 4, 6, 7), (1, 5, 4, 8), (2, 6, 5, 9), (3, 7, 9, 8), (4, 9, 5, 6), (4, 9, 6, 7), (4, 9, 7, 8), (4, 9, 8, 5))
+SUBTETRAHEDRA = (
+    (0, 4, 6, 7),
+    (1, 5, 4, 8),
+    (2, 6, 5, 9),
+    (3, 7, 9, 8),
+    (4, 9, 5, 6),
+    (4, 9, 6, 7),
+    (4, 9, 7, 8),
+    (4, 9, 8, 5),
+)
 """A tetrahedron of ten nodes, in VTK's order, as eight of four nodes, whose faces are those of `QUARTERS`."""
 
 
@@ -209,7 +218,7 @@ def solid_cells(states: States) -> tuple[grid.Cells, grid.Cells]:
     Those of a half section are prisms between its nodes and the turned ones, each quarter of which is three tetrahedra.
     """
     if states.actuator.dimension == 3:
-        return states.cells, np.array(PARTS)
+        return states.cells, np.array(SUBTETRAHEDRA)
     parts = [((a, b, c, a + 6), (b, c, a + 6, b + 6), (c, a + 6, b + 6, c + 6)) for a, b, c in grid.QUARTERS]
     return np.concatenate([states.cells, states.cells + len(states.points)], axis=1), np.reshape(parts, (-1, 4))
 
@@ -239,10 +248,10 @@ def packed(look: offscreen.Look, steps: list[int]) -> tuple[dict[str, object], b
     ]
     before: list[Array | float] = [0] * (1 + len(look.scales))
     for step, place in zip(steps, places, strict=True):
-        columns = [np.round((place - low) / span * FULL).ravel()]
+        columns = [np.round((place - low) / span * MAX_UINT16).ravel()]
         for name, scale in look.scales.items():
             values = scale.share(states.field(step, name))
-            columns.append(np.round(whole(values, values) * FULL))
+            columns.append(np.round(whole(values, values) * MAX_UINT16))
         for k, column in enumerate(columns):
             pieces.append(_bytes(column - before[k]))
             before[k] = column
@@ -358,7 +367,7 @@ def _contact(states: States) -> str:
     if obstacle is None:
         return ""
     text = f"The rigid plane {obstacle.plane} is in frictionless contact with {obstacle.faces} (red in the pictures)."
-    pressed = states.rows.where(lambda row: row.get("contact_force") > ROUNDING)
+    pressed = states.rows.where(lambda row: row.get("contact_force") > ROUNDING_TOLERANCE)
     if not pressed:
         return f"{text} No contact occurred."
     first, row, words = pressed[0], states.rows[states.main], states.words
@@ -388,7 +397,7 @@ def _lines(rows: table.PathTable, states: States) -> pages.Table:
 
 def _shown(value: table.Cell) -> str:
     if isinstance(value, float):
-        return f"{value:.6g}" if abs(value) > ROUNDING else "0"
+        return f"{value:.6g}" if abs(value) > ROUNDING_TOLERANCE else "0"
     return "" if value is None else str(value)
 
 

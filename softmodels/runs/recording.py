@@ -190,7 +190,7 @@ def begin(case: Case, place: ResultsPlace) -> tuple[store.Results, bool]:
             raise
         return results, resumed
     except OSError as error:
-        status = outcomes.FAILED if error.errno in commands.FULL else outcomes.BAD_INPUT
+        status = outcomes.FAILED if error.errno in commands.DISK_FULL_ERRORS else outcomes.BAD_INPUT
         raise RunError(f"the folder {place.folder or base} cannot be written ({error.strerror})", status) from None
 
 

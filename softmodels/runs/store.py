@@ -131,7 +131,7 @@ class Results:
     def _bring_in(self) -> None:
         """Replace the earlier results, pictures included, by the prepared ones."""
         pictures = picture_folder(self.own.path)
-        pictures.take(folders.PATIENCE)  # a drawing process may be using them
+        pictures.take(folders.DRAWING_TIMEOUT)  # a drawing process may be using them
         try:
             self.own.bring_in(self._about)
             self.folder = self.own.path

@@ -217,7 +217,7 @@ def test_a_poor_mesh_is_made_anew_and_its_states_are_interpolated(comm, monkeypa
     traced = []
     trace = WorkingStates.trace
     monkeypatch.setattr(WorkingStates, "trace", lambda states, *how: traced.append(states) or trace(states, *how))
-    monkeypatch.setattr(model_module, "POOREST", 0.55)
+    monkeypatch.setattr(model_module, "MIN_MESH_QUALITY", 0.55)
     there = model.evaluate(model.start * (0.5, 1.1))
     assert there.remeshed and not traced
     monkeypatch.undo()

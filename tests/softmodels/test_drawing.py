@@ -180,10 +180,10 @@ def test_lights_without_gloss_are_those_of_vtk(wedge, monkeypatch):
 
 def test_a_large_film_has_fewer_frames_in_its_gif(monkeypatch):
     noise = np.random.default_rng(1).integers(0, 255, (40, 60, 80, 3), dtype=np.uint8)
-    monkeypatch.setattr(solid, "LARGEST", 20 * 60 * 80)
+    monkeypatch.setattr(solid, "MAX_GIF_BYTES", 20 * 60 * 80)
     data = solid.gif(list(noise))
     with Picture.open(io.BytesIO(data)) as found:
-        assert 10 <= found.n_frames < 40 and len(data) <= solid.LARGEST
+        assert 10 <= found.n_frames < 40 and len(data) <= solid.MAX_GIF_BYTES
 
 
 # -- Pictures that are encoded beside what draws the next one: all on disk at the end, and no failure lost -----------

@@ -27,7 +27,7 @@ from geometries.actuator import Castable
 from geometries.meshing import private_model
 from softmodels.casting import pictures
 from softmodels.casting.bodies import imported, left, recipe_of, tooling
-from softmodels.casting.facets import BETWEEN, arranged, laid_flat, print_estimate
+from softmodels.casting.facets import PLATE_GAP, arranged, laid_flat, print_estimate
 from softmodels.casting.files import _pour_steps, _steps
 from softmodels.casting.make import _difference, _made, common_thickness, manifold_of
 from softmodels.casting.settings import Asked, MouldError, Workshop, asked_of
@@ -347,7 +347,9 @@ def test_bodies_lie_flat_and_apart_on_plates_of_their_size():
     assert sorted(one.name for one in placed) == sorted(name for name, _ in bodies) and placed[-1].plate > 1
     boxes = [(one.plate, one.facets.points.min(axis=0), one.facets.points.max(axis=0)) for one in placed]
     for plate, low, high in boxes:
-        assert low[2] == 0.0 and (low[:2] >= BETWEEN).all() and (high[:2] <= (110.0 - BETWEEN, 70.0 - BETWEEN)).all()
+        assert (
+            low[2] == 0.0 and (low[:2] >= PLATE_GAP).all() and (high[:2] <= (110.0 - PLATE_GAP, 70.0 - PLATE_GAP)).all()
+        )
         for other, lower, upper in boxes:
             same = plate == other and (low == lower).all()
             assert same or plate != other or ((high[:2] < lower[:2]) | (upper[:2] < low[:2])).any()

@@ -106,16 +106,16 @@ class TensileCurve:
         if len(self.stretch) < LEAST_POINTS:
             yield f"the curve has {len(self.stretch)} points; at least {LEAST_POINTS} are needed"
         low, high = self.stretch.min(), self.stretch.max()
-        if high > PERCENT:
+        if high > MAX_STRAIN:
             yield (
-                f"a stretch of {high:.4g} is more than any silicone can take ({PERCENT:g}); if these are percent, divide "
+                f"a stretch of {high:.4g} is more than any silicone can take ({MAX_STRAIN:g}); if these are percent, divide "
                 "them by 100 (a strain in percent is a stretch of 1 + strain / 100)"
             )
         if low <= 0.0:
             hint = "; values starting at 0 are strains: add 1" if low == 0.0 else ""
             yield f"a stretch of {low:.4g} is not above zero{hint}"
         top = float(np.abs(self.stress).max())
-        if low < SLACK and abs(self.stress[np.argmin(self.stretch)]) < AT_REST * top:
+        if low < MIN_FIRST_STRETCH and abs(self.stress[np.argmin(self.stretch)]) < AT_REST * top:
             yield f"the stretch starts at {low:.4g} without stress instead of near 1: these seem to be strains; add 1"
         if self.time is None and (np.diff(self.stretch) < 0.0).any():
             yield "the stretch does not rise from row to row; give one loading ramp, sorted"
@@ -140,11 +140,11 @@ class TensileCurve:
     def stiff(self) -> str:
         """A sentence if it is stiffer than silicones and soft rubbers; else empty."""
         modulus = small_modulus(self)
-        if modulus <= laws.STIFFEST:
+        if modulus <= laws.MAX_SHEAR_MODULUS:
             return ""
         return (
             f"{self.name} starts with a shear modulus of {modulus / 1e6:.3g} MPa; silicones and soft rubbers have at most "
-            f"{laws.STIFFEST / 1e6:g} MPa, so check the unit of the stress (a factor 1000?)"
+            f"{laws.MAX_SHEAR_MODULUS / 1e6:g} MPa, so check the unit of the stress (a factor 1000?)"
         )
 
     def counting_from(self, slack: float, zero: float) -> TensileCurve:
@@ -181,7 +181,7 @@ class TensileCurve:
         return self if self.time is None else _ramp_of(self)
 
 
-EQUILIBRIUM = 0.0
+EQUILIBRIUM_RATE = 0.0
 """Rate of a test so slow that the silicone is relaxed at each point."""
 
 
@@ -202,7 +202,7 @@ def read_curve(
         columns: Which columns to take, see `told_columns`; empty to go by the headers.
         specimen: Its sizes, where the file has forces, extensions or pressures.
         history: Return the whole test with its times; else the loading ramp.
-        rate: Of the stretch in 1/s, instead of a column of times; `EQUILIBRIUM` for none.
+        rate: Of the stretch in 1/s, instead of a column of times; `EQUILIBRIUM_RATE` for none.
     """
     if not isinstance(test, str) or test.lower() not in SYNONYMS:
         raise TensileError(f"test {brief(test)} is not one of {', '.join(TESTS)}{errors.meant(test, SYNONYMS)}")
@@ -218,7 +218,7 @@ def read_curve(
         time = table.time
         if rate is not None:
             way = np.cumsum(np.abs(np.diff(stretch, prepend=stretch[0])))
-            time = None if rate == EQUILIBRIUM else way / rate
+            time = None if rate == EQUILIBRIUM_RATE else way / rate
         if history and time is None and rate is None:
             raise TensileError(
                 f"{table.untimed}; a fit of the memory needs times, or FILE:TEST:RATE, such as {path.name}:{kind}:0.05/s, "
@@ -242,7 +242,11 @@ def _unbroken(curve: TensileCurve) -> TensileCurve:
     and not by unloading."""
     way = direction(curve.stretch)
     x, y = way * curve.stretch, way * curve.stress
-    lost = (_last(y)[1:] < BREAK * y[:-1]) & (y[:-1] > BREAK * y.max()) & (x[1:] > x[:-1] - TURN * np.ptp(x))
+    lost = (
+        (_last(y)[1:] < BREAK_STRESS_SHARE * y[:-1])
+        & (y[:-1] > BREAK_STRESS_SHARE * y.max())
+        & (x[1:] > x[:-1] - REVERSAL_TOLERANCE * np.ptp(x))
+    )
     if not lost.any():
         return curve
     end = int(np.argmax(lost)) + 1
@@ -254,7 +258,7 @@ def _unbroken(curve: TensileCurve) -> TensileCurve:
 
 def _stretch(x: Array, column: CurveColumn, specimen: Specimen) -> Array:
     values = _directed(in_si(x, column), column)
-    if column.kind in ("strain", "true-strain") and (most := float(np.abs(values).max())) > PERCENT:
+    if column.kind in ("strain", "true-strain") and (most := float(np.abs(values).max())) > MAX_STRAIN:
         raise TensileError(
             f"the column {column.header!r} reaches a strain of {most:.4g}; if it is in percent, give "
             f"--columns {column.kind}={column.place + 1}[%],..."
@@ -276,7 +280,7 @@ def _stretch(x: Array, column: CurveColumn, specimen: Specimen) -> Array:
     if stretch.min() <= 0.0:
         hint = "; a column starting at 0 holds strains" if column.kind == "stretch" else ""
         raise TensileError(f"the column {column.header!r} gives a stretch of {stretch.min():.4g}{hint}")
-    if column.kind != "strain" and stretch.max() > PERCENT:
+    if column.kind != "strain" and stretch.max() > MAX_STRAIN:
         raise TensileError(f"the column {column.header!r} gives a stretch of {stretch.max():.4g}; check its unit")
     return np.asarray(stretch, dtype=float)
 
@@ -285,7 +289,7 @@ def _check_start(x: Array, y: Array, column: CurveColumn, specimen: Specimen) ->
     """Reject a column that does not start near the undeformed state, as its header requires; one given with --columns may."""
     values = in_si(x, column)
     place, name = column.place + 1, column.header
-    if column.kind in ("strain", "true-strain") and ELONGATED <= values.min() < PERCENT:
+    if column.kind in ("strain", "true-strain") and MAX_FIRST_STRAIN <= values.min() < MAX_STRAIN:
         shown = f"{x.min():.5g}" + (" %" if column.unit == "percent" else "")
         unit = "[%]" if column.unit == "percent" else ""
         raise TensileError(
@@ -294,14 +298,14 @@ def _check_start(x: Array, y: Array, column: CurveColumn, specimen: Specimen) ->
             f"--columns {column.kind}={place}{unit},..."
         )
     length = specimen.gauge_length
-    if column.kind == "extension" and length and values.min() >= ELONGATED * length:
+    if column.kind == "extension" and length and values.min() >= MAX_FIRST_STRAIN * length:
         raise TensileError(
             f"the column {name!r} begins at {x.min():.5g} {column.unit} instead of near 0, so it seems to "
             f"hold the specimen's length; subtract the first length, or give "
             f"--columns extension={place}[{column.unit}],... if the curve really starts there"
         )
     at_rest = abs(y[np.argmin(values)]) < AT_REST * np.abs(y).max()
-    if column.kind == "stretch" and 0.0 < values.min() < SLACK and at_rest:
+    if column.kind == "stretch" and 0.0 < values.min() < MIN_FIRST_STRETCH and at_rest:
         raise TensileError(
             f"the column {name!r} begins at {x.min():.5g} without stress instead of near 1, so it seems "
             f"to hold strains; rename it to 'strain' or give --columns strain={place},..."
@@ -346,7 +350,7 @@ def _ramp(stretch: Array, stress: Array) -> tuple[Array, Array, list[str], slice
     if span < 1e-3:
         raise TensileError(f"the stretch does not change ({stretch.min():.4g} to {stretch.max():.4g})")
     way = direction(stretch)
-    fallen = np.maximum.accumulate(way * stretch) - way * stretch > TURN * span
+    fallen = np.maximum.accumulate(way * stretch) - way * stretch > REVERSAL_TOLERANCE * span
     if fallen.any():
         end = int(np.argmax((way * stretch)[: np.argmax(fallen) + 1])) + 1
         if stretch[:end].max() - stretch[:end].min() < 0.5 * span or end < LEAST_POINTS:
@@ -359,7 +363,10 @@ def _ramp(stretch: Array, stress: Array) -> tuple[Array, Array, list[str], slice
         stretch, stress = stretch[:end], stress[:end]
     load = way * stress
     peak = int(np.argmax(load))
-    if load[peak] > BREAK * np.abs(load).max() and (_last(load)[peak:] < BREAK * load[peak]).any():
+    if (
+        load[peak] > BREAK_STRESS_SHARE * np.abs(load).max()
+        and (_last(load)[peak:] < BREAK_STRESS_SHARE * load[peak]).any()
+    ):
         end = peak + 1
         remarks.append(f"{len(stretch) - end} points after the break at stretch {stretch[end - 1]:.4g} are left out")
         stretch, stress = stretch[:end], stress[:end]
@@ -830,15 +837,15 @@ AT_STRETCH_1 = 0.005
 LARGEST_ZERO = 0.5
 """Largest stress at stretch 1, as a share of the largest one, that can be the load cell's zero."""
 LEAST_POINTS = 4
-TURN = 0.02
+REVERSAL_TOLERANCE = 0.02
 """Decrease of the stretch, relative to the range, that counts as a reversal."""
-BREAK = 0.5
+BREAK_STRESS_SHARE = 0.5
 """Fraction of the largest stress below which a specimen counts as broken."""
-ELONGATED, SLACK = 0.5, 0.3
+MAX_FIRST_STRAIN, MIN_FIRST_STRETCH = 0.5, 0.3
 """Maximum first value of a strain column, and minimum of a stretch column."""
 AT_REST = 0.05
 """Fraction of the largest stress below which a specimen counts as stress-free."""
-PERCENT = 30.0
+MAX_STRAIN = 30.0
 """Strain no silicone can take: a column that reaches it is in percent."""
 
 
@@ -874,17 +881,17 @@ class Origin:
 # The course of a test in time.
 
 
-CORNER = 0.005
+CORNER_TOLERANCE = 0.005
 """Tolerance of the straight parts of a history of stretch, relative to its range."""
-HELD = 0.05
+MIN_HOLD_SHARE = 0.05
 """Share of a test's time from which on a hold is reported."""
 MOST_CORNERS = 400
 
 
 def corners(time: Array, stretch: Array) -> list[int]:
     """Return the places between which the stretch is straight in time (Douglas & Peucker 1973), first and last included.
-    Noise beyond `CORNER` of the range widens the tolerance, so that it makes no corners."""
-    tolerance = CORNER * float(np.ptp(stretch))
+    Noise beyond `CORNER_TOLERANCE` of the range widens the tolerance, so that it makes no corners."""
+    tolerance = CORNER_TOLERANCE * float(np.ptp(stretch))
     while True:
         found, open_ends = {0, len(time) - 1}, [(0, len(time) - 1)]
         while open_ends and len(found) <= MOST_CORNERS:
@@ -904,7 +911,7 @@ def corners(time: Array, stretch: Array) -> list[int]:
 
 def segments(time: Array, stretch: Array) -> list[tuple[int, int, bool]]:
     """Return the straight parts of a history of stretch: first and last place, and whether it is held there."""
-    places, still = corners(time, stretch), TURN * float(np.ptp(stretch))
+    places, still = corners(time, stretch), REVERSAL_TOLERANCE * float(np.ptp(stretch))
     return [(a, b, bool(abs(stretch[b] - stretch[a]) < still)) for a, b in itertools.pairwise(places)]
 
 
@@ -917,7 +924,7 @@ def pace(time: Array, stretch: Array) -> list[str]:
     said = []
     if dt[moving].sum() > 0.0:
         said.append(f"stretched at {dx[moving].sum() / dt[moving].sum():.2g} /s; the modulus is that of this rate")
-    if (held := float(dt[~moving].sum())) > HELD * float(dt.sum()):
+    if (held := float(dt[~moving].sum())) > MIN_HOLD_SHARE * float(dt.sum()):
         said.append(f"held for {held:.3g} s")
     return said
 
@@ -931,7 +938,7 @@ def direction(stretch: Array) -> int:
 
 def turns(stretch: Array) -> list[int]:
     """Return the places of the reversals of a history of stretch, first and last included."""
-    room, found, way = TURN * float(np.ptp(stretch)), [0], 0
+    room, found, way = REVERSAL_TOLERANCE * float(np.ptp(stretch)), [0], 0
     last = 0
     for i, value in enumerate(stretch):
         if way == 0:
@@ -971,9 +978,9 @@ def loop(stretch: Array, stress: Array) -> float:
 # Noise, and single readings that jump.
 
 
-DENSE = 30
+MIN_POINTS_FOR_NOISE = 30
 """Minimum number of points to separate the noise of a curve from its curvature."""
-JUMP, JUMP_NOISE, JUMP_RANGE = 0.02, 8.0, 3.0
+MIN_JUMP_SHARE, MIN_JUMP_ERRORS, MIN_JUMP_RANGES = 0.02, 8.0, 3.0
 """Least distance of a jump from the readings around it: as a share of the largest value, in standard deviations of the
 noise, and in ranges of these readings."""
 NAMED_JUMPS = 5
@@ -989,7 +996,7 @@ def noise_of(curve: TensileCurve) -> float | Array:
     for still in (False, True):
         of_kind = [slice(a, b + 1) for a, b, held in parts if held is still]
         differences = [np.diff(curve.stress[part], 3) for part in of_kind]
-        if sum(map(len, differences)) >= DENSE - 3:
+        if sum(map(len, differences)) >= MIN_POINTS_FOR_NOISE - 3:
             for part in of_kind:
                 found[part] = _scatter(np.concatenate(differences))
     return found
@@ -998,7 +1005,7 @@ def noise_of(curve: TensileCurve) -> float | Array:
 def _scatter(differences: Array) -> float:
     """Return the standard deviation of noise from third differences, which suppress smooth curvature; the median makes jumps
     count little."""
-    if len(differences) < DENSE - 3:
+    if len(differences) < MIN_POINTS_FOR_NOISE - 3:
         return 0.0
     return float(np.median(np.abs(differences))) / 0.6745 / math.sqrt(20)
 
@@ -1034,9 +1041,13 @@ def _jumps(values: Array, noise: float | Array, stretch: Array) -> npt.NDArray[n
     others = around[around != np.arange(n)[:, None]].reshape(n, 4)
     near = values[others]
     off = np.abs(values - np.median(near, axis=1))
-    found = (off > JUMP * np.abs(values).max()) & (off > JUMP_NOISE * noise) & (off > JUMP_RANGE * np.ptp(near, axis=1))
+    found = (
+        (off > MIN_JUMP_SHARE * np.abs(values).max())
+        & (off > MIN_JUMP_ERRORS * noise)
+        & (off > MIN_JUMP_RANGES * np.ptp(near, axis=1))
+    )
     found[0] = False
-    found[-1] &= bool(np.ptp(stretch[-5:]) < TURN * np.ptp(stretch))
+    found[-1] &= bool(np.ptp(stretch[-5:]) < REVERSAL_TOLERANCE * np.ptp(stretch))
     return found
 
 
@@ -1046,11 +1057,11 @@ def _jumps(values: Array, noise: float | Array, stretch: Array) -> npt.NDArray[n
 
 SLACK_ROWS, SLACK_LEAST = 3, 0.005
 """Least number of rows at constant load, and least change of the stretch over them."""
-LEVEL, STEEPER = 0.2, 6.0
+MAX_LEVEL_SLOPE, MIN_STEEPER_ERRORS = 0.2, 6.0
 """Largest slope of the load over them, as a share of that beyond, and how much steeper this is, in standard errors."""
-SURE = 4.0
+MIN_ZERO_ERRORS = 4.0
 """Least first stress in its standard errors that is off zero."""
-NOTICED = 0.01
+NOTICED_STRAIN = 0.01
 """The same in the stress of a strain this large."""
 START_POINTS = 60
 """Number of averages over steps of stretch in which the start of a test is looked at."""
@@ -1135,7 +1146,9 @@ def _start(x: Array, y: Array) -> _Start | None:
     both = nearer[:2]
     off = min(abs(float(y[0])), *(abs(one.zero) for one in both))
     agree = min(one.zero * float(y[0]) for one in both) > 0.0
-    if agree and off > max(SURE * both[1].error, NOTICED * both[0].slope, abs(both[0].zero - both[1].zero)):
+    if agree and off > max(
+        MIN_ZERO_ERRORS * both[1].error, NOTICED_STRAIN * both[0].slope, abs(both[0].zero - both[1].zero)
+    ):
         return both[1]
     return None
 
@@ -1178,7 +1191,7 @@ def _level_and_parabola(x: Array, y: Array, reach: float) -> _Start:
     off = rest - np.polynomial.polynomial.polyval(x[before], line)
     noise = math.sqrt(max(float(off @ off) / max(count - 2, 1), squares / max(len(x) - 4, 1)))
     doubt = noise * math.sqrt(12.0 / count) / slack  # standard error of the line's slope
-    if abs(line[1]) > LEVEL * found[1] + doubt or found[1] - abs(line[1]) < STEEPER * doubt:
+    if abs(line[1]) > MAX_LEVEL_SLOPE * found[1] + doubt or found[1] - abs(line[1]) < MIN_STEEPER_ERRORS * doubt:
         return plain
     return _Start(slack, float(rest.mean()), max(noise / math.sqrt(count), 1e-3 * abs(float(y.max()))), float(found[1]))
 

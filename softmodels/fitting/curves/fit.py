@@ -225,7 +225,9 @@ class _MemoryTask(_Task):
             if self.softens:
                 softer = fitted(self.options.changes, *self.softens, *flow)
                 lead = next(one.aicc for one in compare([fit, softer]).ranked if one.fit is fit)
-                if asked or (softer.converged and lead > DECISIVE and softer.interval(specimens.SOFTENING[0])[0] > 0.0):
+                if asked or (
+                    softer.converged and lead > DECISIVE_AICC and softer.interval(specimens.SOFTENING[0])[0] > 0.0
+                ):
                     self.stiffer[choice.name] = math.sqrt(fit.deviance / softer.deviance)
                     fit = softer
             fits.append(fit)
@@ -274,10 +276,10 @@ class _MemoryTask(_Task):
         return said + loop_notes(residuals.counted_from(self.curves, laws[0].fit.values), laws[0].material)
 
 
-MODULUS = 30e3
+START_MODULUS = 30e3
 """Starting shear modulus in Pa without curves."""
 
-DECISIVE = 10.0
+DECISIVE_AICC = 10.0
 """Lead in AICc from which on a memory softens: no support for the other (Burnham & Anderson 2002, section 2.6)."""
 MEMORY_STARTS = 3
 """Number of a law's starts that are tried with branches."""
@@ -379,7 +381,7 @@ def fit_law_to_curves(
     curves = [source.curve for source in sources]
     more = residuals.further_parameters(_modulus(curves), residuals.largest_strain(curves)) if further else []
     fits = []
-    guesses = starts_for(choice, sources) if sources else [choice.from_modulus(MODULUS)]
+    guesses = starts_for(choice, sources) if sources else [choice.from_modulus(START_MODULUS)]
     for starts in problem.by_bounds(choice, guesses):
         weights = spectrum.parameters(starts[0]) if spectrum else []
         own = (*choice.parameters(starts[0]), *weights, *(p for p in more if p.name in further), *extra.parameters)
@@ -474,7 +476,7 @@ def prepared(curves: Curves, stretch: tuple[float, float] | None = None, history
 def fit_curves(
     curves: Curves,
     material: problem.Laws = "yeoh",
-    options: FitOptions = problem.DEFAULTS,
+    options: FitOptions = problem.DEFAULT_OPTIONS,
     *,
     stretch: tuple[float, float] | None = None,
     progress: Callable[[str], None] | None = None,

@@ -37,19 +37,19 @@ from softmodels.runs import grid
 # deviate from it.
 
 
-SMOOTH = (0.30, 0.04, 0.01, 0.01)
+SMOOTH_CURVE_ERRORS = (0.30, 0.04, 0.01, 0.01)
 """Relative errors of a smooth curve with one to four terms, for the nonlinearity of silicones."""
 TERMS = {3: 1, 4: 2, 5: 2, 6: 2, 7: 3, 8: 3}
 """Number of terms by the number of rows; 4 for more rows. None for fewer than three rows."""
-OUTSIDE = 5.0
+MAX_CURVE_ERRORS = 5.0
 """Distance from the others' curve, in errors, above which a row contradicts it."""
 MOST_SUBSETS = 3000
-GROSS = 1.15
+MIN_GROSS_FACTOR = 1.15
 """At its ends the curve is uncertain: only factors above this count there."""
 
-MEETS = 0.15
+EXCHANGE_TOLERANCE = 0.15
 """Relative tolerance for detecting exchanged rows."""
-CLEARLY = 2.0
+MIN_EXCHANGE_RATIO = 2.0
 """Minimum ratio of the scatter of any other exchange to that of the best one."""
 
 
@@ -96,7 +96,7 @@ class WrongReading:
 
     @property
     def gross(self) -> bool:
-        return not 1 / GROSS < self.factor < GROSS
+        return not 1 / MIN_GROSS_FACTOR < self.factor < MIN_GROSS_FACTOR
 
 
 def wrong_readings(rows: Sequence[HeightRow]) -> list[WrongReading]:
@@ -140,12 +140,15 @@ def exchanged(rows: Sequence[HeightRow]) -> tuple[WrongReading, WrongReading] | 
         if inside is not None and inside.all():
             found.append((_spread(swapped), a, b))
     found.sort()
-    if not found or (len(found) > 1 and found[1][0] < CLEARLY * found[0][0]):
+    if not found or (len(found) > 1 and found[1][0] < MIN_EXCHANGE_RATIO * found[0][0]):
         return None
     pair = [rows[k] for k in found[0][1:]]
     names = [row.source for row in pair]
     one, two = (WrongReading(row.source, row.pressure, expected_without(rows, names, row)) for row in pair)
-    meet = abs(one.pressure / two.expected - 1.0) < MEETS and abs(two.pressure / one.expected - 1.0) < MEETS
+    meet = (
+        abs(one.pressure / two.expected - 1.0) < EXCHANGE_TOLERANCE
+        and abs(two.pressure / one.expected - 1.0) < EXCHANGE_TOLERANCE
+    )
     return (one, two) if meet else None
 
 
@@ -193,7 +196,7 @@ def _basis(heights: Array, width: float, terms: int) -> Array:
 def _error(row: HeightRow, terms: int) -> float:
     """Return the relative standard error of a row's apparent modulus, from its reading, its height and the curve."""
     reading = 2.0 * row.pressure_error / max(abs(row.elastic), row.pressure_error)
-    return math.sqrt(reading**2 + (2.0 * row.height_error / row.height) ** 2 + SMOOTH[terms - 1] ** 2)
+    return math.sqrt(reading**2 + (2.0 * row.height_error / row.height) ** 2 + SMOOTH_CURVE_ERRORS[terms - 1] ** 2)
 
 
 def _inside(rows: Sequence[HeightRow]) -> npt.NDArray[np.bool_] | None:
@@ -212,9 +215,9 @@ def _inside(rows: Sequence[HeightRow]) -> npt.NDArray[np.bool_] | None:
         except np.linalg.LinAlgError:
             continue
         away = np.abs(y - A @ course) / error
-        inside = away < OUTSIDE
+        inside = away < MAX_CURVE_ERRORS
         # The curve with the most rows; of those the closest.
-        cost = float(np.minimum(away, OUTSIDE).sum())
+        cost = float(np.minimum(away, MAX_CURVE_ERRORS).sum())
         if best is None or cost < best[0]:
             best = cost, inside
     if best is None or best[1].sum() <= max(count / 2, terms):
@@ -222,7 +225,7 @@ def _inside(rows: Sequence[HeightRow]) -> npt.NDArray[np.bool_] | None:
     inside = best[1]
     for _ in range(3):  # from interpolation of a few points to least squares of all consistent ones
         pick = np.flatnonzero(inside).tolist()
-        inside = np.abs(y - A @ _course(A[pick], y[pick], error[pick])) / error < OUTSIDE
+        inside = np.abs(y - A @ _course(A[pick], y[pick], error[pick])) / error < MAX_CURVE_ERRORS
         if inside.sum() <= terms:
             return None
     return inside
@@ -236,9 +239,9 @@ def _subsets(indices: Sequence[int], size: int) -> list[tuple[int, ...]]:
     return [tuple(sorted(rng.choice(indices, size, replace=False).tolist())) for _ in range(MOST_SUBSETS)]
 
 
-NARROWEST, WIDEST = 0.82, 1.22
+MIN_WIDTH_RATIO, MAX_WIDTH_RATIO = 0.82, 1.22
 """Maximum ratio of measured to simulated width at half the height."""
-SPACING = 2e-5
+OUTLINE_SPACING = 2e-5
 """Spacing in m of points on a simulated outline."""
 
 
@@ -272,12 +275,12 @@ def series_of_shapes(model: device.DeviceModel, shapes: Sequence[Shape]) -> list
 
 def _check_widths(shapes: Sequence[Shape], curves: Sequence[grid.QuadraticCurve], device: str) -> None:
     measured = np.array([_width(shape.points, shape.height / 2) for shape in shapes])
-    halves = [half_outline(shadow_of(curve).curve, SPACING)[0] for curve in curves]
+    halves = [half_outline(shadow_of(curve).curve, OUTLINE_SPACING)[0] for curve in curves]
     simulated = 2.0 * np.array(
         [half[half[:, 1] > s.height / 2, 0].max() for half, s in zip(halves, shapes, strict=True)]
     )
     share = measured / simulated
-    if NARROWEST <= float(np.median(share)) <= WIDEST:
+    if MIN_WIDTH_RATIO <= float(np.median(share)) <= MAX_WIDTH_RATIO:
         return
     i = int(np.argmin(np.abs(share - np.median(share))))
     extent = f"between {share.min():.2f} and {share.max():.2f} times as wide" if len(share) > 1 else "so"
@@ -298,11 +301,11 @@ def _width(points: Array, level: float) -> float:
 # Bench corrections of a fit, in words: reported if large, rejected if implausible.
 
 
-REPORTED = 1.0
+REPORTED_ERRORS = 1.0
 """Corrections above this many standard errors of their prior are reported."""
-PLAIN = 0.01
+REPORTED_FRACTION = 0.01
 """So are fractions above this."""
-BELIEVED = 5.0
+MAX_PRESSURE_ERRORS = 5.0
 """Corrections of pressures above this many standard errors of their prior are rejected, because outlines do not show them."""
 
 
@@ -323,7 +326,7 @@ def _length(name: str, nominal: float) -> Callable[[float], str]:
     return lambda value: f"{name} {value * 1e3:.4g} mm, not {nominal * 1e3:.4g} mm"
 
 
-WORDS: dict[str, tuple[Callable[[float], str], str]] = {
+FACTOR_TEXTS: dict[str, tuple[Callable[[float], str], str]] = {
     "scale": (
         _share("all lengths in the photographs"),
         "check the pitch of the grid or board and the distances of lamp and screen",
@@ -346,7 +349,7 @@ def corrections(fit: least_squares.LeastSquaresFit) -> list[str]:
     return [
         f"{of}corrected: the fit assumes {says} ({abs(away):.1f} times the expected error); {advice}"
         for p, away, of, says, advice in _away(fit)
-        if abs(away) > REPORTED or (p.unit == "" and abs(fit.values[p.name]) > PLAIN)
+        if abs(away) > REPORTED_ERRORS or (p.unit == "" and abs(fit.values[p.name]) > REPORTED_FRACTION)
     ]
 
 
@@ -356,7 +359,7 @@ def unbelievable(fit: least_squares.LeastSquaresFit) -> list[str]:
         f"{of}to fit the outlines, the fit assumes {says} {abs(away):.0f} times "
         f"the plausible value: pressures and outlines contradict each other; {advice}, or fix it (--fix {p.name})"
         for p, away, of, says, advice in _away(fit)
-        if p.own_name in WORDS and p.own_name not in ("scale", "zero") and abs(away) > BELIEVED
+        if p.own_name in FACTOR_TEXTS and p.own_name not in ("scale", "zero") and abs(away) > MAX_PRESSURE_ERRORS
     ]
 
 
@@ -364,8 +367,11 @@ def _away(fit: least_squares.LeastSquaresFit) -> Iterator[tuple[problem.Paramete
     """Yield the corrections, with how many standard errors of their prior they are, whose they are, what they say, and the
     advice."""
     for p in fit.free:
-        if (p.own_name in WORDS or is_length(p)) and p.prior and math.isfinite(value := fit.values[p.name]):
-            says, advice = WORDS.get(p.own_name) or (_length(p.own_name, p.prior.mean), "measure it on the cast part")
+        if (p.own_name in FACTOR_TEXTS or is_length(p)) and p.prior and math.isfinite(value := fit.values[p.name]):
+            says, advice = FACTOR_TEXTS.get(p.own_name) or (
+                _length(p.own_name, p.prior.mean),
+                "measure it on the cast part",
+            )
             yield p, (value - p.prior.mean) / p.prior.error, f"{p.device}: " if p.device else "", says(value), advice
 
 
@@ -413,7 +419,7 @@ def exact_lengths(source: OutlineResiduals | HeightResiduals, fit: least_squares
 # is not blamed on a photograph.
 
 
-FEWEST = 4
+MIN_PHOTOGRAPHS = 4
 """Minimum number of photographs to identify a contradicting one."""
 FACTORS = (
     (10.0, "ten times as much: a decimal place, or millimetres for centimetres"),
@@ -421,11 +427,11 @@ FACTORS = (
     (2.0, "twice as much"),
     (0.5, "half of it: the level of only one tube"),
 )
-NEAR = 0.08
+FACTOR_TOLERANCE = 0.08
 """Relative tolerance for recognising a known factor."""
-ALIKE = 0.015
+READING_TOLERANCE = 0.015
 """Relative difference of a reading from its outline's pressure up to which the outline is blamed."""
-DECISIVE = 10.0
+DECISIVE_DEVIANCE = 10.0
 """Increase of the deviance above which one explanation is worse than another."""
 
 
@@ -479,12 +485,14 @@ def by_fit(
     ``names`` has the photograph of each measured residual, shape (count,), other sources names of their own; the series is by
     rising pressure.
     """
-    if len(rows) < FEWEST:
+    if len(rows) < MIN_PHOTOGRAPHS:
         return None
     ranked = left_out(fit, names, [row.source for row in rows])
     for deviance, chosen in ranked[:3]:
         rivals = [
-            one for other, one in ranked if other < deviance + DECISIVE and len(one) <= len(chosen) and one != chosen
+            one
+            for other, one in ranked
+            if other < deviance + DECISIVE_DEVIANCE and len(one) <= len(chosen) and one != chosen
         ]
         if not good(chosen):
             continue
@@ -521,7 +529,7 @@ def _fine(name: str, rows: Sequence[HeightRow]) -> str:
     order = sorted(range(len(rows)), key=lambda k: rows[k].height)
     if i in (order[0], order[-1]) and not one.gross:
         return ""
-    if abs(one.factor - 1.0) > ALIKE:
+    if abs(one.factor - 1.0) > READING_TOLERANCE:
         return _sentence(one)
     return (
         f"{name}: the others predict neither its outline nor its reading, {reading(one.pressure)}, though their heights "
@@ -530,9 +538,9 @@ def _fine(name: str, rows: Sequence[HeightRow]) -> str:
 
 
 def _sentence(one: WrongReading) -> str:
-    known = next((words for factor, words in FACTORS if abs(one.factor / factor - 1.0) < NEAR), "")
+    known = next((words for factor, words in FACTORS if abs(one.factor / factor - 1.0) < FACTOR_TOLERANCE), "")
     if one.factor < 0.0:
-        known = "its sign is wrong" if abs(one.factor + 1.0) < NEAR else "it is negative"
+        known = "its sign is wrong" if abs(one.factor + 1.0) < FACTOR_TOLERANCE else "it is negative"
     share = known or f"{one.factor:.3g} times as much"
     return (
         f"{one.source} contradicts the others: expected {reading(one.expected)} at its height, its "
@@ -553,7 +561,7 @@ MODEL_SHAPE = 0.03
 """Maximum rms distance from an outline relative to its height, for law and mesh errors."""
 MODEL_PRESSURE = 0.05
 """The same for a reading."""
-ERRORS = 5.0
+MIN_MISFIT_ERRORS = 5.0
 """Misfits below this many standard errors are ignored, for any height."""
 
 
@@ -589,7 +597,7 @@ def judge_heights(source: HeightResiduals, fit: least_squares.LeastSquaresFit) -
     """Check a fit to heights against law and mesh errors."""
     left = np.abs(fit.residuals[: fit.count]) / 1e3
     i = int(np.argmax(left / source.measured))
-    if left[i] > MODEL_PRESSURE * source.measured[i] + ERRORS * source.height_errors[i]:
+    if left[i] > MODEL_PRESSURE * source.measured[i] + MIN_MISFIT_ERRORS * source.height_errors[i]:
         one = source.heights[i]
         return least_squares.Judgement(
             (
@@ -619,7 +627,7 @@ def _beyond(source: OutlineResiduals, fit: least_squares.LeastSquaresFit) -> lis
     """Return the misfits beyond any law's and mesh's error."""
     matches = source.matches(fit.values)
     away = [float(np.sqrt(np.mean(one.distances**2))) for one in matches]
-    limits = [MODEL_SHAPE * one.shape.height + ERRORS * float(np.median(one.shape.error)) for one in matches]
+    limits = [MODEL_SHAPE * one.shape.height + MIN_MISFIT_ERRORS * float(np.median(one.shape.error)) for one in matches]
     shapes = [i for i in range(len(matches)) if away[i] > limits[i]]
     if shapes:
         i = max(shapes, key=lambda k: away[k] / limits[k])
@@ -631,7 +639,7 @@ def _beyond(source: OutlineResiduals, fit: least_squares.LeastSquaresFit) -> lis
         ]
     off = [one.pressure - one.true_pressure for one in matches]
     share = [
-        abs(by) / (MODEL_PRESSURE * abs(one.shape.pressure) + ERRORS * one.shape.pressure_error)
+        abs(by) / (MODEL_PRESSURE * abs(one.shape.pressure) + MIN_MISFIT_ERRORS * one.shape.pressure_error)
         for by, one in zip(off, matches, strict=True)
     ]
     i = int(np.argmax(share))

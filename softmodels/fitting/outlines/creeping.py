@@ -90,7 +90,7 @@ class Creep:
         model.system.potential.keep(state.w, anew=True)
         if model.loaded:
             assert model.spectrum is not None
-            model.system.potential.pass_time(FOREVER * model.spectrum.times[-1])
+            model.system.potential.pass_time(RELAXED_TIME_RATIO * model.spectrum.times[-1])
             if in_time is not None:
                 in_time.begin(state, self._hung_rates)
             model.system.potential.keep(state.w)
@@ -159,13 +159,13 @@ class Creep:
 STEP_TOLERANCE = 1e-4
 """Error of the stress by one step in time, over the largest stress, for branches of `USUAL_SHARE` each."""
 USUAL_SHARE = 0.2
-FOREVER = 1e6
+RELAXED_TIME_RATIO = 1e6
 """Time that a device has hung before its test, over its longest relaxation time."""
 FEWEST_STEPS = 4
 """Minimum number of steps between two times of a history."""
-REACH = 0.5
+LEVEL_BOUNDS = 0.5
 """Bounds of a level's true pressure, as a share of its reading."""
-DISTINCT = 1e-9
+PRESSURE_TOLERANCE = 1e-9
 """Pressures closer than this, relative to the larger, are one level."""
 
 
@@ -236,7 +236,7 @@ def _levels(corners: outline.History, looks: Mapping[int, Sequence[int]], levels
     names = [""] * len(corners)
     begin = 0
     for k in range(1, len(corners) + 1):
-        if k < len(corners) and abs(corners[k][1] - corners[begin][1]) <= DISTINCT * abs(corners[begin][1]):
+        if k < len(corners) and abs(corners[k][1] - corners[begin][1]) <= PRESSURE_TOLERANCE * abs(corners[begin][1]):
             continue
         seen = [i for at in range(begin, k) for i in looks.get(at, ())]
         if seen:
@@ -278,7 +278,8 @@ class CreepingResiduals(residuals.OutlineResiduals):
         """Return the hidden pressures of the levels in Pa, starting at their readings."""
         return [
             problem.Parameter(
-                self.named(name), "Pa", shape.pressure, (1 - REACH) * shape.pressure, (1 + REACH) * shape.pressure, hidden=True,
+                self.named(name), "Pa", shape.pressure, (1 - LEVEL_BOUNDS) * shape.pressure,
+                (1 + LEVEL_BOUNDS) * shape.pressure, hidden=True,
                 title=f"the pressure of {shape.name}", device=self.device,
             )
             for name, shape in zip(self._own_hidden, [self.shapes[i] for i in self.read], strict=True)

@@ -42,7 +42,7 @@ from softmodels.path.continuation import Continuation
 from softmodels.path.schedule import hang
 from softmodels.runs import grid
 
-MODULUS = 30e3
+SHAPE_MODULUS = 30e3
 """Shear modulus in Pa of paths used only for the shapes of a device without loads."""
 
 
@@ -66,7 +66,7 @@ class DeviceModel:
         solver: Solver,
         choice: problem.LawChoice,
         height_datum: str = "",
-        modulus: float = MODULUS,
+        modulus: float = SHAPE_MODULUS,
         spectrum: residuals.Spectrum | None = None,
     ):
         self.solver, self.system, self.choice = solver, solver.system, choice
@@ -169,7 +169,7 @@ class DeviceModel:
         goals: list[float] = []
         place = np.empty(len(wanted), dtype=int)
         for i in order:
-            if not goals or wanted[i] - goals[-1] > SAME * abs(wanted[order[-1]]):
+            if not goals or wanted[i] - goals[-1] > VALUE_TOLERANCE * abs(wanted[order[-1]]):
                 goals.append(float(wanted[i]))
             place[i] = len(goals) - 1
         found = self._nearby(values, goals, quantity, place) or self._followed(goals, quantity)
@@ -291,9 +291,9 @@ def near(solver: Solver, base: State, line: Control, w: Array, P: float) -> Stat
 # parameters.
 
 
-HEAVY = 0.005
+MIN_WEIGHT_RATIO = 0.005
 """Pressure of a device's own weight over its height, in shear moduli, above which a fit without gravity gives a warning."""
-MIDDLE = 0.8
+STRAIGHT_SHARE = 0.8
 """Fraction of a shadow's width that has to be straight at zero pressure, as in the measurement's zero."""
 
 
@@ -380,8 +380,8 @@ class Hanging:
         if not self.loaded or self.height_datum != "shadow":
             return
         places, edge = shapes.edge_heights(self._found(values).curve)
-        bend = float(np.ptp(edge[places[:, 0] < MIDDLE * self.silhouette.width]))
-        if bend > zero.STRAIGHT:
+        bend = float(np.ptp(edge[places[:, 0] < STRAIGHT_SHARE * self.silhouette.width]))
+        if bend > zero.STRAIGHT_TOLERANCE:
             raise shapes.OutlineFitError(
                 f"the top of the preloaded device is {bend * 1e3:.2g} mm from straight at zero pressure, "
                 f"so no photograph shows the zero plane; choose the zero of heights: --height-datum undeformed if the "
@@ -410,7 +410,7 @@ class Hanging:
         tall = float(np.ptp(self.silhouette.points @ np.asarray(self.system.body.actuator.lift)))
         weight = silicones.SILICONE_DENSITY * loads.STANDARD_GRAVITY * tall
         share = weight / self.system.stress_unit
-        if share < HEAVY:
+        if share < MIN_WEIGHT_RATIO:
             return ""
         much = f"{weight:.3g} Pa, {100 * share:.1f} % of the shear modulus"
         return (
@@ -448,7 +448,7 @@ class Hanging:
             raise problem.CannotEvaluate(end.sentence) from None
 
 
-SAME = 1e-9
+VALUE_TOLERANCE = 1e-9
 """Requested values closer than this, relative to the largest, share a state."""
 
 
@@ -573,7 +573,7 @@ class MeasuredDevice:
                 if spectrum is not None:
                     material = residuals.remembering(material, spectrum, dict.fromkeys(spectrum.names, 0.0), -math.inf)
                 system = System(body, material, self.formulation, self.components, spectrum is not None)
-                modulus = self.material.shear_modulus_0 if self.material and system.dead.loads else MODULUS
+                modulus = self.material.shear_modulus_0 if self.material and system.dead.loads else SHAPE_MODULUS
                 return DeviceModel(Solver(system, self.solver), choice, self.height_datum, modulus, spectrum)
         except (BodyError, compiling.CompilingError, ComponentError, MeshingError, GeometryError, OSError) as error:
             raise FitError(str(error)) from error

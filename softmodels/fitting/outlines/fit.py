@@ -79,7 +79,7 @@ class _Task:
             compared = f"the fit is compared with that of {self.devices[0].name}"
             more = [*more, f"the cases have {len(named)} materials; {compared}"]
         liquid = (
-            f"heights of a column are {units.column_unit()} ({units.LIGHTER}), also where photographs were "
+            f"heights of a column are {units.column_unit()} ({units.DENSITY_NOTE}), also where photographs were "
             "measured by them without "
             "--water-density"
         )
@@ -245,7 +245,7 @@ def fit(
     device: Device | Sequence[tuple[Device, Outlines]],
     outlines: Outlines = (),
     material: problem.Laws = "yeoh",
-    options: FitOptions = problem.DEFAULTS,
+    options: FitOptions = problem.DEFAULT_OPTIONS,
     *,
     curves: Curves = (),
     comm: MPI.Comm | None = None,
@@ -363,7 +363,7 @@ def fit_heights(
     device: Actuator | Case | MeasuredDevice,
     heights: Sequence[Height] | Path | str,
     material: problem.Laws = "yeoh",
-    options: FitOptions = problem.DEFAULTS,
+    options: FitOptions = problem.DEFAULT_OPTIONS,
     *,
     comm: MPI.Comm | None = None,
 ) -> FitReport:
@@ -427,7 +427,7 @@ def _largest_stretch(source: OutlineResiduals | HeightResiduals, fit: LeastSquar
 # The fit of one law to outlines, from starts in closed form.
 
 
-UNHEARD = 1e6
+IGNORED_ERROR_FACTOR = 1e6
 """Factor on the error of an ignored pressure."""
 STARTING_SHARE = 0.1
 """Of each branch."""
@@ -470,7 +470,11 @@ def fit_law_to_outlines(
     hidden: list[problem.Parameter] = []
     for source in sources:
         measured = [
-            (shape.height, shape.pressure, shape.pressure_error * (UNHEARD if shape.source in doubted else 1.0))
+            (
+                shape.height,
+                shape.pressure,
+                shape.pressure_error * (IGNORED_ERROR_FACTOR if shape.source in doubted else 1.0),
+            )
             for shape in source.shapes
         ]
         heights, pressures, errors = np.array(measured).T

@@ -30,7 +30,7 @@ from softmodels.common.errors import known_are, reason
 from softmodels.common.names import keep_arrays
 from softmodels.fitting import least_squares, problem
 from softmodels.fitting.outlines.device import DeviceModel
-from softmodels.fitting.outlines.shapes import FLOOR, TALLEST, OutlineFitError, Shape, kept, shadow_of
+from softmodels.fitting.outlines.shapes import MAX_OUTLINE_HEIGHT, MIN_HEIGHT, OutlineFitError, Shape, kept, shadow_of
 from softmodels.fitting.problem import FitError
 from softmodels.mechanics import newton
 from softmodels.mechanics.system import State
@@ -359,12 +359,12 @@ def readings_of(pressures: Array, bench: Mapping[str, float]) -> Array:
 # is repeated with the modulus from the readings until that converges.
 
 
-SETTLED = 0.03
+MODULUS_TOLERANCE = 0.03
 """Relative change of the modulus at convergence of a loaded device."""
-ROUNDS = 12
+MAX_MODULUS_ROUNDS = 12
 MOST_BORNE = 0.7
 """Maximum pressure share of dead loads, relative to the silicone's, for a usable reading."""
-FARTHEST = 3.0
+MAX_MODULUS_FACTOR = 3.0
 """Largest factor on the modulus in one round."""
 
 
@@ -397,7 +397,7 @@ def plain_path(model: DeviceModel, heights: Array, pressures: Array) -> Plain:
     """Follow the device to the measured heights in m; by the readings in Pa the modulus of a loaded device settles. Raises
     `OutlineFitError` where it cannot reach them, or no stiffness fits its loads."""
     why = ""
-    for _ in range(ROUNDS):
+    for _ in range(MAX_MODULUS_ROUNDS):
         try:
             found = _plain_at(model, heights)
         except problem.CannotEvaluate as error:
@@ -410,9 +410,9 @@ def plain_path(model: DeviceModel, heights: Array, pressures: Array) -> Plain:
         told = ~found.silent if not found.silent.all() else found.elastic == found.elastic.max()
         # A median, so that one wrong reading does not change the shapes.
         factor = float(np.median((pressures[told] - found.borne[told]) / found.elastic[told]))
-        if not abs(factor - 1.0) > SETTLED:
+        if not abs(factor - 1.0) > MODULUS_TOLERANCE:
             return found
-        model.modulus *= min(max(factor, 1 / FARTHEST), FARTHEST)
+        model.modulus *= min(max(factor, 1 / MAX_MODULUS_FACTOR), MAX_MODULUS_FACTOR)
         why = f"the modulus does not converge near {model.modulus / 1e3:.4g} kPa"
     raise OutlineFitError(
         f"no stiffness fits the case's loads and the measured pressures ({why}); check masses, density and forces, "
@@ -581,7 +581,7 @@ class HeightResiduals:
         return np.column_stack(columns)
 
 
-STIFFER = (1.0, 1.1, 1.3, 2.0)
+START_FACTORS = (1.0, 1.1, 1.3, 2.0)
 """Factors on the starting stresses, tried until every pressure has a state."""
 
 
@@ -647,7 +647,7 @@ def check_heights(heights: Sequence[Height], width: float) -> list[Height]:
     """Return the usable heights, without those at rest; `OutlineFitError` if none is left, two have one pressure, or the
     unit is mistaken."""
     for one in heights:
-        if one.pressure < 0.0 and one.height > FLOOR:
+        if one.pressure < 0.0 and one.height > MIN_HEIGHT:
             raise OutlineFitError(
                 f"{one.source} rises {one.height * 1e3:.4g} mm at a negative pressure, {one.pressure:.5g} Pa: is "
                 f"its sign wrong, or are its tubes exchanged? Correct it, or exclude it: --exclude {one.source}"
@@ -656,7 +656,7 @@ def check_heights(heights: Sequence[Height], width: float) -> list[Height]:
     if not risen:
         raise OutlineFitError("no height is above zero at a pressure above zero; give at least one")
     highest = max(one.height for one in risen)
-    if highest > TALLEST * width or highest < 1e-4 * width:
+    if highest > MAX_OUTLINE_HEIGHT * width or highest < 1e-4 * width:
         raise OutlineFitError(
             f"the largest height is {highest * 1e3:.4g} mm, for a device {width * 2e3:.4g} mm across: check the unit "
             "(heights are in metres)"
@@ -684,7 +684,7 @@ def least_squares_of_heights(
     known = [problem.Parameter("poisson", "", choice.poisson, fixed=True)]
     known += [problem.Parameter(p.name, "m", p.start, fixed=True) for p in lengths]
     troubles = []
-    for begin, factor in ((begin, factor) for begin in begins for factor in STIFFER):
+    for begin, factor in ((begin, factor) for begin in begins for factor in START_FACTORS):
         stiffer = {name: value * (factor if choice.unit(name) == "Pa" else 1.0) for name, value in begin.items()}
         parameters = [p.changed(changes.get(p.name, {})) for p in (*choice.parameters(stiffer), *known)]
         source.fixed = frozenset(p.name for p in parameters if p.fixed)
