@@ -180,7 +180,7 @@ class Deck:
             key: np.array([[row[n] for n in side] for side in sides]) for key, (_, sides) in surfaces.items() if sides
         }
         return meshio.Mesh(
-            _placed(points, self.places.get(name, [])),
+            _placed_nodes(points, self.places.get(name, [])),
             cells,
             point_sets=faces,
             cell_sets={
@@ -312,7 +312,7 @@ def _has_tetrahedra(scope: Scope) -> bool:
     return any(len(nodes) in (4, 10) for nodes in scope.cells.values())
 
 
-def _placed(points: Array, lines: list[list[float]]) -> Array:
+def _placed_nodes(points: Array, lines: list[list[float]]) -> Array:
     """Return the places of a part's nodes where its instance stands, from its data lines: a translation, and after it a turn,
     about the axis through two points, by an angle in degrees."""
     for line in lines:

@@ -86,7 +86,7 @@ class Designable:
 # Names and texts of a device in commands and messages.
 
 
-class Presented:
+class DeviceLabels:
     """Names and texts of a device for commands and messages."""
 
     stem: ClassVar[str] = "device"
@@ -152,7 +152,7 @@ class Castable:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Actuator(Designable, Castable, Presented, ABC):
+class Actuator(Designable, Castable, DeviceLabels, ABC):
     """A soft body around one air-filled cavity.
 
     Subclasses are frozen dataclasses whose fields come from `softmodels.common.schema`.
@@ -995,7 +995,7 @@ def find_openings(actuator: Actuator) -> tuple[Opening, ...]:
     for cavity in cavity_roles(actuator):
         if cavity not in walls:
             continue  # which is reported where the mesh is read
-        rim = _rim(walls[cavity], d)
+        rim = _boundary_edges(walls[cavity], d)
         for name in symmetric:
             if name in walls:
                 rim = rim[~np.isin(rim, nodes(name)).all(axis=1)]
@@ -1013,7 +1013,7 @@ def find_openings(actuator: Actuator) -> tuple[Opening, ...]:
     return tuple(found)
 
 
-def _rim(group: tuple[int, int], space: int) -> Ints:
+def _boundary_edges(group: tuple[int, int], space: int) -> Ints:
     """Return the edges that an odd number of a group's triangles have (or ends, of its lines in a section), shape (n, space -
     1)."""
     sides = []

@@ -283,9 +283,13 @@ def named_surfaces(path: str | Path, name: str) -> list[int]:
     wanted = face_names(path)[name]
     if len(wanted) >= SHADES_PER_COLOUR**3:
         raise GeometryError(f"{len(wanted)} faces of {path} are named {name!r}; pick them by plane, box or colour")
-    marks = {_mark(_shades(k)): k for k in range(len(wanted))}
-    colours = _colours(_marked(_read(path), dict(zip(wanted, marks, strict=True))))
-    found = {place: marks[_mark(colour)] for place, colour in enumerate(colours) if colour and _mark(colour) in marks}
+    marks = {_mark_of_colour(_shades(k)): k for k in range(len(wanted))}
+    colours = _colours(_with_marked_faces(_read(path), dict(zip(wanted, marks, strict=True))))
+    found = {
+        place: marks[_mark_of_colour(colour)]
+        for place, colour in enumerate(colours)
+        if colour and _mark_of_colour(colour) in marks
+    }
     if set(found.values()) != set(marks.values()):
         raise GeometryError(f"a face named {name!r} in {path} is lost on import; pick it by plane, box or colour")
     return list(found)
@@ -302,9 +306,9 @@ def solid_names(path: str | Path) -> list[str]:
     if not any(name for _, name in bodies) or len(bodies) >= SHADES_PER_COLOUR**3:
         return [""] * len(gmsh.model.getEntities(3))
     marks = {_shades(k): number for k, (number, _) in enumerate(bodies)}
-    names = {_mark(mark): name for mark, (_, name) in zip(marks, bodies, strict=True)}
-    seen = _colours(_marked(text, {number: mark for mark, number in marks.items()}), 3)
-    return [names.get(_mark(colour), "") if colour else "" for colour in seen]
+    names = {_mark_of_colour(mark): name for mark, (_, name) in zip(marks, bodies, strict=True)}
+    seen = _colours(_with_marked_faces(text, {number: mark for mark, number in marks.items()}), 3)
+    return [names.get(_mark_of_colour(colour), "") if colour else "" for colour in seen]
 
 
 def _read(path: str | Path) -> str:
@@ -331,15 +335,15 @@ def _plain(text: str) -> str:
     return plain
 
 
-def _unmoved(text: str) -> str:
+def _without_placements(text: str) -> str:
     """Return the file with every part of an assembly where it was drawn."""
     return MOVE.sub(r"\1 \2, \2)", text)
 
 
-def _marked(text: str, marks: dict[int, Colour]) -> str:
+def _with_marked_faces(text: str, marks: dict[int, Colour]) -> str:
     """Return the file with these colours on these faces and no other."""
     text = STYLE.sub(
-        r"\1 CARTESIAN_POINT('', (0., 0., 0.));", _unmoved(text)
+        r"\1 CARTESIAN_POINT('', (0., 0., 0.));", _without_placements(text)
     )  # what refers to a style still finds something
     context = CONTEXT.search(text)
     if context is None:
@@ -392,7 +396,7 @@ def _shades(number: int) -> Colour:
     )
 
 
-def _mark(colour: Colour) -> Colour:
+def _mark_of_colour(colour: Colour) -> Colour:
     """Return the mark that a colour was: rounding moves it by a little."""
     red, green, blue = (SHADE_STEP * (shade // SHADE_STEP) + SHADE_STEP // 2 for shade in colour)
     return red, green, blue
@@ -421,7 +425,7 @@ def chosen(
             raise GeometryError(f"{field} is {choice.text!r}; {listed('name', sorted(known))}")
         return _at(named_surfaces(file, choice.name), tags, pieces)
     if choice.colour is not None:
-        colours = _colours(_unmoved(_read(file)))
+        colours = _colours(_without_placements(_read(file)))
         wanted = np.array(choice.colour)
         places = [i for i, one in enumerate(colours) if one and np.abs(wanted - one).max() <= SAME_COLOUR]
         if not places:
@@ -842,7 +846,7 @@ def _read_step(part: ImportedActuator) -> Reading:
         gmsh.option.setNumber("Mesh.MeshSizeMax", part.cell_size)
         gmsh.model.mesh.generate(2)
         gmsh.model.mesh.setOrder(2)
-        volumes = tuple(_enclosed(solids, roles[cavity_role(i)]) for i in range(part.cavity_count))
+        volumes = tuple(_enclosed_volume(solids, roles[cavity_role(i)]) for i in range(part.cavity_count))
         return Reading(
             solids.outward(roles),
             _gauge(part, roles.get("support", np.empty(0, dtype=np.int64))),
@@ -880,7 +884,7 @@ def open_part(part: ImportedActuator, unit: str = "M") -> Solids:
     return glued(part)
 
 
-def _enclosed(solids: Solids, tags: mesh_arrays.Ints) -> float:
+def _enclosed_volume(solids: Solids, tags: mesh_arrays.Ints) -> float:
     """Volume within a wall by the divergence theorem on its mesh, -1/3 int x . n: cut planes through the origin add nothing."""
     total = 0.0
     for tag in tags:
@@ -990,7 +994,7 @@ def read_mesh(file: str, unit: float, cell_size: float) -> mesh_arrays.Tetrahedr
         raise GeometryError(f"file is {file!r}; meshes are read from {', '.join(FORMATS)}, drawings from STEP")
     found = _by_meshio(file, FORMATS[kind])
     if kind == ".stl":
-        return _filled(file, found, unit, cell_size)
+        return _meshed_solid(file, found, unit, cell_size)
     cells, blocks = _tetrahedra(file, found)
     sets = _physical_groups(file, found) if kind == ".msh" else list(found.cell_sets.items())
     faces, regions = _face_names(found, sets), _region_names(found, sets, blocks)
@@ -1185,10 +1189,10 @@ def read_surfaces(file: str, unit: float) -> tuple[NDArray[np.float64], mesh_arr
     no such file, no STL, or a surface that is not closed."""
     if Path(file).suffix.lower() != ".stl":
         raise GeometryError(f"file is {file!r}; surfaces are read from .stl")
-    return _closed(file, _by_meshio(file, "stl"), unit)
+    return _is_closed(file, _by_meshio(file, "stl"), unit)
 
 
-def _closed(file: str, found: Any, unit: float) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
+def _is_closed(file: str, found: Any, unit: float) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
     triangles = [np.asarray(block.data, dtype=np.int64) for block in found.cells if block.type == "triangle"]
     if not triangles:
         raise GeometryError(f"file {file} has no triangles")
@@ -1199,7 +1203,7 @@ def _closed(file: str, found: Any, unit: float) -> tuple[NDArray[np.float64], me
             f"file {file} has a corner {extent:.4g} m from its origin, more than {MAX_COORDINATE:g} m; check its unit, "
             "or repair it in the program that wrote it"
         )
-    points, triangles_of_all = _joined(places, np.concatenate(triangles))
+    points, triangles_of_all = _with_common_corners(places, np.concatenate(triangles))
     _check_closed(file, points, triangles_of_all)
     a, b, c = np.moveaxis(points[triangles_of_all], 1, 0)
     if (
@@ -1210,9 +1214,9 @@ def _closed(file: str, found: Any, unit: float) -> tuple[NDArray[np.float64], me
     return points, triangles_of_all
 
 
-def _filled(file: str, found: Any, unit: float, cell_size: float) -> mesh_arrays.Tetrahedra:
+def _meshed_solid(file: str, found: Any, unit: float, cell_size: float) -> mesh_arrays.Tetrahedra:
     """Return the solid between the surfaces of an STL file, meshed."""
-    points, triangles = _closed(file, found, unit)
+    points, triangles = _is_closed(file, found, unit)
     try:
         nodes, cells = meshing.apart(_fill, points, triangles, cell_size)
     except MeshingError as error:
@@ -1223,7 +1227,9 @@ def _filled(file: str, found: Any, unit: float, cell_size: float) -> mesh_arrays
     return mesh_arrays.Tetrahedra.made(nodes, cells, {}, {})
 
 
-def _joined(points: NDArray[np.float64], triangles: mesh_arrays.Ints) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
+def _with_common_corners(
+    points: NDArray[np.float64], triangles: mesh_arrays.Ints
+) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
     """Return an STL file's triangles with common corners: it lists each corner with each triangle anew."""
     near = CORNER_TOLERANCE * float(np.linalg.norm(np.ptp(points, axis=0)))
     pairs = scipy.spatial.cKDTree(points).query_pairs(near, output_type="ndarray")
@@ -1251,12 +1257,12 @@ def _fill(
 ) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
     """Mesh the solid between closed surfaces: nodes in m, and tetrahedra. The largest surface is the outside."""
     try:
-        return _meshed(points, triangles, cell_size, True)
+        return _mesh_surfaces(points, triangles, cell_size, True)
     except Exception:  # bare: Gmsh finds no parameters of some surfaces; then their own triangles have to do
-        return _meshed(points, triangles, cell_size, False)
+        return _mesh_surfaces(points, triangles, cell_size, False)
 
 
-def _meshed(
+def _mesh_surfaces(
     points: NDArray[np.float64], triangles: mesh_arrays.Ints, cell_size: float, anew: bool
 ) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
     """See `_fill`; ``anew`` meshes the surfaces anew with cells of their own, else the file's triangles stay."""

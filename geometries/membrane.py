@@ -171,12 +171,12 @@ class Membrane(Revolved):
         found: list[Strip] = []
         for inner, outer, part, height in self.parts:
             if inner == 0.0:
-                pieces = _reversed(revolved.graded(outer, first, largest))
+                pieces = _reversed_panel(revolved.graded(outer, first, largest))
             elif part == "clamp_top":
                 pieces = revolved.graded(outer - inner, first, largest)
             else:
                 half = revolved.graded(0.5 * (outer - inner), first, largest)
-                pieces = [*half, *_reversed(half)]
+                pieces = [*half, *_reversed_panel(half)]
             begin = inner
             for k, (length, cells, growth) in enumerate(pieces, 1):
                 end = outer if k == len(pieces) else begin + length
@@ -331,7 +331,7 @@ class Strip(NamedTuple):
     slope: float = 0.0
 
 
-def _reversed(pieces: list[tuple[float, int, float]]) -> list[tuple[float, int, float]]:
+def _reversed_panel(pieces: list[tuple[float, int, float]]) -> list[tuple[float, int, float]]:
     return [(length, cells, 1.0 / growth) for length, cells, growth in reversed(pieces)]
 
 

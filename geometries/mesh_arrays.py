@@ -73,7 +73,7 @@ def read_arrays(path: Path) -> MeshArrays:
         places.reshape(-1, 3),
         whole,
         {name: np.concatenate(each) for name, each in regions.items()},
-        _owned(whole, faces),
+        _cells_and_sides(whole, faces),
         {name: each[0] if len(each) == 1 else np.unique(np.concatenate(each)) for name, each in nodes.items()},
     )
 
@@ -100,7 +100,7 @@ def _corners_of(group: int) -> Ints:
     return np.concatenate(parts)
 
 
-def _owned(cells: Ints, corners: Mapping[str, Ints]) -> dict[str, Ints]:
+def _cells_and_sides(cells: Ints, corners: Mapping[str, Ints]) -> dict[str, Ints]:
     """Return the cell and side of the faces of each role, by their corners."""
     sides = np.sort(cells[:, SIDES].reshape(-1, 3), axis=1)
     keys = {tuple(side): place for place, side in enumerate(sides.tolist())}

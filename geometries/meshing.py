@@ -201,7 +201,7 @@ def write_mesh(actuator: Meshable, path: Path, stopped: Callable[[], bool] = boo
     return path
 
 
-class SpoiltCells(MeshingError):
+class InvalidCellsError(MeshingError):
     """Curved edges spoil cells, and moving nodes in one way does not mend them."""
 
 
@@ -211,7 +211,7 @@ def _make_curved(actuator: Meshable, path: Path, stopped: Callable[[], bool]) ->
         if actuator.expected_cells <= MAX_CELLS_IN_PROCESS:
             return _make(actuator, path, CURVINGS[0])
         return apart(_make, actuator, path, CURVINGS[0], stopped=stopped)
-    except SpoiltCells:
+    except InvalidCellsError:
         pass
     if processes.pickled((_make, (actuator, path, CURVINGS[1]))) is not None:
         with contextlib.suppress(MeshingError):  # spoilt, or its process has ended
@@ -220,7 +220,7 @@ def _make_curved(actuator: Meshable, path: Path, stopped: Callable[[], bool]) ->
 
 
 def _make(actuator: Meshable, path: Path, curving: str) -> None:
-    """Mesh a device into a file with a private model of Gmsh's; `SpoiltCells` if a way of `CURVINGS` leaves some."""
+    """Mesh a device into a file with a private model of Gmsh's; `InvalidCellsError` if a way of `CURVINGS` leaves some."""
     with private_model():
         try:
             actuator.build()
@@ -267,13 +267,13 @@ def _generate(actuator: Meshable, curving: str) -> None:
         with hushed(b"BFGS update error"):  # of Netgen's, at a cell so flat that one of its steps is left out
             gmsh.model.mesh.optimize("Netgen")
     gmsh.model.mesh.setOrder(actuator.mesh_order)
-    if actuator.mesh_order > 1 and _curvings(actuator.dimension).min() < AIMED_JACOBIAN:
+    if actuator.mesh_order > 1 and _jacobian_ratios(actuator.dimension).min() < AIMED_JACOBIAN:
         # Curving an edge onto an arc bends a flat cell too far; moving the inner nodes usually mends it.
         with contextlib.suppress(Exception):  # bare: its solver gave up, and the cells are judged next
             gmsh.model.mesh.optimize(curving or CURVINGS[0])
-        if _curvings(actuator.dimension).min() < MIN_JACOBIAN:
+        if _jacobian_ratios(actuator.dimension).min() < MIN_JACOBIAN:
             if curving:
-                raise SpoiltCells(f"{curving} leaves cells that curved edges spoil")
+                raise InvalidCellsError(f"{curving} leaves cells that curved edges spoil")
             if straight := _straighten(actuator.dimension):
                 gmsh.model.setAttribute(STRAIGHT, [str(straight)])
     worst = _worst(actuator.dimension)
@@ -308,7 +308,7 @@ def _check_cells() -> None:
         )
 
 
-def _curvings(dimension: int) -> NDArray[np.float64]:
+def _jacobian_ratios(dimension: int) -> NDArray[np.float64]:
     """Return of each cell its least Jacobian determinant over that of the same cell with straight edges."""
     tags, nodes, at = _curved_cells(dimension)
     corners = at[nodes[:, : dimension + 1]]
@@ -340,7 +340,7 @@ def _straighten(dimension: int) -> int:
     boundary = np.concatenate([gmsh.model.mesh.getNodes(d, includeBoundary=True)[0] for d in range(dimension)])
     moved = set[int]()
     for _ in range(MAX_STRAIGHTENING_ROUNDS):
-        spoilt = nodes[_curvings(dimension) < MIN_JACOBIAN]
+        spoilt = nodes[_jacobian_ratios(dimension) < MIN_JACOBIAN]
         if not len(spoilt):
             break
         for k, (a, b) in enumerate(EDGES[: nodes.shape[1] - dimension - 1]):
@@ -425,7 +425,7 @@ def apart[T](task: Callable[..., T], *arguments: Any, stopped: Callable[[], bool
             if stopped():
                 raise MeshingStopped
             errors.seek(0)
-            raise MeshingError(_death(process.returncode, errors.read().decode(errors="replace")))
+            raise MeshingError(_end_of_process(process.returncode, errors.read().decode(errors="replace")))
         answer.seek(0)
         done, value = pickle.load(answer)
     if not done:
@@ -442,7 +442,7 @@ def answer_to(order: bytes) -> bytes:
         return pickle.dumps((False, error))
 
 
-def _death(status: int, words: str) -> str:
+def _end_of_process(status: int, words: str) -> str:
     """Return why a process ended, as a sentence."""
     if status == -signal.SIGKILL:
         return "the mesher was killed, most likely out of memory; use larger cells (--cell-size)"
@@ -472,7 +472,7 @@ def hushed(words: bytes) -> Iterator[None]:
     with contextlib.ExitStack() as stack:
         for stream in OUTPUT_STREAMS:
             with contextlib.suppress(OSError):  # closed, as in a service: no output is shown there
-                stack.enter_context(_filtered(stream, words))
+                stack.enter_context(_without_start(stream, words))
         try:
             yield
         finally:
@@ -480,7 +480,7 @@ def hushed(words: bytes) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _filtered(stream: int, words: bytes) -> Iterator[None]:
+def _without_start(stream: int, words: bytes) -> Iterator[None]:
     before = os.dup(stream)
     with tempfile.TemporaryFile() as heard:
         os.dup2(heard.fileno(), stream)
@@ -555,12 +555,12 @@ def _place(actuator: Meshable) -> Path | None:
         return None
     fields = [(field.name, getattr(actuator, field.name)) for field in dataclasses.fields(actuator)]
     drawn = actuator.digest() if hasattr(actuator, "digest") else ""
-    key = repr((kind.__qualname__, fields, drawn, _mesher()))
+    key = repr((kind.__qualname__, fields, drawn, _mesher_versions()))
     return folder() / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.msh"
 
 
 @functools.cache
-def _mesher() -> str:
+def _mesher_versions() -> str:
     """Return what meshes: Gmsh and this package."""
     source = hashlib.sha256(gmsh.__version__.encode())
     for file in sorted(Path(__file__).parent.rglob("*.py")):

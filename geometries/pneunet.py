@@ -284,14 +284,17 @@ class PneuNet(actuator.Finger):
         )  # fmt: skip
 
     def build_whole(self) -> None:
-        body = _whole(self.upper, self.sides)
+        body = _mirrored_block(self.upper, self.sides)
         body = Box((*body.low[:2], body.low[2] if self.sides == 2 else -0.5 * self.base), body.high)
-        _without(body, [_whole(box, self.sides, below) for box in self.air + self.gaps for below in range(self.sides)])
+        _cut_block(
+            body,
+            [_mirrored_block(box, self.sides, below) for box in self.air + self.gaps for below in range(self.sides)],
+        )
         gmsh.model.occ.synchronize()
 
     def build(self) -> None:
         """Fill the current Gmsh model (mm) with what is meshed, its roles, its regions and its cell sizes."""
-        solid = _without(self.upper, [*self.air, *self.gaps])
+        solid = _cut_block(self.upper, [*self.air, *self.gaps])
         meshing.bond({"solid": [solid], **_base(self)}, lambda tag: _role(self, tag))
         meshing.set_sizes(lambda x, y, z: self.cell_size)
 
@@ -339,7 +342,7 @@ def _add(box: Box) -> meshing.Entity:
     return meshing.add_block(box.low, box.high)
 
 
-def _whole(box: Box, sides: int, below: int = -1) -> Box:
+def _mirrored_block(box: Box, sides: int, below: int = -1) -> Box:
     """Return a block on both sides of the mirror plane: above the base, below it (1), or from below to above (-1 of two
     sides)."""
     (x0, _, z0), (x1, y1, z1) = box.low, box.high
@@ -350,7 +353,7 @@ def _whole(box: Box, sides: int, below: int = -1) -> Box:
     return Box((x0, -y1, z0), (x1, y1, z1))
 
 
-def _without(body: Box, empty: list[Box]) -> meshing.Entity:
+def _cut_block(body: Box, empty: list[Box]) -> meshing.Entity:
     """Return a block with others cut out of it."""
     return meshing.one_solid(gmsh.model.occ.cut([_add(body)], [_add(box) for box in empty])[0])
 

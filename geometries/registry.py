@@ -168,7 +168,7 @@ def field_option(
     text += "" if default is None else f"  [default: {_friendly(default, kind.unit)}]"
     return click.option(
         flag(name), name, type=_type(kind), metavar=metavar, default=None, help=text, multiple=again,
-        callback=functools.partial(_typed, kind),
+        callback=functools.partial(_choice_of_text, kind),
     )  # fmt: skip
 
 
@@ -214,7 +214,7 @@ def check_meaning(made: Actuator, values: Mapping[str, Any]) -> None:
             raise GeometryError(f"{flag(name)} has no effect with {flag(other)}{given}; leave one of them out")
 
 
-def _typed(kind: schema.Kind, ctx: click.Context, param: click.Parameter, value: Any) -> Any:
+def _choice_of_text(kind: schema.Kind, ctx: click.Context, param: click.Parameter, value: Any) -> Any:
     """Turn the text of a choice back into the choice, which may be a number; several that are none into None."""
     if isinstance(kind, schema.Choice):
         return next((known for known in kind.choices if str(known) == value), value)

@@ -236,7 +236,7 @@ class Side:
             along = end - start
             return np.clip((places - start) @ along / (along @ along), 0.0, 1.0)
         x, y = ((places - self.centre) / self.axes).T
-        return np.clip(_wrapped(np.arctan2(y, x) - self._angle(self.start)) / self.turn, 0.0, 1.0)
+        return np.clip(_wrapped_angles(np.arctan2(y, x) - self._angle(self.start)) / self.turn, 0.0, 1.0)
 
     def missed(self, places: Array) -> Array:
         """Return how far places (n, 2) are from it, in m; exact for those on it."""
@@ -287,10 +287,10 @@ class Side:
     @property
     def turn(self) -> float:
         """Angle of an arc in rad, counter-clockwise."""
-        return float(_wrapped(np.array(self._angle(self.end) - self._angle(self.start))))
+        return float(_wrapped_angles(np.array(self._angle(self.end) - self._angle(self.start))))
 
 
-def _wrapped(angles: Array) -> Array:
+def _wrapped_angles(angles: Array) -> Array:
     """Return the angles between -pi and pi."""
     return (angles + np.pi) % (2.0 * np.pi) - np.pi
 
@@ -372,13 +372,13 @@ def whole_edges(sides: Iterable[Side], corners: Sequence[Place]) -> list[Side]:
     while len(found) < count:  # a side may join two that were found apart
         count, left, found = len(found), found, []
         for side in left:
-            joined = ((at, _joined(one, side, corners)) for at, one in enumerate(found) if one.role == side.role)
+            joined = ((at, _joined_side(one, side, corners)) for at, one in enumerate(found) if one.role == side.role)
             place, whole = next(((at, whole) for at, whole in joined if whole), (len(found), side))
             found[place : place + 1] = [whole]
     return chained(sorted(found, key=lambda side: side.role == AXIS))
 
 
-def _joined(first: Side, second: Side, corners: Sequence[Place]) -> Side | None:
+def _joined_side(first: Side, second: Side, corners: Sequence[Place]) -> Side | None:
     """Return the first of two sides with the other put to one of its ends; None if they do not go on in each other."""
     for other in (second, second.reversed):
         if first.end == other.start and not _is_corner(first.end, corners) and _in_one(first, other):

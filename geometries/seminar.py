@@ -224,7 +224,9 @@ class SeminarActuator(actuator.MirroredHalf, actuator.HeldTip):
         """
         lines = [line for line in fan(self) if line is not None]
         begin = -0.5 * spread(self)
-        air = _rounded(self, [*_manifold(self, begin), _cap(self, begin), *(_air(self, line) for line in lines)])
+        air = _rounded_network(
+            self, [*_manifold(self, begin), _cap(self, begin), *(_air(self, line) for line in lines)]
+        )
         cut_out(_whole_prism(self), air)
         gmsh.model.occ.synchronize()
 
@@ -517,7 +519,7 @@ def _degrees(value: float) -> str:
     return schema.shown(value, "degree")
 
 
-def _fan(slab: SeminarActuator) -> str:
+def _spread_text(slab: SeminarActuator) -> str:
     """Return how wide the fan is, by the name it was given, and where it is."""
     several = f"angles[{half_count(slab)}] {_degrees(slab.angles[-1])}" if slab.angles else ""
     return f"manifold_radius {_mm(slab.manifold_radius)} and {several or f'spread {_degrees(slab.spread)}'}"
@@ -595,7 +597,7 @@ def _check_manifold(slab: SeminarActuator) -> None:
     if radius < 2.0 * bore:
         slab.reject("manifold_radius", f"it must be at least twice manifold_bore, {_mm(bore)}, for an arc")
     gap = radius * math.cos(0.5 * spread(slab)) - bore
-    _check_wall(slab, gap, f"manifold_bore is {_mm(bore)}; with {_fan(slab)} the manifold", "the base")
+    _check_wall(slab, gap, f"manifold_bore is {_mm(bore)}; with {_spread_text(slab)} the manifold", "the base")
 
 
 def _check_channel(slab: SeminarActuator, number: int, found: Channel | None) -> Channel:
@@ -616,11 +618,11 @@ def _check_sides(slab: SeminarActuator, found: list[Channel]) -> None:
     if slab.edge < slab.least_wall:
         raise GeometryError(f"edge is {_mm(slab.edge)}; least_wall requires {_mm(slab.least_wall)}")
     arc, bore = [0.5 * spread(slab) * k / WALL_SAMPLES for k in range(ARC_SAMPLES + 1)], slab.manifold_bore
-    given = f"manifold_bore is {_mm(bore)}; with {_fan(slab)} it"
+    given = f"manifold_bore is {_mm(bore)}; with {_spread_text(slab)} it"
     _check_wall(slab, min(_wall(slab, slab.manifold_radius, angle, bore) for angle in arc), given, "the slab's side")
     for number, line in enumerate(found, 1):
         end_bore, name = own(slab, "end_bores", "end_bore", number)
-        given = f"{name} is {_mm(end_bore)}; with {_fan(slab)} channel {number}"
+        given = f"{name} is {_mm(end_bore)}; with {_spread_text(slab)} channel {number}"
         if slab.reaches:
             reach = _mm(slab.reaches[number - 1])
             given = f"reaches[{number}] is {reach}; with {name} {_mm(end_bore)} channel {number}"
@@ -649,8 +651,8 @@ def _check_neighbours(slab: SeminarActuator, found: list[Channel]) -> None:
                 mouth, name = own(slab, "bores", "channel_bore", second)
                 how = "break into each other" if left <= 0.0 else f"are {_mm(left)} apart"
                 raise GeometryError(
-                    f"channels is {slab.channels}; with {_fan(slab)} and {name} {_mm(mouth)} neighbours (channels {first} "
-                    f"and {second}) {how}, but least_wall requires {_mm(slab.least_wall)}"
+                    f"channels is {slab.channels}; with {_spread_text(slab)} and {name} {_mm(mouth)} neighbours (channels "
+                    f"{first} and {second}) {how}, but least_wall requires {_mm(slab.least_wall)}"
                 )
 
 
@@ -694,7 +696,7 @@ def clearances(slab: SeminarActuator) -> dict[str, float]:
         **_sections(slab, len(lines)),
         **_sides(slab, lines),
         **_neighbours(slab, lines),
-        **{f"least_wall and {name}": slab.least_wall + room for name, room in _rooms(slab, lines).items()},
+        **{f"least_wall and {name}": slab.least_wall + room for name, room in _wall_excesses(slab, lines).items()},
     }
 
 
@@ -755,7 +757,7 @@ def _neighbours(slab: SeminarActuator, lines: list[Channel]) -> dict[str, float]
     return found
 
 
-def _rooms(slab: SeminarActuator, lines: list[Channel]) -> dict[str, float]:
+def _wall_excesses(slab: SeminarActuator, lines: list[Channel]) -> dict[str, float]:
     """Return what the shape needs beyond walls: 0 is enough."""
     radius, bore, fillet = slab.manifold_radius, slab.manifold_bore, slab.fillet
     half, shorter = 0.5 * spread(slab), {"length": slab.length, "width": slab.base_width}
@@ -811,7 +813,7 @@ def cut_out(prism: meshing.Entity, air: list[meshing.Entity]) -> list[meshing.En
     return list(solids)
 
 
-def _swept(curves: list[int], height: float) -> meshing.Entity:
+def _swept_solid(curves: list[int], height: float) -> meshing.Entity:
     """Return what a closed line at the bottom sweeps over a height, in mm."""
     occ = gmsh.model.occ
     swept = occ.extrude([(2, occ.addPlaneSurface([occ.addCurveLoop(curves)]))], 0, 0, height)
@@ -837,7 +839,7 @@ def _whole_prism(slab: SeminarActuator) -> meshing.Entity:
     else:
         ends, front = [occ.addPoint(length, 0, bottom)], []
     sides = [occ.addLine(right, ends[0]), *front, occ.addLine(ends[-1], left), occ.addLine(left, right)]
-    return _swept(sides, meshing.MM_PER_M * slab.thickness)
+    return _swept_solid(sides, meshing.MM_PER_M * slab.thickness)
 
 
 def half_slab(slab: SeminarActuator) -> list[meshing.Entity]:
@@ -871,7 +873,7 @@ def _prism(slab: SeminarActuator) -> meshing.Entity:
         occ.remove([(0, centre)])  # a point on its own would become a node of no cell
     else:
         flank = [occ.addLine(tip, corner)]
-    return _swept([occ.addLine(base, tip), *flank, occ.addLine(corner, base)], height)
+    return _swept_solid([occ.addLine(base, tip), *flank, occ.addLine(corner, base)], height)
 
 
 def _network(slab: SeminarActuator) -> list[meshing.Entity]:
@@ -879,10 +881,10 @@ def _network(slab: SeminarActuator) -> list[meshing.Entity]:
     lines = [line for line in half_fan(slab) if line is not None]
     # Across the mirror plane, past the middle channel and its rounding, so that the cut there is clean.
     begin = -2.0 * (lines[0].bore + 2.0 * slab.fillet) / slab.manifold_radius
-    return _rounded(slab, [*_manifold(slab, begin), *(_air(slab, line) for line in lines)])
+    return _rounded_network(slab, [*_manifold(slab, begin), *(_air(slab, line) for line in lines)])
 
 
-def _rounded(slab: SeminarActuator, parts: list[meshing.Entity]) -> list[meshing.Entity]:
+def _rounded_network(slab: SeminarActuator, parts: list[meshing.Entity]) -> list[meshing.Entity]:
     """Return the manifold and channels in one piece, its creases rounded."""
     occ = gmsh.model.occ
     air = list(occ.fuse(parts[:1], parts[1:])[0])
@@ -1347,11 +1349,11 @@ def carry_network(slab: SeminarActuator, other: SeminarActuator, points: Array) 
     for number, pair in enumerate(pairs):
         mine = np.flatnonzero(nearest == number)
         if len(mine):
-            found[mine], near[mine] = _beside(pair, points[mine], tube[mine], first[mine], levels[number, mine])
+            found[mine], near[mine] = _nearest_places(pair, points[mine], tube[mine], first[mine], levels[number, mine])
     return near, found
 
 
-def _beside(pair: _Pair, points: Array, tube: Array, first: Array, second: Array) -> tuple[Array, Array]:
+def _nearest_places(pair: _Pair, points: Array, tube: Array, first: Array, second: Array) -> tuple[Array, Array]:
     """Return where points nearest to one channel go, and their distance from the air. ``points`` and ``tube``, where the
     manifold's motion takes them, are in m, shape (n, 3); ``first`` and ``second`` levels of the manifold and of the channel,
     shape (n,)."""
@@ -1428,7 +1430,7 @@ def _channel_level(junction: Junction, points: Array) -> Array:
     return np.where(along > line.end, np.hypot(along - line.centre, radius) - line.cap, level)
 
 
-def _stretched(along: Array, length: Array, its_length: Array, *, rigid: bool) -> Array:
+def _stretched_places(along: Array, length: Array, its_length: Array, *, rigid: bool) -> Array:
     """Return the places along a length on another length, which rise; with slope 1 at the beginning if that is rigid.
 
     A rational function of second degree (Gregory and Delbourgo, IMA J. Numer. Anal. 2, 1982, doi:10.1093/imanum/2.2.123).
@@ -1451,7 +1453,7 @@ def _channel_map(pair: _Pair, points: Array) -> Array:
     for number, (cone, its_cone) in enumerate(zip(line.cones, its_line.cones, strict=True)):
         mine = along >= cone.start if number else np.full(len(along), True)
         start, its_start = (np.array(cone.start), np.array(its_cone.start)) if number else (begin, its_begin)
-        at = its_start + _stretched(along - start, cone.end - start, its_cone.end - its_start, rigid=not number)
+        at = its_start + _stretched_places(along - start, cone.end - start, its_cone.end - its_start, rigid=not number)
         wall, its_wall = (part.bore + part.slope * (s - part.start) for part, s in ((cone, along), (its_cone, at)))
         to, height = np.where(mine, at, to), np.where(mine, its_wall + radius - wall, height)
     # The cap, by the angle from its pole.

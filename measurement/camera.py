@@ -171,8 +171,8 @@ class Camera:
             return cls(
                 matrix=tables.numbers(table["matrix"]),
                 distortion=tables.numbers(table["distortion"]),
-                width=_whole(table["width"]),
-                height=_whole(table["height"]),
+                width=_whole_number(table["width"]),
+                height=_whole_number(table["height"]),
                 source=str(table["source"]),
                 error_px=units.number(table["error_px"]),
                 model=str(table["model"]),
@@ -199,7 +199,7 @@ class CameraError(ValueError):
     """An unusable camera, lens or calibration; the message is for the user."""
 
 
-def _whole(value: Any) -> int:
+def _whole_number(value: Any) -> int:
     read = units.number(value)
     if read != round(read):
         raise ValueError(f"{units.brief(value)} is not a whole number of pixels")

@@ -190,7 +190,7 @@ def read_pixels(path: Path, size: tuple[int, int] | None = None) -> Pixels:
                 )
             _check_memory(wide, high, MEMORY_PER_DEEP_PIXEL if _is_deep(picture) else MEMORY_PER_PIXEL)
             _check_pages(picture)
-            pixels = _decoded(path, picture)
+            pixels = _decoded_picture(path, picture)
     except Unmeasurable:
         raise
     except Exception as error:  # the decoders raise whatever a damaged file leads them into
@@ -201,7 +201,7 @@ def read_pixels(path: Path, size: tuple[int, int] | None = None) -> Pixels:
     return np.ascontiguousarray(pixels)
 
 
-def _decoded(path: Path, picture: Image.Image) -> Pixels:
+def _decoded_picture(path: Path, picture: Image.Image) -> Pixels:
     deep = _is_deep(picture)
     picture.load()  # tells a damaged file, also before OpenCV takes what there is of it
     if deep:

@@ -90,7 +90,7 @@ def photos(listing: Path, setup_file: Path, output: Path | None, **given: Any) -
         cli.stop(
             str(error), commands.EXIT_FAILED if any(photo.is_zero for photo in listed) else commands.EXIT_BAD_INPUT
         )
-    made = _measured(listed, setup, zero, folder, given)
+    made = _measure_all(listed, setup, zero, folder, given)
     if not given["quiet"]:
         _report(made, folder.path, width)
     for result in made.results:
@@ -108,7 +108,7 @@ def _stamp(file: Path) -> tuple[int, int]:
     return state.st_size, state.st_mtime_ns
 
 
-def _measured(
+def _measure_all(
     listed: Sequence[Photograph],
     setup: Setup,
     zero: zero.ZeroLine,

@@ -143,7 +143,7 @@ def _edge_in(profiles: Profiles, shading: Shading | None = None, camera: EdgeSha
         value, drawn = value - ink, fit.centre_shift(ink)
         fit = fit_profiles(profiles.offsets, value, profiles.weight)
     if shading is not None:
-        good = _clear(profiles, fit, fit.centre_error(fit.variance))
+        good = _clear_stations(profiles, fit, fit.centre_error(fit.variance))
         if good.sum() >= 10:
             residual = fit.residual / np.maximum(fit.rise, 1e-12)[:, None]
             low, high = float(shading.colour.shadow.mean()), float(shading.colour.lit.mean())
@@ -154,8 +154,8 @@ def _edge_in(profiles: Profiles, shading: Shading | None = None, camera: EdgeSha
     repeat = INTERPOLATION_NOISE * max(1.0, 1.0 / (profiles.offsets[1] - profiles.offsets[0]))
     own, centre = fit.variance, fit.centre
     error = np.hypot(fit.centre_error(np.maximum(own, np.median(own)) * repeat), DRAWN_ERROR * drawn)
-    good = _clear(profiles, fit, error)
-    spoilt = _spoilt(own, fit.width, good)
+    good = _clear_stations(profiles, fit, error)
+    spoilt = _dusty_stations(own, fit.width, good)
     if (spoilt & good).sum() < 0.2 * good.sum():
         good &= ~spoilt
     px = profiles.place + centre[:, None] * profiles.normal
@@ -167,7 +167,7 @@ def _contrast(fit: ProfileFit) -> Array:
         return np.asarray(fit.rise / (fit.low + fit.rise + fit.slope * fit.centre))
 
 
-def _clear(profiles: Profiles, fit: ProfileFit, error: Array) -> Mask:
+def _clear_stations(profiles: Profiles, fit: ProfileFit, error: Array) -> Mask:
     """Return the stations (n,) at which the edge is clear, by the standard errors (n,) of their middles."""
     reach = profiles.offsets[-1]
     return np.asarray(
@@ -176,7 +176,7 @@ def _clear(profiles: Profiles, fit: ProfileFit, error: Array) -> Mask:
     )  # fmt: skip
 
 
-def _spoilt(variance: Array, width: Array, good: Mask) -> Mask:
+def _dusty_stations(variance: Array, width: Array, good: Mask) -> Mask:
     """Return the stations (n,) at which something lies on the edge: dust spoils the curve's shape before it moves its middle
     much."""
     usual = np.median(variance[good]) if good.any() else np.inf
@@ -368,13 +368,13 @@ def _stretch(edge: Edge, part: slice) -> BridgedLine:
     value = smooth.value + np.where(turned, few, 0.0)
     error = SHARED_NOISE_FACTOR * np.where(turned, np.maximum(noise, gain * own), gain * own)
     line, normal = guide + value[:, None] * across, edge.normal[part]
-    bent = _bent(line, normal, edge.width[part])
+    bent = _edge_offset(line, normal, edge.width[part])
     return BridgedLine(
         line + bent[:, None] * normal, normal, np.hypot(error, BENT_ERROR * bent), np.zeros(len(px), dtype=bool)
     )
 
 
-def _bent(px: Array, normal: Array, width: Array) -> Array:
+def _edge_offset(px: Array, normal: Array, width: Array) -> Array:
     """Return how far (n,) in px towards the light the edge lies from where half of the light is.
 
     A photograph is the silhouette under a blur, by the lamp's own shape and by the lens. On an edge of the curvature k a blur

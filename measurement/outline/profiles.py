@@ -173,10 +173,10 @@ class ShadowColour:
 def learn_colour(shadow: Array, lit: Array) -> ShadowColour:
     """Return the colours from samples of the shadow and of the lit screen in light, shapes (n, 3) and (m, 3);
     `Unmeasurable` if the lit screen's colour lies within the shadow's scatter."""
-    centre, covariance = robust_covariance(_thinned(shadow))
+    centre, covariance = robust_covariance(_thinned_samples(shadow))
     # Channels share most of their noise; a direction in which they happen not to scatter would rule the weights.
     covariance = covariance + np.eye(3) * max(LIGHT_FLOOR**2, 0.1 * float(np.trace(covariance)) / 3.0)
-    colour = ShadowColour(centre, np.median(_thinned(lit), axis=0), covariance)
+    colour = ShadowColour(centre, np.median(_thinned_samples(lit), axis=0), covariance)
     if colour.contrast < SMALLEST_CONTRAST:
         raise pictures.Unmeasurable(
             f"the contrast is too low: the shadow takes away {max(0.0, colour.contrast):.0%} of the screen's light, "
@@ -313,7 +313,7 @@ def _smooth_light(brightness: Array, lit: Mask) -> Array:
     return np.exp(np.clip(surface - np.median(surface[lit]), -2.0, 1.0))
 
 
-def _thinned(samples: Array) -> Array:
+def _thinned_samples(samples: Array) -> Array:
     return samples[:: max(1, len(samples) // MOST_PIXELS)]
 
 
@@ -603,7 +603,7 @@ class StoredLight:
         sharpening."""
         numbers = _numbers(len(self.light))
         stored = np.interp(self.low + (self.high - self.low) * share, self.light, numbers)
-        sharp = stored + amount * (stored - _blurred(stored, radius / self.width))
+        sharp = stored + amount * (stored - _blurred_values(stored, radius / self.width))
         # Beyond the last number the curve goes on, as a channel mixed of several does.
         back = np.interp(sharp, numbers, self.light)
         back += np.maximum(sharp - 1.0, 0.0) * (self.light[-1] - self.light[-2]) * (len(numbers) - 1.0)
@@ -631,12 +631,13 @@ def common_shape(
     # An edge far out of focus has a grid line in nearly all of its profiles, which leaves more there than e does.
     inked = 1.0 - float(clean.all(axis=1).mean())
     spread = np.hypot(error, np.hypot(ERROR_FLOOR, INKED_ERROR_FLOOR * inked))
-    fits = [(lamp, _fitted(place, value, spread, lamp, stored)) for lamp in LAMP_EXPONENTS]
+    fits = [(lamp, _fitted_profile(place, value, spread, lamp, stored)) for lamp in LAMP_EXPONENTS]
     lamp, best = min(fits, key=lambda pair: float(pair[1].cost))
     lift = hidden = 0.0
     if camera is not None:
         fits = [
-            (lamp, _fitted(place, value, spread, lamp, stored, camera)) for lamp in (*LAMP_EXPONENTS, BULB_EXPONENT)
+            (lamp, _fitted_profile(place, value, spread, lamp, stored, camera))
+            for lamp in (*LAMP_EXPONENTS, BULB_EXPONENT)
         ]
         bent, deep = min(fits, key=lambda pair: float(pair[1].cost))
         lift = float(np.interp(0.5, _penumbra(deep.x, bent), nodes()))
@@ -689,10 +690,10 @@ def _mean_profile(z: Array, residual: Array, clean: Mask) -> tuple[Array, Array,
 
 
 DEPTH_PARAMETER = 9
-"""Number of the parameter q of `_fitted`."""
+"""Number of the parameter q of `_fitted_profile`."""
 
 
-def _fitted(  # type: ignore[no-untyped-def]
+def _fitted_profile(  # type: ignore[no-untyped-def]
     place: Array, value: Array, spread: Array, lamp: float, stored: StoredLight, camera: EdgeShape | None = None
 ):
     """Parameters: place of the half light, logarithm of the width, the lamp's share of the variance, e, the mask's amount and
@@ -729,7 +730,7 @@ def _fitted(  # type: ignore[no-untyped-def]
 
 
 def _shape(p: Array, lamp: float, stored: StoredLight) -> Array:
-    """Return the step at `nodes` for parameters of `_fitted`, half of the lamp visible at 0."""
+    """Return the step at `nodes` for parameters of `_fitted_profile`, half of the lamp visible at 0."""
     step = _penumbra(p, lamp)
     return stored.seen(step + p[3] * step * (1.0 - step), float(p[4]), float(p[5]))
 
@@ -741,7 +742,7 @@ def _penumbra(p: Array, lamp: float) -> Array:
         np.where(nodes() > 0.0, 1.0 + p[DEPTH_PARAMETER], 1.0 - p[DEPTH_PARAMETER]) if len(p) > DEPTH_PARAMETER else 1.0
     )
     bare = np.interp(nodes() / (width * np.sqrt(share) * wider + 1e-3), *_lamp(lamp))
-    return _blurred(bare, width * np.sqrt(1.0 - share))
+    return _blurred_values(bare, width * np.sqrt(1.0 - share))
 
 
 @functools.cache
@@ -751,7 +752,7 @@ def _lamp(exponent: float) -> tuple[Array, Array]:
     return at * np.sqrt(2.0 * exponent + 3.0), betainc(exponent + 1.0, exponent + 1.0, 0.5 * (1.0 + at))
 
 
-def _blurred(values: Array, width: float) -> Array:
+def _blurred_values(values: Array, width: float) -> Array:
     """Return the values at `nodes` under a Gaussian blur of a standard deviation in widths."""
     if width < 0.2 * SHAPE_STEP:
         return values
@@ -835,7 +836,7 @@ def fit_profiles(offsets: Array, profile: Array, weight: Array, shape: EdgeShape
         matrix = across @ terms
         matrix = matrix + 1e-9 * np.trace(matrix, axis1=1, axis2=2)[:, None, None] * np.eye(5)
         step = np.linalg.solve(matrix, across @ residual[..., None])[..., 0]
-        parameters = _stepped(parameters, np.where(np.isfinite(step), step, 0.0), reach)
+        parameters = _stepped_parameters(parameters, np.where(np.isfinite(step), step, 0.0), reach)
     low, rise, slope, centre, width = parameters
     return ProfileFit(low, rise, slope, centre, width, z, top, residual, weight * robust, weighted, matrix)
 
@@ -849,7 +850,7 @@ def _first_guess(offsets: Array, profile: Array) -> tuple[Array, ...]:
     return low, high - low, np.zeros(len(profile)), centre, np.full(len(profile), 0.25 * reach)
 
 
-def _stepped(parameters: tuple[Array, ...], step: Array, reach: float) -> tuple[Array, ...]:
+def _stepped_parameters(parameters: tuple[Array, ...], step: Array, reach: float) -> tuple[Array, ...]:
     """Return the parameters after a step (n, 5), which is cut where it would leave the profile."""
     low, rise, slope, centre, width = parameters
     return (

@@ -530,7 +530,7 @@ def sharpest_turn(placed: Array) -> tuple[int, float]:
     window = max(
         min(DIRECTION_WINDOW, DIRECTION_WINDOW_SHARE * float(np.ptp(raised))), FEWEST_STATIONS * float(np.median(step))
     )
-    turn = _turns(placed, arc, window)
+    turn = _turning_angles(placed, arc, window)
     known = np.isfinite(turn)
     if known.sum() < 5 * FEWEST_STATIONS:
         return 0, 0.0
@@ -544,7 +544,7 @@ def sharpest_turn(placed: Array) -> tuple[int, float]:
     for beside in (near, far):
         low, high = np.minimum.reduce([*beside, smooth]), np.maximum.reduce([*beside, smooth])
         beyond = np.maximum(beyond, np.where(known, np.maximum(turn - high, low - turn), 0.0))
-    free = known & ~_near(arc, np.abs(placed[:, 1]) < 2.0 * ON_SURFACE, window) & (placed[:, 1] > 0.0)
+    free = known & ~_places_near(arc, np.abs(placed[:, 1]) < 2.0 * ON_SURFACE, window) & (placed[:, 1] > 0.0)
     # One bad point is no corner: the turn must stand over several places.
     lasting = np.min(np.lib.stride_tricks.sliding_window_view(np.pad(beyond * free, 1), 3), axis=1)
     noise = robust.deviation(beyond[known])
@@ -553,7 +553,7 @@ def sharpest_turn(placed: Array) -> tuple[int, float]:
     return place, turned if turned > 6.0 * np.degrees(noise) else 0.0
 
 
-def _turns(placed: Array, arc: Array, window: float) -> Array:
+def _turning_angles(placed: Array, arc: Array, window: float) -> Array:
     """Return the angle (n,) in rad between straight lines through the edge within a window behind and before each place."""
     # Counted in points and not in length: where an edge is unclear its points are missing, and it may turn just there.
     count = round(window / float(np.median(np.diff(arc)))) + 1
@@ -571,7 +571,7 @@ def _turns(placed: Array, arc: Array, window: float) -> Array:
     return np.asarray((directions[1] - directions[0] + np.pi) % (2.0 * np.pi) - np.pi)
 
 
-def _near(arc: Array, chosen: Mask, reach: float) -> Mask:
+def _places_near(arc: Array, chosen: Mask, reach: float) -> Mask:
     """Return the places (n,) along the edge within reach of a chosen one."""
     at = arc[chosen]
     if not len(at):
@@ -607,8 +607,8 @@ def highest_ripple(placed: Array) -> tuple[int, float, float]:
     raised = placed[placed[:, 1] >= 0.1 * max(placed[:, 1].max(), 0.0), 0]
     if not len(raised):
         return 0, 0.0, 0.0
-    far = _odd(min(POLYNOMIAL_LENGTH, FAR_SHARE * float(np.ptp(raised))) / spacing)
-    near = max(SHORT_AVERAGE_POINTS, _odd(min(AVERAGED_LENGTH / spacing, 0.3 * far)))
+    far = _odd_sides(min(POLYNOMIAL_LENGTH, FAR_SHARE * float(np.ptp(raised))) / spacing)
+    near = max(SHORT_AVERAGE_POINTS, _odd_sides(min(AVERAGED_LENGTH / spacing, 0.3 * far)))
     if far < 2 * near:
         return 0, 0.0, 0.0
     at = np.arange(0.0, arc[-1], spacing)
@@ -629,5 +629,5 @@ def highest_ripple(placed: Array) -> tuple[int, float, float]:
     return int(np.argmin(np.abs(arc - at[worst]))), float(off[worst]), scatter
 
 
-def _odd(count: float) -> int:
+def _odd_sides(count: float) -> int:
     return max(3, round(count)) // 2 * 2 + 1

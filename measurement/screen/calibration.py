@@ -205,20 +205,21 @@ def _errors(
         other = dataclasses.replace(
             camera, matrix=np.array([[f, 0, cx], [0, f, cy], [0, 0, 1]]), distortion=np.array(lens)
         )
-        slopes.append(_moved(camera, other, coverage) / step)
+        slopes.append(_ring_distances(camera, other, coverage) / step)
     variance = np.einsum("irk,ij,jrk->rk", slopes, covariance, slopes)
     count = len(views)
     spread = np.full(variance.shape, MIN_LENS_ERROR**2)
     if count > MIN_VIEWS:
         rest = (views[:left_out] + views[left_out + 1 :] for left_out in range(count))
         moved = [
-            _moved(camera, _solve(some, board, camera.size, use_k3).camera(camera.size, ""), coverage) for some in rest
+            _ring_distances(camera, _solve(some, board, camera.size, use_k3).camera(camera.size, ""), coverage)
+            for some in rest
         ]
         spread = (count - 1) / count * np.sum(np.square(moved), axis=0)
     return np.sqrt(np.maximum(variance.mean(axis=1), spread.mean(axis=1)))
 
 
-def _moved(camera: Camera, other: Camera, coverage: float) -> Points:
+def _ring_distances(camera: Camera, other: Camera, coverage: float) -> Points:
     """Return how far another camera puts points on rings about the middle (RINGS, k) in px, all axes and places laid end
     to end. A homography, which the screen's grid determines anyway, has taken its share where boards were seen."""
     middle = (np.array(camera.size) - 1.0) / 2.0
@@ -276,7 +277,7 @@ def straightened_corners(gray: NDArray[np.uint8], corners: Points, camera: Camer
         ideal = camera.undistort((middles[:, None] + reach * nodes).reshape(-1, 2)).reshape(len(seen), -1, 2)
         starts, steps = camera.undistort(seen), np.zeros_like(seen)
         for number, (middle, lens) in enumerate(zip(middles, fit @ ideal, strict=True)):
-            steps[number] = _step(slopes, middle - first, seen[number] - first, starts[number], lens, reach)
+            steps[number] = _corner_step(slopes, middle - first, seen[number] - first, starts[number], lens, reach)
         found = camera.distort(starts + steps)
         found = np.where(np.isfinite(found), found, seen)
         # A corner that runs away stays where it was: its window holds no corner.
@@ -288,7 +289,7 @@ def straightened_corners(gray: NDArray[np.uint8], corners: Points, camera: Camer
     return seen
 
 
-def _step(
+def _corner_step(
     slopes: list[Points], middle: NDArray[np.int64], seen: Points, start: Points, lens: Points, reach: int
 ) -> Points:
     """Return the way (2,) in ideal px from a corner to the point that the edges of its window run through.
@@ -357,7 +358,7 @@ def find_chessboard(image: ArrayLike, pattern: tuple[int, int] = (9, 6), camera:
     gray = gray_bytes(image)
     if min(pattern) < 3:
         raise GridError(f"a chessboard of {columns} x {rows} inner corners is too small; give at least 3 x 3")
-    corners = _searched(gray, pattern)
+    corners = _board_corners(gray, pattern)
     if corners is None:
         raise GridError(
             f"no chessboard with {columns} x {rows} inner corners was found; check the pattern and the picture"
@@ -371,7 +372,7 @@ def find_chessboard(image: ArrayLike, pattern: tuple[int, int] = (9, 6), camera:
     return _points(px if camera is None else straightened_corners(gray, px, camera, reach), indices, camera)
 
 
-def _searched(gray: NDArray[np.uint8], pattern: tuple[int, int]) -> NDArray[np.float64] | None:
+def _board_corners(gray: NDArray[np.uint8], pattern: tuple[int, int]) -> NDArray[np.float64] | None:
     """Return the corners (n, 2) of the board in px, right to about a pixel; None if it is not there. The search begins
     with reduced pictures: its time grows faster than their pixels."""
     longest = max(gray.shape)

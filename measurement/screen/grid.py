@@ -248,7 +248,7 @@ def find_lines(gray: NDArray[np.uint8], camera: Camera) -> list[Line]:
         seen, normals, depth = _valleys(light, width)
         ideal = camera.undistort((seen + 0.5) * factor - 0.5)
         known = np.isfinite(ideal).all(axis=1)
-        tries.append(_straight((ideal[known] - middle) / factor, normals[known], depth[known], max(light.shape)))
+        tries.append(_straight_lines((ideal[known] - middle) / factor, normals[known], depth[known], max(light.shape)))
     # A narrow blur does not reach across a wide line, and a wide one washes thin lines out: the narrowest that shows
     # nearly as much as any is taken.
     shown = [sum(line.strength for line in found) for found in tries]
@@ -310,7 +310,7 @@ def _local_noise(depth: NDArray[np.float32]) -> NDArray[np.float32]:
     return cv2.resize(noise, (width, height), interpolation=cv2.INTER_LINEAR)
 
 
-def _straight(points: Points, normals: Points, depth: Points, size: float) -> list[Line]:
+def _straight_lines(points: Points, normals: Points, depth: Points, size: float) -> list[Line]:
     """Greedy Hough transform: take the line with the most votes, remove its points, go on."""
     shortest = 0.08 * size
     bin_width = 1.5
@@ -330,7 +330,7 @@ def _straight(points: Points, normals: Points, depth: Points, size: float) -> li
             break
         angle = table[best // (2 * reach)]
         offset = (best % (2 * reach) - reach) * bin_width
-        line, on = _refined(points, normals, depth, left, np.array([np.cos(angle), np.sin(angle)]), offset)
+        line, on = _refined_lines(points, normals, depth, left, np.array([np.cos(angle), np.sin(angle)]), offset)
         taken = on if on.any() else left & np.any(cells == best, axis=1)
         votes -= np.bincount(cells[taken].ravel(), minlength=votes.size)
         left &= ~taken
@@ -339,7 +339,7 @@ def _straight(points: Points, normals: Points, depth: Points, size: float) -> li
     return sorted(lines, key=lambda line: -line.support)
 
 
-def _refined(
+def _refined_lines(
     points: Points, normals: Points, depth: Points, left: NDArray[np.bool_], normal: Points, offset: float
 ) -> tuple[Line | None, NDArray[np.bool_]]:
     on = np.zeros(len(points), dtype=bool)
@@ -421,7 +421,7 @@ def fit_line(shown: Points, across: Points, along: Points, depth: float) -> tupl
     dark = ground - shown
     dip = dark[:, np.abs(across) <= np.abs(across[0]) / 3].mean(axis=1)
     # A cut must show this grid's line, with about the same light on both of its sides: no edge of a shadow, no dust.
-    good = np.isfinite(dip) & (dip > 0.35 * depth) & (dip < 1.6 * depth) & ~_shaded(left - right, depth)
+    good = np.isfinite(dip) & (dip > 0.35 * depth) & (dip < 1.6 * depth) & ~_shaded_cuts(left - right, depth)
     if good.sum() < max(4, 0.4 * len(along)):
         return None
     places = np.full(len(along), np.nan)
@@ -444,7 +444,7 @@ def fit_line(shown: Points, across: Points, along: Points, depth: float) -> tupl
     return float(answer[0]), float(answer[1]), float(error)
 
 
-def _shaded(difference: Points, depth: float) -> NDArray[np.bool_]:
+def _shaded_cuts(difference: Points, depth: float) -> NDArray[np.bool_]:
     """Return the cuts whose sides differ in brightness because an edge of the shadow or dust is near, and the cuts beside
     them."""
     known = np.isfinite(difference)
@@ -546,12 +546,12 @@ def _line_width(gray: NDArray[np.uint8], camera: Camera, lattice: setup.Plane) -
             shown = light.cuts(arms, arms.along(along), shares * pitch[axis])
             for arm in (shown[:8], shown[8:]):
                 if np.isfinite(arm[:, np.abs(shares) < 0.45]).all():
-                    cuts[axis].append(_centred(arm.mean(axis=0), shares))
+                    cuts[axis].append(_centred_cut(arm.mean(axis=0), shares))
     if min(len(cuts[0]), len(cuts[1])) < 2:
         raise GridError("too few arms of the grid's crossings are in the picture; show more of the grid")
     for axis in (0, 1):
-        _check_between(_typical(cuts[axis]), shares)
-    mean = _typical([*cuts[0], *cuts[1]])[np.abs(shares) < 0.45]
+        _check_between(_typical_spacing(cuts[axis]), shares)
+    mean = _typical_spacing([*cuts[0], *cuts[1]])[np.abs(shares) < 0.45]
     shares = shares[np.abs(shares) < 0.45]
     middle_of = len(shares) // 2
     level = float(np.nanpercentile(mean, 75))
@@ -570,7 +570,7 @@ def _line_width(gray: NDArray[np.uint8], camera: Camera, lattice: setup.Plane) -
     return float(np.clip(1.3 * width, 0.03, MAX_WINDOW_SHARE)), depth
 
 
-def _typical(cuts: list[Points]) -> Points:
+def _typical_spacing(cuts: list[Points]) -> Points:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # places that no cut reaches stay NaN
         return np.nanmedian(cuts, axis=0)
@@ -588,7 +588,7 @@ def _check_between(mean: Points, shares: Points) -> None:
         )
 
 
-def _centred(cut: Points, shares: Points) -> Points:
+def _centred_cut(cut: Points, shares: Points) -> Points:
     """Return the cut moved so that its darkest place within reach of the rough lattice lies in the middle."""
     smooth = np.convolve(np.where(np.isfinite(cut), cut, np.inf), np.ones(7) / 7, mode="same")
     reach = np.abs(shares) < 0.15
@@ -660,7 +660,9 @@ def count_lines(lines: list[Line], camera: Camera) -> setup.Plane:
     weights = np.array([float(line.support) for line in lines])
     free = np.ones(len(lines), dtype=bool)
     first, one = _pencil(rows, middles, weights, free)
-    crossing = free & ~first & (np.abs(rows[:, :2] @ _along(rows[first], weights[first])) > np.sin(np.radians(20.0)))
+    crossing = (
+        free & ~first & (np.abs(rows[:, :2] @ _mean_direction(rows[first], weights[first])) > np.sin(np.radians(20.0)))
+    )
     second, other = _pencil(rows, middles, weights, crossing)
     if min(first.sum(), second.sum()) < 2 or first.sum() + second.sum() < 5:
         raise GridError(
@@ -671,7 +673,7 @@ def count_lines(lines: list[Line], camera: Camera) -> setup.Plane:
         # With both vanishing points taken to infinity and the picture's centre to the origin, a line of the grid lies at
         # one number, and the numbers of a family are equally spaced.
         at = -rows[members, 2] / (rows[members] @ across)
-        counted, kept = _count(at, weights[members])
+        counted, kept = _whole_numbers(at, weights[members])
         places.append(rows[members][kept])
         numbers.append(counted)
     crossings, indices = [], []
@@ -687,7 +689,7 @@ def count_lines(lines: list[Line], camera: Camera) -> setup.Plane:
         raise GridError("the lines found cross in too few places to form a grid; show more of the grid") from None
 
 
-def _along(rows: Points, weights: Points) -> Points:
+def _mean_direction(rows: Points, weights: Points) -> Points:
     """Return the mean direction of lines, whose normals may point either way."""
     _, _, axes = np.linalg.svd(rows[:, :2] * weights[:, None])
     return np.array([-axes[0, 1], axes[0, 0]])
@@ -703,7 +705,7 @@ def _pencil(
         # Lines of one family stay within this angle of each other in any usable photograph.
         if abs(rows[i, :2] @ rows[j, :2]) < np.cos(np.radians(35.0)):
             continue
-        members = free & _aimed(rows, middles, np.cross(rows[i], rows[j]))
+        members = free & _lines_of_pencil(rows, middles, np.cross(rows[i], rows[j]))
         # Nearly one line seen twice makes a pencil with everything that crosses it there.
         if weights[members].sum() > best:
             best, chosen = float(weights[members].sum()), members
@@ -713,11 +715,11 @@ def _pencil(
             return np.zeros(len(rows), dtype=bool), point
         _, _, axes = np.linalg.svd(rows[chosen] * weights[chosen, None])
         point = axes[2]
-        chosen = free & _aimed(rows, middles, point)
+        chosen = free & _lines_of_pencil(rows, middles, point)
     return chosen, point
 
 
-def _aimed(rows: Points, middles: Points, point: Points) -> NDArray[np.bool_]:
+def _lines_of_pencil(rows: Points, middles: Points, point: Points) -> NDArray[np.bool_]:
     towards = point[:2] - middles * point[2]
     length = np.linalg.norm(towards, axis=1)
     # A vanishing point inside the picture is no vanishing point.
@@ -725,7 +727,7 @@ def _aimed(rows: Points, middles: Points, point: Points) -> NDArray[np.bool_]:
     return outside & (np.abs(np.sum(rows[:, :2] * towards, axis=1)) < PENCIL_TOLERANCE * np.maximum(length, 1e-12))
 
 
-def _count(at: Points, weights: Points) -> tuple[NDArray[np.int64], NDArray[np.intp]]:
+def _whole_numbers(at: Points, weights: Points) -> tuple[NDArray[np.int64], NDArray[np.intp]]:
     """Return the whole numbers for lines at equally spaced places, and which of the lines they belong to."""
     order = np.argsort(at)
     place, weight = at[order], weights[order]

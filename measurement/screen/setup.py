@@ -340,18 +340,18 @@ class Plane:
             raise PlaneError("the known points do not determine a plane; give points that do not lie on a line")
         inverse = first / first[2, 2]
         for _ in range(30):
-            design, left = _linearised(inverse, start, end, weights)
+            design, left = _linearised_design(inverse, start, end, weights)
             step, _, rank, singular = np.linalg.lstsq(design, left, rcond=None)
             if rank < 8 or singular[-1] < 1e-7 * singular[0]:
                 raise PlaneError("the known points do not determine a plane; give points that do not lie on a line")
             inverse = inverse + np.append(step, 0.0).reshape(3, 3)
             if np.abs(step).max() < 1e-13:
                 break
-        design, left = _linearised(inverse, start, end, weights)
+        design, left = _linearised_design(inverse, start, end, weights)
         covariance = np.linalg.inv(design.T @ design)
         if sigma_px is None:
             covariance *= left @ left / (2 * len(seen) - 8)
-        homography, spread = _inverted(inverse, covariance, from_metres, from_px)
+        homography, spread = _inverted_homography(inverse, covariance, from_metres, from_px)
         missed = _apply(homography, seen) - known
         return cls(homography, spread, float(np.sqrt(np.mean(np.sum(missed**2, axis=1)))), seen, known)
 
@@ -414,7 +414,7 @@ def _scaling(points: Points) -> Points:
     return np.array([[1 / spread, 0, -centre[0] / spread], [0, 1 / spread, -centre[1] / spread], [0, 0, 1]])
 
 
-def _linearised(matrix: Points, start: Points, end: Points, weights: Points) -> tuple[Points, Points]:
+def _linearised_design(matrix: Points, start: Points, end: Points, weights: Points) -> tuple[Points, Points]:
     """Return the weighted design (2n, 8) and what is left (2n,) for the first eight entries of a homography whose last is
     fixed."""
     homogeneous = _homogeneous(start)
@@ -428,7 +428,9 @@ def _linearised(matrix: Points, start: Points, end: Points, weights: Points) -> 
     return weighted.reshape(-1, 8), ((end - image) * weights[:, None]).ravel()
 
 
-def _inverted(inverse: Points, covariance: Points, from_metres: Points, from_px: Points) -> tuple[Points, Points]:
+def _inverted_homography(
+    inverse: Points, covariance: Points, from_metres: Points, from_px: Points
+) -> tuple[Points, Points]:
     """Return the homography of norm 1 from px to m with its covariance (9, 9), from the scaled one the other way (8, 8)."""
     wide = np.zeros((9, 9))
     wide[:8, :8] = covariance

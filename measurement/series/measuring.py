@@ -47,16 +47,16 @@ def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "",
     own.
     """
     if tone != AUTO:
-        return _traced(image, setup, tone, anyway)
+        return _traced_edges(image, setup, tone, anyway)
     names = sorted(TONES, key=lambda name: name != (likely or "srgb"))
-    first = _traced(image, setup, names[0], anyway)
+    first = _traced_edges(image, setup, names[0], anyway)
     # Where a shape fits this well, no other tone can be decisively better.
     fits = first.edge.shape.chi_square < profiles.DECISIVE_CHI_SQUARE
     if likely and fits:
         return first
     traces = [first]
     with contextlib.suppress(Unmeasurable):  # where only one tone shows an edge, the other is wrong
-        traces.append(_traced(image, setup, names[1], anyway))
+        traces.append(_traced_edges(image, setup, names[1], anyway))
     best, *others = sorted(traces, key=lambda traced: traced.edge.shape.chi_square)
     if not others and fits:
         return first
@@ -80,7 +80,7 @@ def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "",
     return best
 
 
-def _traced(image: Pixels, setup: Setup, tone: str, anyway: bool) -> edge.Traced:
+def _traced_edges(image: Pixels, setup: Setup, tone: str, anyway: bool) -> edge.Traced:
     traced = edge.Traced(image, setup, tone, anyway=anyway)
     traced.doubts = doubts(EDGE, Evidence(traced))
     return traced
@@ -199,7 +199,7 @@ def zero_line(photographs: Sequence[Photograph], setup: Setup, tone: str = AUTO)
         except Unmeasurable as error:
             reasons.append(f"{photo.file.name}: {error}")
         except Exception as error:  # as in `_measure_one`
-            reasons.append(f"{photo.file.name}: {_unforeseen(error)}")
+            reasons.append(f"{photo.file.name}: {_unexpected_error(error)}")
     if doubted:
         return doubted[0]
     raise NoZero(f"no photograph at zero pressure shows the undeformed surface; {'; '.join(reasons)}")
@@ -290,7 +290,7 @@ def _outlines(outcomes: Sequence[Outline | Refusal]) -> dict[int, Outline]:
     return {k: outcome for k, outcome in enumerate(outcomes) if isinstance(outcome, Outline)}
 
 
-def _unforeseen(error: Exception) -> str:
+def _unexpected_error(error: Exception) -> str:
     words = " ".join(str(error).split())  # OpenCV's own have several lines
     return f"it led to an unforeseen failure ({type(error).__name__}: {words})"
 
@@ -319,7 +319,7 @@ def _measure_one(
     except Unmeasurable as error:
         outcome = Refusal(str(error), photo.file)
     except Exception as error:  # one odd photograph must not take the others with it
-        outcome = Refusal(_unforeseen(error), photo.file)
+        outcome = Refusal(_unexpected_error(error), photo.file)
     if pictures is not None and image is not None:
         drawing.draw_edge(pictures / f"{name}.png", image, setup, traced, outcome, photo.pressure)
     return Result(photo, outcome, name, sample)

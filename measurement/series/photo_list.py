@@ -263,14 +263,14 @@ def _check_comments(path: Path, comments: list[tuple[int, str]], separator: str)
     """Reject a line that may be meant as a comment or as the row of a photograph whose name begins with #."""
     for number, line in comments:
         name = line.strip().partition(separator)[0].strip()
-        if len(name) > 1 and _there(path.parent / name):
+        if len(name) > 1 and _exists(path.parent / name):
             raise PhotoListError(
                 f"{path}, line {number}: # begins a comment, but there is a photograph {name}; write ./{name} to "
                 "list it, or a space after the # to leave it out"
             )
 
 
-def _there(file: Path) -> bool:
+def _exists(file: Path) -> bool:
     """Return whether there is such a file or folder; a name that no system takes is none."""
     try:
         return file.exists()
@@ -377,7 +377,7 @@ def _seconds(name: str, text: str) -> float:
 def _find(folder: Path, name: str) -> Path:
     """Return the file of this name, of this name in other letters (cameras shout), or of this number."""
     path = folder / name
-    if _there(path):
+    if _exists(path):
         return path
     files = _pictures(path.parent)
     same = [file for file in files if file.name.lower() == path.name.lower()]
@@ -478,7 +478,7 @@ def likeness(first: Sample, second: Sample, others: Sequence[Sample]) -> float:
     unknown. With fewer than two others the bar is another, see `is_copy`."""
     if not others or any(other.fine.shape != first.fine.shape for other in (second, *others)):
         return np.nan
-    still = _still([first, second, *others])
+    still = _unchanged_places([first, second, *others])
     if still.sum() < 1000:
         return np.nan
     one, two, *rest = (sample.fine[still].astype(np.float64) for sample in (first, second, *others))
@@ -558,7 +558,7 @@ def _same_outline(one: Outline, two: Outline) -> bool:
     return float(np.median(np.abs(one.z[inside] - np.interp(one.x[inside], two.x, two.z)))) <= SAME_OUTLINE_TOLERANCE
 
 
-def _still(samples: Sequence[Sample]) -> npt.NDArray[np.bool_]:
+def _unchanged_places(samples: Sequence[Sample]) -> npt.NDArray[np.bool_]:
     """Return the places (n,) that look alike in all: no shadow's edge passes over them."""
     middle = np.median([sample.smooth for sample in samples[2:]], axis=0)
     thin = middle.ravel()[::37]

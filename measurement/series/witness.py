@@ -79,9 +79,9 @@ class Run:
         run = self.trusted
         if not run.outlines:
             return {}
-        told = {**_risen_zeros(run), **_signs(run)}
+        told = {**_risen_zeros(run), **_suction_photographs(run)}
         good = ~np.isin(np.arange(len(run.outlines)), list(told)) & ~run.later_in_hold
-        odd = _strangers(run[good])
+        odd = _contradicted(run[good])
         told.update({int(k): odd[place] for place, k in enumerate(np.flatnonzero(good)) if place in odd})
         return {number: told[k] for k, number in enumerate(run.outlines) if k in told}
 
@@ -132,16 +132,16 @@ class Run:
 def course_of(outlines: list[Outline]) -> Course | None:
     """Return the course through the trusted outlines of a run; None where they are too few or do not rise."""
     run = Run(dict(enumerate(outlines))).trusted
-    return run.course if _tells(run) else None
+    return run.course if _course_is_known(run) else None
 
 
-def _tells(run: Run) -> bool:
+def _course_is_known(run: Run) -> bool:
     return len(run.outlines) >= MIN_PHOTOGRAPHS and float(run.heights.max()) > max(
         10.0 * float(np.median(run.height_errors)), zero.ON_SURFACE
     )
 
 
-def _signs(run: Run) -> dict[int, str]:
+def _suction_photographs(run: Run) -> dict[int, str]:
     """Return the photographs at a pressure below zero: suction draws a surface in, where its shadow cannot show it."""
     found = {}
     for k in np.nonzero(run.pressures < -CLEAR_ERRORS * run.pressure_errors)[0]:
@@ -172,9 +172,9 @@ def _risen_zeros(run: Run) -> dict[int, str]:
     }
 
 
-def _strangers(run: Run) -> dict[int, str]:
+def _contradicted(run: Run) -> dict[int, str]:
     """Return the photographs that the others contradict, each with what the others lead one to expect."""
-    if not _tells(run):
+    if not _course_is_known(run):
         return {}
     later = _let_down(run)
     together = _outliers(run)
@@ -184,7 +184,7 @@ def _strangers(run: Run) -> dict[int, str]:
         odd = np.zeros(len(later), dtype=bool)
         odd[first[_outliers(run[~later])]] = True
         odd |= later & together & ~_lagging(run, run[~later & ~odd].course)
-    return _named(run, odd)
+    return _odd_sentences(run, odd)
 
 
 def _let_down(run: Run) -> Mask:
@@ -227,7 +227,7 @@ def _outliers(run: Run) -> Mask:
         kept[np.nonzero(kept)[0][int(np.argmin(tails))]] = False
     while not kept.all():
         aside = np.nonzero(~kept)[0]
-        tails = _tails(run, run[kept].course, aside, run.pressures[aside])
+        tails = _tail_probabilities(run, run[kept].course, aside, run.pressures[aside])
         likeliest = int(np.argmax(tails))
         if tails[likeliest] < MIN_PROBABILITY:
             break
@@ -235,14 +235,14 @@ def _outliers(run: Run) -> Mask:
     return ~kept
 
 
-def _tails(run: Run, course: Course, numbers: npt.NDArray[np.int64], pressures: Array) -> Array:
+def _tail_probabilities(run: Run, course: Course, numbers: npt.NDArray[np.int64], pressures: Array) -> Array:
     """Return the probabilities that good photographs of these heights are as far off as at these pressures (k,) in Pa."""
     errors = np.hypot(run.pressure_errors[numbers], course.slope(run.heights[numbers]) * run.height_errors[numbers])
     table = course.at(run.heights[numbers], errors)[2]
     return course.tail(table, pressures)
 
 
-def _named(run: Run, odd: Mask) -> dict[int, str]:
+def _odd_sentences(run: Run, odd: Mask) -> dict[int, str]:
     """Return a sentence for each photograph that is odd."""
     if not odd.any():
         return {}
@@ -268,13 +268,13 @@ def _cause(run: Run, course: Course, k: int, odd: npt.NDArray[np.int64]) -> str:
     """Return what would explain an odd photograph; empty if nothing simple does."""
     here = np.array([k])
     for factor, word in ((10.0, "a tenth of what it was"), (0.1, "ten times what it was")):
-        if _tails(run, course, here, run.pressures[here] * factor)[0] > MIN_FITTING_PROBABILITY:
+        if _tail_probabilities(run, course, here, run.pressures[here] * factor)[0] > MIN_FITTING_PROBABILITY:
             return f": the pressure in the list may be {word}"
     for other in odd:
         if other == k:
             continue
         pair = np.array([k, other])
-        if (_tails(run, course, pair, run.pressures[pair[::-1]]) > MIN_FITTING_PROBABILITY).all():
+        if (_tail_probabilities(run, course, pair, run.pressures[pair[::-1]]) > MIN_FITTING_PROBABILITY).all():
             return f": its row and that of {list(run.outlines.values())[other].source} may be swapped"
     return ""
 
@@ -456,12 +456,12 @@ def _prior(v: Array, u: Array, diagonal: bool = False) -> Array:
     for times in INTEGRATION_ORDERS:
         # Noise that is integrated three times leaves a parabola open, not only a line.
         known = LINE_DEVIATION**2 * (1.0 + product) + (PARABOLA_DEVIATION**2 * product**2 if times > 2 else 0.0)
-        kernel = _integrated(first, second, times)
+        kernel = _integrated_covariance(first, second, times)
         found += [known + rough**2 * kernel for rough in ROUGHNESS_GRID for _ in SCATTER_GRID]
     return np.stack(found)
 
 
-def _integrated(v: Array, u: Array, times: int) -> Array:
+def _integrated_covariance(v: Array, u: Array, times: int) -> Array:
     """Return the covariance of white noise integrated two or three times from a place before all points."""
     v, u = np.maximum(v + NOISE_LEAD, 0.0), np.maximum(u + NOISE_LEAD, 0.0)
     least, apart = np.minimum(v, u), np.abs(v - u)

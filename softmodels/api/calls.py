@@ -231,12 +231,12 @@ def compare(first: Run | str | Path, second: Run | str | Path, *more: Run | str 
     """
     from softmodels.pictures import comparison
 
-    def of(number: int, one: Run | str | Path) -> comparison.Compared:
+    def of(number: int, one: Run | str | Path) -> comparison.ComparedResult:
         if not isinstance(one, Run):
             name = ("first", "second")[number] if number < 2 else "more"
-            return comparison.Compared.from_folder(names.place(name, one, "a run, or a folder of results"))
+            return comparison.ComparedResult.from_folder(names.place(name, one, "a run, or a folder of results"))
         rest = one[0]
-        return comparison.Compared(f"{one.case.name} ({number + 1})", one.case, one.table, rest.points, len(rest.cells),
+        return comparison.ComparedResult(f"{one.case.name} ({number + 1})", one.case, one.table, rest.points, len(rest.cells),
                         lambda step: one[step].displacement)  # fmt: skip
 
     return comparison.compared([of(number, one) for number, one in enumerate((first, second, *more))])

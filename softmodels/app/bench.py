@@ -38,8 +38,8 @@ class Bench:
 
     def __init__(self, project: Project, address: str = ""):
         self.project, self.address = project, address
-        self.solver, self.slower = jobs.Warm("softmodels.app.answers"), jobs.Warm("softmodels.app.answers")
-        self.tracer = jobs.Warm("softmodels.app.tracing")
+        self.solver, self.slower = jobs.WarmWorker("softmodels.app.answers"), jobs.WarmWorker("softmodels.app.answers")
+        self.tracer = jobs.WarmWorker("softmodels.app.tracing")
         self.jobs, self.photographs = Jobs(project.folder), Photographs(project, self.tracer)
 
     async def begin(self) -> None:
@@ -199,7 +199,7 @@ PHOTOGRAPH = FileKind("photographs", "JPEG, PNG, TIFF or HEIC", photo_list.PICTU
 
 
 @dataclasses.dataclass
-class Listed:
+class ListedPhotograph:
     """A photograph of the list, its row by `COLUMNS`, its preview, and its traced edge, or why there is none."""
 
     file: Path
@@ -227,13 +227,13 @@ class Listed:
 class Photographs:
     """The photographs of a project, as all tabs see them, and the process that traces them."""
 
-    def __init__(self, project: Project, tracer: jobs.Warm):
+    def __init__(self, project: Project, tracer: jobs.WarmWorker):
         self.project, self.tracer = project, tracer
         self.changed: Event[str] = Event()
         self.grid, self.pitch, self.lens, self.tone = "", "9mm", "none", AUTO
         self.plane: replies.Plane | None = None
         self.error = ""
-        self.listed: dict[str, Listed] = {}
+        self.listed: dict[str, ListedPhotograph] = {}
         self.rows: dict[str, dict[str, str]] = {}
         self.handles = replies.Handles()
         self.read()
@@ -250,7 +250,7 @@ class Photographs:
             except (OSError, tables.TomlError) as error:
                 self.error = f"{BENCH} {error}"
         for file in self.project.files(PHOTOGRAPHS, photo_list.PICTURES):
-            self.listed[file.name] = Listed(file)
+            self.listed[file.name] = ListedPhotograph(file)
         if (listing := self.project / PHOTOS).exists():
             try:
                 self.take_list(listing)
@@ -278,7 +278,7 @@ class Photographs:
             return ""
 
     @property
-    def shadows(self) -> list[Listed]:
+    def shadows(self) -> list[ListedPhotograph]:
         """All photographs but that of the grid."""
         return [one for one in self.listed.values() if one.file.name != self.grid]
 
@@ -291,7 +291,7 @@ class Photographs:
         except (OSError, KeyError, ValueError):
             return {}
 
-    async def change(self, one: Listed, **entries: str) -> None:
+    async def change(self, one: ListedPhotograph, **entries: str) -> None:
         """Change entries of a photograph's row, write the list, and trace it anew. The row stays as it was after a
         ColumnError (its pressure cannot be read) or OSError (the list cannot be written)."""
         before, one.row = one.row, {**one.row, **entries}
@@ -313,7 +313,7 @@ class Photographs:
         table.writerows(rows)
         files.write_text(self.project / PHOTOS, text.getvalue())
 
-    def pressure_of(self, one: Listed) -> float:
+    def pressure_of(self, one: ListedPhotograph) -> float:
         """Return the pressure in Pa as typed; NaN where there is none. ColumnError if it cannot be read."""
         return self.column.read(one.pressure)[0] if one.pressure else math.nan
 
@@ -330,7 +330,7 @@ class Photographs:
         if name.lower().endswith(".csv"):
             return self._add_list(name, data)
         file = self.project.keep(PHOTOGRAPHS, name, data, PHOTOGRAPH)
-        one = Listed(file, self.rows.get(file.name, dict.fromkeys(COLUMNS, "")))
+        one = ListedPhotograph(file, self.rows.get(file.name, dict.fromkeys(COLUMNS, "")))
         try:
             one.preview = await self.tracer.ask("preview", str(file))
         except jobs.AnswerError as error:
@@ -351,7 +351,7 @@ class Photographs:
         self.write_list()
         self.changed.emit("")
 
-    async def show(self, one: Listed) -> None:
+    async def show(self, one: ListedPhotograph) -> None:
         """Make a photograph's preview, if there is none yet."""
         if one.preview is None:
             try:
@@ -391,7 +391,7 @@ class Photographs:
         for one in self.shadows:
             await self.trace(one)
 
-    async def trace(self, one: Listed) -> None:
+    async def trace(self, one: ListedPhotograph) -> None:
         """Find the edge in a photograph."""
         if not self.setup or one.file.name == self.grid:
             return

@@ -185,7 +185,7 @@ class AnswerError(Exception):
     """The sentence for the user of a question that has no answer."""
 
 
-class Warm:
+class WarmWorker:
     """A process of its own that answers questions, by functions of a module that the server does not import, in the order in
     which they are asked. A question that waits is dropped when the same is asked again, as while a slider moves. A process
     that dies, as when memory runs out, is replaced at the next question."""

@@ -15,7 +15,7 @@ from nicegui import ui
 from measurement.series import photo_list
 from measurement.series.photo_list import PhotoListError
 from softmodels.app import device, forms, jobs, replies
-from softmodels.app.bench import AUTO, BOARDS, LENS, OUTLINES, PHOTOGRAPH, PHOTOS, SETUP, Bench, Listed
+from softmodels.app.bench import AUTO, BOARDS, LENS, OUTLINES, PHOTOGRAPH, PHOTOS, SETUP, Bench, ListedPhotograph
 from softmodels.app.jobs import Job
 from softmodels.common import units
 from softmodels.common.arrays import Array
@@ -171,10 +171,10 @@ class PhotographsPage(forms.TabPage):
         self.find.props(remove="loading")
         return None
 
-    async def _pressure(self, one: Listed, text: str) -> None:
+    async def _pressure(self, one: ListedPhotograph, text: str) -> None:
         await self._change(one, pressure=text.strip(), error="")
 
-    async def _change(self, one: Listed, **entries: str) -> None:
+    async def _change(self, one: ListedPhotograph, **entries: str) -> None:
         with self.saying(f"{one.file.name}: "):
             await self.photos.change(one, **entries)
             self.say("")
@@ -242,7 +242,7 @@ class PhotographsPage(forms.TabPage):
         self.about.set_text("; ".join(words))
         self._doubt(one)
 
-    def _doubt(self, one: Listed) -> None:
+    def _doubt(self, one: ListedPhotograph) -> None:
         """Show what speaks against a photograph, which handle may cure it, and whether it shall be used anyway."""
         doubts = forms.page_words(one.doubts)
         verdict = "refused" if one.why else "not trusted, used anyway" if one.anyway else "not trusted"
@@ -376,7 +376,7 @@ def _attribute(name: str) -> str:
     return name.replace('"', "").replace("\\", "")
 
 
-def _mark(one: Listed) -> tuple[str, str]:
+def _mark(one: ListedPhotograph) -> tuple[str, str]:
     if one.why:
         return "block", "negative"
     if one.traced is None:

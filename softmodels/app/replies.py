@@ -35,8 +35,8 @@ class Section:
         return cls(
             corners[..., :2],
             corners[..., 2].mean(axis=1),
-            _seen(grid.outline(after, cells)),
-            _seen(grid.outline(before, cells)),
+            _visible_curves(grid.outline(after, cells)),
+            _visible_curves(grid.outline(before, cells)),
         )
 
     def between(self, other: Section, share: float) -> Section:
@@ -46,7 +46,7 @@ class Section:
         return dataclasses.replace(self, **mixed)
 
 
-def _seen(curves: Array) -> Array:
+def _visible_curves(curves: Array) -> Array:
     """Return the curves without those on the axis, which is inside of the device."""
     return curves[np.abs(curves[..., 0]).max(axis=1) > 1e-9 * np.abs(curves).max()]
 

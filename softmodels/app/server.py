@@ -87,7 +87,7 @@ OF_PROJECT = (
 has no network."""
 
 
-def _hardened(send: Send, path: str) -> Send:
+def _with_headers(send: Send, path: str) -> Send:
     """Return how an answer is sent with the headers above; ``path`` is the one requested."""
     policy = OF_PROJECT if path.startswith(FILES) else PAGE_POLICY
     own = {**SECURITY_HEADERS, "content-security-policy": policy}
@@ -104,7 +104,7 @@ def _hardened(send: Send, path: str) -> Send:
     return sent
 
 
-class Guard:
+class KeyMiddleware:
     """ASGI middleware that answers only requests with the key, addressed to this server by one of its hosts (with port), and
     not sent by other sites. No answer can be framed by other sites, and the project's files cannot act on the page.
 
@@ -119,7 +119,7 @@ class Guard:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
             return await self.app(scope, receive, send)
-        send = _hardened(send, scope["path"])
+        send = _with_headers(send, scope["path"])
         headers = {name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]}
         host, origin = headers.get("host", ""), headers.get("origin")
         if host not in self.hosts:
@@ -273,7 +273,7 @@ def serve(folder: Path, port: int | None = None, *, browser: bool = True, lan: b
 
     app.on_startup(lambda: background_tasks.create(tell()))
     app.add_static_files(FILES, bench.project.folder, max_cache_age=0)
-    core.app.add_middleware(Guard, key=key, hosts=hosts)  # type: ignore[arg-type]
+    core.app.add_middleware(KeyMiddleware, key=key, hosts=hosts)  # type: ignore[arg-type]
     ui.run(
         lambda: build_page(bench), host=host, port=port, title="softmodels", show=False, reload=False, dark=None, favicon=ICON,
         show_welcome_message=False, reconnect_timeout=30.0, uvicorn_logging_level="error", storage_secret=None,

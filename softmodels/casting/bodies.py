@@ -205,7 +205,7 @@ def _block(low: Array, high: Array) -> Solid:
     return (3, int(gmsh.model.occ.addBox(*low, *np.subtract(high, low))))
 
 
-def _within(solids: Sequence[Solid], low: Array, high: Array) -> list[Solid]:
+def _copies_in_box(solids: Sequence[Solid], low: Array, high: Array) -> list[Solid]:
     """Return copies of what lies in a box, of several solids."""
     occ = gmsh.model.occ
     return list(occ.intersect(occ.copy(list(solids)), [_block(low, high)])[0]) if solids else []
@@ -270,7 +270,7 @@ class _Maker:
         """Cut the grooves for threads; return their volume."""
         before = self.occ.getMass(*self.whole)
         tools = grooves.groove_solids(wound, self._split[0], self.workshop.scale)
-        self.whole = _one(list(self.occ.cut([self.whole], tools)[0]), "the grooved tube")
+        self.whole = _single_solid(list(self.occ.cut([self.whole], tools)[0]), "the grooved tube")
         self.occ.synchronize()
         return float(before - self.occ.getMass(*self.whole))
 
@@ -298,7 +298,9 @@ class _Maker:
         occ, workshop = self.occ, self.workshop
         wall, rim = MM_PER_M * workshop.wall, MM_PER_M * workshop.rim
         far = np.array([1.0, 1.0, 0.0]) * (self.high - self.low).max()
-        piece = _one(_within([self.whole], self.low - far, self.high + far), f"the piece {self.pour.name!r}")
+        piece = _single_solid(
+            _copies_in_box([self.whole], self.low - far, self.high + far), f"the piece {self.pour.name!r}"
+        )
         cut = [inlet.room for inlet in self.inlets]
         target = list(occ.cut([piece], cut, removeObject=False, removeTool=False)[0]) if cut else occ.copy([piece])
         occ.synchronize()
@@ -328,7 +330,7 @@ class _Maker:
     def _add(self, kind: str, solids: list[Solid], pull: Array) -> None:
         name = f"{self.pour.name} {kind}"
         self.occ.synchronize()
-        self.bodies.append(ToolBody(name, _one(solids, f"the {name}"), np.asarray(pull, dtype=float)))
+        self.bodies.append(ToolBody(name, _single_solid(solids, f"the {name}"), np.asarray(pull, dtype=float)))
 
     def _complement(self, piece: Solid) -> tuple[Solid, list[Solid], list[Solid]]:
         """Return what is between the planes beside a piece: around it, cores on the lid, and what belongs to the cup's
@@ -351,7 +353,7 @@ class _Maker:
                     f"{self.pour.name} half and does not reach the parting plane, so its core would float; choose another "
                     f"plane (--split) or direction (--pull)"
                 )
-        return _one(around, f"the cup of the {self.pour.name}"), cores, recesses
+        return _single_solid(around, f"the cup of the {self.pour.name}"), cores, recesses
 
     def _ring(self, around: Solid) -> Solid:
         """Return what is around the piece in the lid's plane, as a ring on both sides of it: a jig for the bond."""
@@ -361,7 +363,7 @@ class _Maker:
         base = self.occ.copy(flat)
         self.occ.translate(base, 0, 0, -half)
         ring = [solid for solid in self.occ.extrude(base, 0, 0, 2.0 * half) if solid[0] == 3]
-        return _one(merged(ring), "the jig")
+        return _single_solid(merged(ring), "the jig")
 
     def _pierce(self, cup: list[Solid], lid: list[Solid], target: list[Solid]) -> tuple[list[Solid], list[Solid]]:
         """Cut the pour opening and the vents, the bolts' holes and the inlet pins' bores."""
@@ -499,8 +501,8 @@ class _Maker:
         pour, far = self.pour, np.full(3, 2.0 * float((self.high - self.low).max()) + 100.0)
         if pour.floor is not None:
             height = MM_PER_M * self.workshop.scale * pour.floor
-            frame = _within(cup, self.low - far, np.array([*self.high[:2], height]) + far * (1.0, 1.0, 0.0))
-            floor = _within(cup, np.array([*self.low[:2], height]) - far * (1.0, 1.0, 0.0), self.high + far)
+            frame = _copies_in_box(cup, self.low - far, np.array([*self.high[:2], height]) + far * (1.0, 1.0, 0.0))
+            floor = _copies_in_box(cup, np.array([*self.low[:2], height]) - far * (1.0, 1.0, 0.0), self.high + far)
             self.occ.remove(cup, recursive=True)
             deep = height - self.level  # the sockets go through the frame, which may be thin
             floor, frame = self._pinned(
@@ -510,7 +512,7 @@ class _Maker:
             self._add("frame", frame, DOWN)
         elif pour.sideways is not None:
             axis, middle = self._split
-            one, other = (_within(cup, *self._side(far, axis, middle, way)) for way in (-1, 1))
+            one, other = (_copies_in_box(cup, *self._side(far, axis, middle, way)) for way in (-1, 1))
             self.occ.remove(cup, recursive=True)
             one, other = self._doweled(one, other, axis, middle)
             along = np.eye(3)[axis]
@@ -574,9 +576,9 @@ class _Maker:
                 )
             outer, inner = self._tapered(length, radius, part)
         core = self._rod(begin, end, outer, inner)
-        room = _one(list(occ.intersect([core], [self.envelope], removeTool=False)[0]), "the inlet")
+        room = _single_solid(list(occ.intersect([core], [self.envelope], removeTool=False)[0]), "the inlet")
         far = np.array([1.0, 1.0, 0.0]) * 2.0 * float((self.high - self.low).max())
-        room = _one(_within([room], self.low - far, self.high + far), "the inlet")
+        room = _single_solid(_copies_in_box([room], self.low - far, self.high + far), "the inlet")
         self.plugs += occ.intersect([room], [self.whole], removeObject=False, removeTool=False)[0]
         if part != "pin":
             return Inlet(part, room, occ.copy([room])[0], None, -along, begin, outer)
@@ -590,7 +592,7 @@ class _Maker:
         )
         gap = MM_PER_M * workshop.clearance
         bore = self._rod(begin - reach * along, begin, outer + 0.5 * self._cone_of * reach + gap, outer + gap)
-        core = _one(merged([occ.copy([room])[0], pin, head]), "the inlet pin")
+        core = _single_solid(merged([occ.copy([room])[0], pin, head]), "the inlet pin")
         return Inlet(part, room, core, bore, -along, begin, outer + 0.5 * self._cone_of * reach + gap)
 
     @property
@@ -669,7 +671,7 @@ def _cone(place: tuple[float, float], level: float, height: float, begin: float,
     return (3, int(gmsh.model.occ.addCone(*place, level, 0, 0, height, begin, end)))
 
 
-def _one(solids: list[Solid], what: str) -> Solid:
+def _single_solid(solids: list[Solid], what: str) -> Solid:
     if len(solids) != 1 or solids[0][0] != 3:
         raise MeshingError(
             f"the CAD kernel made {len(solids)} solids of {what} instead of one; change a length slightly"

@@ -88,7 +88,7 @@ def facets_of(file: Path, chord: float) -> Facets:
             gmsh.model.mesh.generate(2)
             off = {surface: _distance(surface, chord) for surface in surfaces}
             if max(off.values()) <= chord:
-                return _measured(surfaces, max(off.values()))
+                return _oriented_triangles(surfaces, max(off.values()))
             for surface, distance in off.items():
                 shares[surface] *= max(0.5, min(1.0, 0.9 * math.sqrt(chord / max(distance, 1e-12))))
     raise MeshingError(
@@ -103,7 +103,7 @@ def read_step(file: Path) -> int:
     return int(solid)
 
 
-def _measured(surfaces: list[int], chord: float) -> Facets:
+def _oriented_triangles(surfaces: list[int], chord: float) -> Facets:
     """Read the current mesh, and orient its triangles outwards."""
     tags, places, _ = gmsh.model.mesh.getNodes()
     index = np.full(int(tags.max()) + 1, -1)
@@ -297,7 +297,7 @@ QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
 @dataclasses.dataclass(frozen=True)
-class Placed:
+class PlacedBody:
     """A body's surface where it lies on a plate (numbered from 1), in mm from the plate's corner."""
 
     name: str
@@ -330,7 +330,7 @@ def laid_flat(facets: Facets) -> Facets:
     return moved(facets, turn, -points.min(axis=0))
 
 
-def arranged(bodies: Sequence[tuple[str, Facets]], workshop: settings.Workshop) -> list[Placed]:
+def arranged(bodies: Sequence[tuple[str, Facets]], workshop: settings.Workshop) -> list[PlacedBody]:
     """Return bodies on plates: in rows, the deepest first, and on a further plate where one is full.
 
     A body that is larger than a plate has one for itself.
@@ -344,19 +344,19 @@ def arranged(bodies: Sequence[tuple[str, Facets]], workshop: settings.Workshop) 
             flat = moved(flat, QUARTER, np.array([y, 0.0, 0.0])) if x <= deep - 2.0 * PLATE_GAP or y > x else flat
         laid.append((name, flat))
     laid.sort(key=lambda one: -float(one[1].points[:, 1].max()))
-    found, plate, x, y, row = list[Placed](), 1, PLATE_GAP, PLATE_GAP, 0.0
+    found, plate, x, y, row = list[PlacedBody](), 1, PLATE_GAP, PLATE_GAP, 0.0
     for name, flat in laid:
         width, depth = (float(value) for value in flat.points[:, :2].max(axis=0))
         if x > PLATE_GAP and x + width > wide - PLATE_GAP:
             x, y, row = PLATE_GAP, y + row + PLATE_GAP, 0.0
         if y > PLATE_GAP and y + depth > deep - PLATE_GAP:
             plate, x, y, row = plate + 1, PLATE_GAP, PLATE_GAP, 0.0
-        found.append(Placed(name, plate, moved(flat, np.eye(3), np.array([x, y, 0.0]))))
+        found.append(PlacedBody(name, plate, moved(flat, np.eye(3), np.array([x, y, 0.0]))))
         x, row = x + width + PLATE_GAP, max(row, depth)
     return found
 
 
-def too_large(placed: Sequence[Placed], workshop: settings.Workshop) -> list[str]:
+def too_large(placed: Sequence[PlacedBody], workshop: settings.Workshop) -> list[str]:
     """Return the names of the bodies that are larger than a plate."""
     size = MM_PER_M * np.array([workshop.bed_width, workshop.bed_depth])
     return [one.name for one in placed if (one.facets.points[:, :2].max(axis=0) > size).any()]
@@ -376,7 +376,7 @@ class PrintEstimate:
         return RESIN_DENSITY * self.resin
 
 
-def print_estimate(placed: Sequence[Placed], workshop: settings.Workshop) -> PrintEstimate:
+def print_estimate(placed: Sequence[PlacedBody], workshop: settings.Workshop) -> PrintEstimate:
     """Return what the bodies on their plates take on a printer that cures a layer at a time."""
     times = []
     for _, group in itertools.groupby(placed, lambda one: one.plate):
@@ -416,7 +416,7 @@ def coupon_solids(workshop: settings.Workshop) -> dict[str, Solid]:
     return {"coupon": body[0], "coupon pin": peg[0]}
 
 
-def plate_names(placed: Sequence[Placed]) -> list[str]:
+def plate_names(placed: Sequence[PlacedBody]) -> list[str]:
     """Return the names of the plates' files without ending, in their order."""
     count = max(one.plate for one in placed)
     return ["plate"] if count == 1 else [f"plate-{k}" for k in range(1, count + 1)]

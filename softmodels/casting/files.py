@@ -22,7 +22,7 @@ from softmodels.casting.facets import (
     COUPON_CLEARANCES,
     COUPON_WIDTHS,
     Facets,
-    Placed,
+    PlacedBody,
     arranged,
     plate_names,
     print_estimate,
@@ -90,7 +90,7 @@ def three_mf_bytes(bodies: Mapping[str, Facets]) -> bytes:
     return data.getvalue()
 
 
-def write_bodies(folder: Path, asked: settings.Asked, made: make.Made) -> None:
+def write_bodies(folder: Path, asked: settings.MouldRequest, made: make.Mould) -> None:
     """Write everything but pictures and the sheet."""
     for body in (*made.bodies, *made.casts):
         write_bytes(folder / f"{body.stem}.step", body.step)
@@ -108,12 +108,12 @@ def write_bodies(folder: Path, asked: settings.Asked, made: make.Made) -> None:
     write_text(folder / "checks.json", json.dumps(checks(asked, made), indent=1) + "\n")
 
 
-def printed(asked: settings.Asked, made: make.Made) -> list[Placed]:
+def printed(asked: settings.MouldRequest, made: make.Mould) -> list[PlacedBody]:
     """Return all that is printed, on plates."""
     return arranged([(body.name, body.facets) for body in (*made.printed, *made.extras)], asked.workshop)
 
 
-def checks(asked: settings.Asked, made: make.Made) -> dict[str, object]:
+def checks(asked: settings.MouldRequest, made: make.Mould) -> dict[str, object]:
     """Return the check results; keys end in their unit."""
     return {
         "device_volume_mm3": made.volume * 1e9,
@@ -123,14 +123,14 @@ def checks(asked: settings.Asked, made: make.Made) -> dict[str, object]:
         "device_less_cast_share": made.differs,
         "block_less_bodies_openings_casts_share": made.balance,
         "smallest_silicone_wall_mm": made.thinnest * 1e3,
-        "smallest_channel_mm": _known(made.channel * 1e3),
+        "smallest_channel_mm": _json_number(made.channel * 1e3),
         "shrinkage": asked.workshop.shrinkage,
         "stl_chord_allowed_mm": asked.workshop.chord * 1e3,
         "bodies": {body.name: _of_body(body) for body in made.bodies},
     }
 
 
-def _known(value: float) -> float | None:
+def _json_number(value: float) -> float | None:
     """Return a number that JSON can hold."""
     return value if math.isfinite(value) else None
 
@@ -141,9 +141,9 @@ def _of_body(body: make.MouldBody) -> dict[str, object]:
         "watertight": body.facets.open_edges == 0,
         "volume_mm3": body.facets.volume,
         "least_lean_of_part_deg": body.checked.lean + 0.0,
-        "least_draft_of_pins_and_holes_deg": _known(body.checked.own_lean),
+        "least_draft_of_pins_and_holes_deg": _json_number(body.checked.own_lean),
         "smallest_wall_mm": body.checked.wall * 1e3,
-        "smallest_gap_mm": _known(body.checked.gap * 1e3),
+        "smallest_gap_mm": _json_number(body.checked.gap * 1e3),
         "overlap_on_the_way_out_mm": body.checked.overlap * 1e3,
         "fins": [
             {
@@ -201,7 +201,7 @@ def mould(
     layer_time: float | str | None = None,
     pull: str | None = None,
     split: str | None = None,
-) -> make.Made:
+) -> make.Mould:
     """Make the mould of a device, and write it if a folder is given.
 
     Args:
@@ -230,7 +230,7 @@ def mould(
     return _made_into(folder, asked)
 
 
-def _made_into(folder: str | Path | None, asked: settings.Asked) -> make.Made:
+def _made_into(folder: str | Path | None, asked: settings.MouldRequest) -> make.Mould:
     """Make a mould, and write it into a folder if one is given."""
     if folder is None:
         return make.made(asked.device, asked.workshop)
@@ -279,15 +279,15 @@ class BenchSheet:
     notes: Sequence[str]
 
 
-def bench_sheet(asked: settings.Asked, made: make.Made) -> BenchSheet:
+def bench_sheet(asked: settings.MouldRequest, made: make.Mould) -> BenchSheet:
     """Return the sheet of a mould."""
     return BenchSheet(
-        f"Mould of {asked.name}", _about(asked, made), _amounts(asked, made), _prints(asked, made), _steps(asked, made),
+        f"Mould of {asked.name}", _description(asked, made), _amounts(asked, made), _prints(asked, made), _steps(asked, made),
         _walls(asked, made), _checks(asked, made), [*(f"{text[0].upper()}{text[1:]}." for text in made.notes), *_notes(asked)],
     )  # fmt: skip
 
 
-def _about(asked: settings.Asked, made: make.Made) -> list[str]:
+def _description(asked: settings.MouldRequest, made: make.Mould) -> list[str]:
     silicone, workshop = asked.casting, asked.workshop
     count = ("", "", "two", "three", "four")[min(len(made.casts), 4)]
     pieces = ", ".join(f"the {cast.piece}" for cast in made.casts)
@@ -326,7 +326,7 @@ def _time(seconds: float) -> str:
     )
 
 
-def _amounts(asked: settings.Asked, made: make.Made) -> SheetTable:
+def _amounts(asked: settings.MouldRequest, made: make.Mould) -> SheetTable:
     """Return the volumes and masses of each piece and of all, with the surplus, and the amounts of A and B."""
     silicone, more = asked.casting, 1.0 + asked.workshop.surplus
     volumes = [(cast.name, cast.facets.volume / MM_PER_M**3) for cast in made.casts]
@@ -355,7 +355,7 @@ def _amounts(asked: settings.Asked, made: make.Made) -> SheetTable:
     return SheetTable("Silicone", head, rows)
 
 
-def _prints(asked: settings.Asked, made: make.Made) -> SheetTable:
+def _prints(asked: settings.MouldRequest, made: make.Mould) -> SheetTable:
     """Return the resin of all bodies, and the printer's time for each plate."""
     workshop, placed = asked.workshop, printed(asked, made)
     found = print_estimate(placed, workshop)
@@ -372,7 +372,7 @@ def _prints(asked: settings.Asked, made: make.Made) -> SheetTable:
     return SheetTable("Printing", ("what", "estimate", "of"), rows)
 
 
-def _steps(asked: settings.Asked, made: make.Made) -> list[str]:
+def _steps(asked: settings.MouldRequest, made: make.Mould) -> list[str]:
     silicone = asked.casting
     pot = f"within {_time(silicone.pot_life)}" if silicone else f"within its pot life ({READ_DATA_SHEET})"
     cure = _time(silicone.cure_time) if silicone else f"its cure time ({READ_DATA_SHEET})"
@@ -403,7 +403,7 @@ def _steps(asked: settings.Asked, made: make.Made) -> list[str]:
     return [*steps, *_thread_steps(made), *_tube_steps(asked, made)]
 
 
-def _thread_steps(made: make.Made) -> list[str]:
+def _thread_steps(made: make.Mould) -> list[str]:
     """Return how a tube is wound."""
     wound = made.wound
     if wound is None:
@@ -499,7 +499,7 @@ def _pour_steps(pour: actuator.Pour, bodies: Sequence[str], cure: str, wax: bool
     return steps
 
 
-def _tube_steps(asked: settings.Asked, made: make.Made) -> list[str]:
+def _tube_steps(asked: settings.MouldRequest, made: make.Mould) -> list[str]:
     """Return how the tube is put in, and the test of the cavity; nothing without a closed one."""
     workshop = asked.workshop
     if made.plug:
@@ -515,7 +515,7 @@ def _tube_steps(asked: settings.Asked, made: make.Made) -> list[str]:
     return [first, "Inflate gently under water: no bubbles may rise from the bond or the tube."]
 
 
-def _walls(asked: settings.Asked, made: make.Made) -> SheetTable:
+def _walls(asked: settings.MouldRequest, made: make.Mould) -> SheetTable:
     workshop = asked.workshop
     rows = [(f"silicone of the {cast.piece} beyond its core, along the pull", f"{cast.beyond * MM_PER_M:.2f}", "")
             for cast in made.casts if cast.beyond > 1e-6]  # fmt: skip
@@ -548,15 +548,15 @@ def _walls(asked: settings.Asked, made: make.Made) -> SheetTable:
     return SheetTable("Thicknesses", ("what", "mm", "at least, mm"), rows)
 
 
-def _checks(asked: settings.Asked, made: make.Made) -> SheetTable:
-    rows = [_checked(body) for body in made.bodies]
+def _checks(asked: settings.MouldRequest, made: make.Mould) -> SheetTable:
+    rows = [_checked_body(body) for body in made.bodies]
     head = ("body", "watertight", "thinnest wall (mm)", "narrowest gap (mm)", "smallest draft of the part's walls (deg)",
             "smallest draft of pins and holes (deg)", "depth of fins over their thickness",
             f"STL error (um; {asked.workshop.chord * 1e6:g} allowed)")  # fmt: skip
     return SheetTable("Checked before writing", head, rows)
 
 
-def _checked(body: make.MouldBody) -> Row:
+def _checked_body(body: make.MouldBody) -> Row:
     found = body.checked
     assert found is not None
     return (
@@ -568,7 +568,7 @@ def _checked(body: make.MouldBody) -> Row:
     )  # fmt: skip
 
 
-def _notes(asked: settings.Asked) -> list[str]:
+def _notes(asked: settings.MouldRequest) -> list[str]:
     notes = [
         "Walls of the part parallel to the pull have no draft, so that the cast equals the computed device: the flexible "
         "silicone is bent out of its cup. Pins, sockets, pour opening, vents and an upright inlet have draft.",
@@ -583,7 +583,7 @@ def _notes(asked: settings.Asked) -> list[str]:
 # The sheet with its pictures.
 
 
-def write_sheet(folder: Path, asked: settings.Asked, made: make.Made, pictures: bool = True) -> bool:
+def write_sheet(folder: Path, asked: settings.MouldRequest, made: make.Mould, pictures: bool = True) -> bool:
     """Write ``sheet.md``, ``sheet.html``, the drawings and the pictures into a folder; return whether pictures were rendered:
     if wanted, and where that can be done."""
     rendered = pictures and offscreen.can_render()
@@ -600,7 +600,7 @@ def write_sheet(folder: Path, asked: settings.Asked, made: make.Made, pictures: 
     return rendered
 
 
-def sheet_page(sheet: BenchSheet, pictures: Mapping[str, pages.Picture], made: make.Made) -> str:
+def sheet_page(sheet: BenchSheet, pictures: Mapping[str, pages.Picture], made: make.Mould) -> str:
     """Return the sheet as a page, with pictures by the names of their files."""
     first, steps, plates = ([pictures[name]] if name in pictures else [] for name in (EXPLODED, STEPS, PLATES))
     others = [picture for name, picture in pictures.items() if name not in (EXPLODED, STEPS, PLATES)]

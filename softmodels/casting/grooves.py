@@ -35,7 +35,7 @@ HELIX_TOLERANCE = 0.1
 
 
 @dataclasses.dataclass(frozen=True)
-class Lay:
+class ThreadFamily:
     """A family of threads around a tube: signed angle from the axis in degrees, how many threads run side by side, advance of
     each per turn and distance of neighbours along the tube in m. Rings have no advance."""
 
@@ -59,7 +59,7 @@ class Winding:
     end: float
     width: float
     depth: float
-    lays: tuple[Lay, ...]
+    lays: tuple[ThreadFamily, ...]
 
 
 def winding(workshop: settings.Workshop, wound: tuple[float, float, float] | None) -> Winding | None:
@@ -89,14 +89,19 @@ def winding(workshop: settings.Workshop, wound: tuple[float, float, float] | Non
             f"{schema.shown(radius, 'm')}"
         )
     found = Winding(
-        radius, begin + width, end, width, depth, tuple(_lay(workshop, angle, radius) for angle in workshop.angles)
+        radius,
+        begin + width,
+        end,
+        width,
+        depth,
+        tuple(_thread_families(workshop, angle, radius) for angle in workshop.angles),
     )
     for lay in found.lays:
         _check(found, lay, workshop)
     return found
 
 
-def _lay(workshop: settings.Workshop, angle: float, radius: float) -> Lay:
+def _thread_families(workshop: settings.Workshop, angle: float, radius: float) -> ThreadFamily:
     if not SMALLEST_ANGLE <= abs(angle) <= 90.0:
         raise MouldError(
             f"lay has {schema.shown(angle, 'degree')}; threads between {SMALLEST_ANGLE:g} and 90 deg from the axis "
@@ -104,13 +109,13 @@ def _lay(workshop: settings.Workshop, angle: float, radius: float) -> Lay:
             "halves, others run along where these part"
         )
     if abs(angle) > MIN_RING_ANGLE:
-        return Lay(90.0, 0, 0.0, workshop.spacing)
+        return ThreadFamily(90.0, 0, 0.0, workshop.spacing)
     advance = 2.0 * math.pi * radius / math.tan(math.radians(abs(angle)))
     threads = max(1, round(advance / workshop.spacing))
-    return Lay(angle, threads, advance, advance / threads)
+    return ThreadFamily(angle, threads, advance, advance / threads)
 
 
-def _check(found: Winding, lay: Lay, workshop: settings.Workshop) -> None:
+def _check(found: Winding, lay: ThreadFamily, workshop: settings.Workshop) -> None:
     """Check that there are grooves, and something is left between neighbours where they are widest."""
     if lay.spacing > (straight := found.end - found.begin) - found.width:
         raise MouldError(
@@ -131,7 +136,7 @@ def _check(found: Winding, lay: Lay, workshop: settings.Workshop) -> None:
         )
 
 
-def _widening(found: Winding, lay: Lay) -> float:
+def _widening(found: Winding, lay: ThreadFamily) -> float:
     """Return by how much a groove is wider along the tube where the halves part, m."""
     return (
         lay.advance / (2.0 * math.pi) * math.acos(1.0 - found.depth / found.radius - FLANK_DISTANCE)

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
-class Made(cards.Shown):
+class Mould(cards.ResultCard):
     """The finished mould; lengths of bodies in mm, everything else in SI units.
 
     Attributes:
@@ -120,7 +120,7 @@ class Made(cards.Shown):
         return sum(body.facets.volume for body in self.casts) / MM_PER_M**3
 
 
-def made(device: Actuator, workshop: settings.Workshop, stopped: Callable[[], bool] = bool) -> Made:
+def made(device: Actuator, workshop: settings.Workshop, stopped: Callable[[], bool] = bool) -> Mould:
     """Make the mould of a device, slices and sections standing for their whole; ``stopped`` is asked several times a second,
     and once true ends the work.
 
@@ -129,17 +129,17 @@ def made(device: Actuator, workshop: settings.Workshop, stopped: Callable[[], bo
         GeometryError, MeshingError: The device's whole cannot be made, or a body fails a check.
         MeshingStopped: ``stopped`` was true.
     """
-    return meshing.apart(_made, device, recipe_of(device, workshop), workshop, stopped=stopped)
+    return meshing.apart(_make_pieces, device, recipe_of(device, workshop), workshop, stopped=stopped)
 
 
 @dataclasses.dataclass(frozen=True)
-class _Drawn:
+class _DrawnPiece:
     """One piece's mould once its model is closed.
 
     Attributes:
         folder: A STEP of each body, of ``cast``, and of each jig, core, cavity and plug by its number.
         counts: How many jigs, cores, cavities and plugs there are.
-        differs: See `Made`.
+        differs: See `Mould`.
         taken, beyond: Volume of the block in no body, and of bodies not in the block, mm3.
         plug: Volume of the plugs, mm3.
     """
@@ -170,13 +170,13 @@ class _Piece:
     channel: float
 
 
-def _made(device: Actuator, recipe: actuator.Recipe, workshop: settings.Workshop) -> Made:
+def _make_pieces(device: Actuator, recipe: actuator.Recipe, workshop: settings.Workshop) -> Mould:
     with tempfile.TemporaryDirectory() as place:
-        drawn, molten = list[_Drawn](), list[_Drawn]()
+        drawn, molten = list[_DrawnPiece](), list[_DrawnPiece]()
         for k, pour in enumerate(recipe.pours):  # all of them before any is measured, which takes most of the time
-            drawn.append(_draw(device, recipe, pour, workshop, _inside(place, str(k))))
+            drawn.append(_draw(device, recipe, pour, workshop, _new_folder(place, str(k))))
             if pour.lost and workshop.core == "wax":
-                molten.append(_draw_wax(drawn[-1], workshop, _inside(place, f"{k} wax")))
+                molten.append(_draw_wax(drawn[-1], workshop, _new_folder(place, f"{k} wax")))
         # Closed cavities are the same for all pieces: their points as the device lies.
         cavities = drawn[0].surfaces("cavity", MM_PER_M * workshop.chord)
         where = face_namer(device, drawn[0].tools.frame)
@@ -196,10 +196,10 @@ def _made(device: Actuator, recipe: actuator.Recipe, workshop: settings.Workshop
         channels = [width for width in (*channels, *(piece.channel for piece in pieces)) if math.isfinite(width)]
         first = {one.tools.pour.name.removesuffix(" core"): one.tools.pour for one in molten}
         pours = [pour for one in recipe.pours for pour in (first.get(one.name), one) if pour]
-        return Made(
+        return Mould(
             dataclasses.replace(recipe, pours=tuple(pours)),
             tuple(body for piece in (*waxes, *pieces) for body in piece.bodies), _extras(drawn, workshop), casts,
-            tuple(piece.cast for piece in waxes), _bonded(drawn, Path(place)),
+            tuple(piece.cast for piece in waxes), _bonded_step(drawn, Path(place)),
             max(one.differs for one in (*drawn, *molten)),
             max((piece.balance for piece in (*pieces, *waxes)), key=abs),
             sum(cast.facets.volume for cast in casts) * shrunk + plug + grooved, plug, grooved,
@@ -208,14 +208,14 @@ def _made(device: Actuator, recipe: actuator.Recipe, workshop: settings.Workshop
         )  # fmt: skip
 
 
-def _inside(place: str, name: str) -> Path:
+def _new_folder(place: str, name: str) -> Path:
     """Return a new folder in another one."""
     folder = Path(place) / name
     folder.mkdir()
     return folder
 
 
-def _draw_wax(drawn: _Drawn, workshop: settings.Workshop, folder: Path) -> _Drawn:
+def _draw_wax(drawn: _DrawnPiece, workshop: settings.Workshop, folder: Path) -> _DrawnPiece:
     """Make the mould in which a piece's lost core is cast of wax, with its peg."""
     tools, name = drawn.tools, f"{drawn.tools.pour.name} core"
     core = facets.facets_of(drawn.file(name), MM_PER_M * workshop.chord)
@@ -225,7 +225,9 @@ def _draw_wax(drawn: _Drawn, workshop: settings.Workshop, folder: Path) -> _Draw
     middle = np.array([*box.mean(axis=0)[:2], tools.level])
     along = None if tools.pour.sideways is None else int(np.abs(tools.frame.turn @ tools.pour.sideways).argmax())
     peg = float(core.points[:, 2].min())
-    parting = next((axis for axis in (along, 2, 1, 0) if axis is not None and _parts(core, axis, middle[axis])), None)
+    parting = next(
+        (axis for axis in (along, 2, 1, 0) if axis is not None and _parts_sideways(core, axis, middle[axis])), None
+    )
     if parting is None:
         raise MouldError(f"the {name} does not leave a mould in two halves in any direction; print it (--core lost)")
     pour = actuator.Pour(
@@ -237,18 +239,18 @@ def _draw_wax(drawn: _Drawn, workshop: settings.Workshop, folder: Path) -> _Draw
     return _draw(LostCore(drawn.file(name)), actuator.Recipe(pours=(pour,), why=""), pour, own, folder)
 
 
-def _parts(core: Facets, axis: int, level: float) -> bool:
+def _parts_sideways(core: Facets, axis: int, level: float) -> bool:
     """Return whether nothing of a core hangs over in a mould of two halves that part along an axis at a level, mm."""
     beyond = core.corners[:, :, axis] - level
     lean = core.normals[:, :, axis] * np.sign(beyond)
     return float(lean[np.abs(beyond) > FLUSH_TOLERANCE].min()) > -UNDERCUT_TOLERANCE
 
 
-def _extras(drawn: Sequence[_Drawn], workshop: settings.Workshop) -> tuple[MouldBody, ...]:
+def _extras(drawn: Sequence[_DrawnPiece], workshop: settings.Workshop) -> tuple[MouldBody, ...]:
     """Return the jig and the coupon."""
     chord, folder = MM_PER_M * workshop.chord, drawn[0].folder
     with meshing.private_model():
-        own = _Drawn(drawn[0].tools, folder, {}, 0.0, 0.0, 0.0, 0.0)
+        own = _DrawnPiece(drawn[0].tools, folder, {}, 0.0, 0.0, 0.0, 0.0)
         _write_steps(facets.coupon_solids(workshop), own)
     files = {"bonding jig": drawn[0].file("jig 0")} if drawn[0].counts["jig"] else {}
     files |= {name: own.file(name) for name in ("coupon", "coupon pin")}
@@ -261,7 +263,7 @@ def _extras(drawn: Sequence[_Drawn], workshop: settings.Workshop) -> tuple[Mould
 
 def _draw(
     device: actuator.Castable, recipe: actuator.Recipe, pour: actuator.Pour, workshop: settings.Workshop, folder: Path
-) -> _Drawn:
+) -> _DrawnPiece:
     """Make the mould of one piece, compare its void with the piece, and write its STEP files; `MeshingError` if the mould
     leaves something else than the device."""
     with meshing.private_model():
@@ -283,13 +285,13 @@ def _draw(
         named = {body.name: body.solid for body in tools.bodies} | {"cast": void[0]}
         named |= {f"{kind} {k}": solid for kind, solids in several.items() for k, solid in enumerate(solids)}
         plug = sum(gmsh.model.occ.getMass(*solid) for solid in tools.plugs)
-        found = _Drawn(tools, folder, {kind: len(solids) for kind, solids in several.items()}, differs,
+        found = _DrawnPiece(tools, folder, {kind: len(solids) for kind, solids in several.items()}, differs,
                        *_block_volumes(tools), plug)  # fmt: skip
         _write_steps(named, found)
     return found
 
 
-def _piece(device: Actuator | LostCore, drawn: _Drawn, inside: Array, workshop: settings.Workshop) -> _Piece:
+def _piece(device: Actuator | LostCore, drawn: _DrawnPiece, inside: Array, workshop: settings.Workshop) -> _Piece:
     """Measure and check the mould of one piece; ``inside`` are points of closed cavities, shape (n, 3), mm."""
     tools, chord = drawn.tools, MM_PER_M * workshop.chord
     named = {body.name: facets.facets_of(drawn.file(body.name), chord) for body in tools.bodies}
@@ -343,7 +345,7 @@ def _difference(one: list[Solid], other: list[Solid], size: float) -> float:
     )
 
 
-def _bonded(pieces: Sequence[_Drawn], folder: Path) -> bytes:
+def _bonded_step(pieces: Sequence[_DrawnPiece], folder: Path) -> bytes:
     """Return the STEP of the pieces merged, with the tube's hole filled, in the device's own size and place."""
     file = folder / "device.step"
     with meshing.private_model():
@@ -362,7 +364,7 @@ def _bonded(pieces: Sequence[_Drawn], folder: Path) -> bytes:
     return file.read_bytes()
 
 
-def _write_steps(named: Mapping[str, Solid], drawn: _Drawn) -> None:
+def _write_steps(named: Mapping[str, Solid], drawn: _DrawnPiece) -> None:
     """Write each of some solids of the current Gmsh model into a file of its own."""
     gmsh.model.occ.synchronize()
     gmsh.option.setNumber("Geometry.OCCExportOnlyVisible", 1)
@@ -390,7 +392,7 @@ class MouldBody:
     step: bytes
     facets: Facets
     pull: tuple[float, float, float]
-    checked: Checked | None
+    checked: BodyChecks | None
     beyond: float = math.nan
 
     @property
@@ -468,7 +470,9 @@ class Fin:
         many = f"{self.alike} {kind}s" if self.alike > 1 else f"a {kind}"
         draft = "without draft" if self.draft < 0.05 else f"with a draft of {self.draft:.2g} deg"
         length = "" if self.rod else f" and {schema.shown(_three(self.length), 'm')} long"
-        wide, drafted = (schema.shown(_up(self.depth / limit / scale), "m") for limit in (self.allowed, MOST_SLENDER))
+        wide, drafted = (
+            schema.shown(_rounded_up(self.depth / limit / scale), "m") for limit in (self.allowed, MOST_SLENDER)
+        )
         drafted = "" if drafted == wide else f" ({drafted} with a draft of {LEAST_DRAFT:g} deg)"
         return (
             f"the {body} has {many} {schema.shown(_three(self.thickness), 'm')} thick, "
@@ -483,13 +487,13 @@ def _three(value: float) -> float:
     return float(f"{value:.3g}")
 
 
-def _up(value: float) -> float:
+def _rounded_up(value: float) -> float:
     """Return a length in m rounded up to a tenth of a millimetre."""
     return math.ceil(1e4 * value - 0.1) / 1e4
 
 
 @dataclasses.dataclass(frozen=True)
-class Checked:
+class BodyChecks:
     """Check results of one body.
 
     Attributes:
@@ -522,13 +526,13 @@ class Surfaces:
     cast: Facets
 
 
-def check_body(name: str, found: Surfaces, workshop: settings.Workshop, named: Name) -> Checked:
+def check_body(name: str, found: Surfaces, workshop: settings.Workshop, named: Name) -> BodyChecks:
     """Check a body: `MouldError` for an undercut, or a wall or gap too fine for the printer, `MeshingError` if it is not
     watertight, or its STL strays."""
     facets = found.bodies[name]
     if facets.open_edges:
         raise MeshingError(f"the {name} is not watertight ({facets.open_edges} open edges); change a length slightly")
-    lean, own = _leans(name, found, workshop, named)
+    lean, own = _least_draft(name, found, workshop, named)
     wall, gap = thicknesses(facets, _flanks(facets, found.made))
     allowed = 2.0 * facets.chord
     for what, (value, place), limit, field in (
@@ -547,7 +551,7 @@ def check_body(name: str, found: Surfaces, workshop: settings.Workshop, named: N
         )
     angles = np.degrees(np.arcsin(np.clip([lean, own], -1.0, 1.0)))
     fins = tuple(dataclasses.replace(fin, where=named(fin.place)) if fin.slender else fin for fin in _fins(name, found))
-    return Checked(
+    return BodyChecks(
         float(angles[0]), float(angles[1]), wall[0] / MM_PER_M, gap[0] / MM_PER_M,
         facets.chord / MM_PER_M, differs, math.nan, fins,
     )  # fmt: skip
@@ -560,7 +564,7 @@ def _fins(name: str, found: Surfaces) -> list[Fin]:
     pull = next(body.pull for body in found.made.bodies if body.name == name)
     if not pull.any():
         return []
-    formed = _formed(facets, found.cast) & ~_owned(facets, found.made)
+    formed = _forming_faces(facets, found.cast) & ~_release_faces(facets, found.made)
     corners, normals = facets.corners, _flat_normals(facets)
     pieces, own, areas = _spread(corners, formed & np.any(normals, axis=1))
     pairs: dict[tuple[int, int], list[tuple[int, float]]] = {}
@@ -579,7 +583,7 @@ def _fins(name: str, found: Surfaces) -> list[Fin]:
         )
         if fin is None:
             continue
-        twin = next((k for k, other in enumerate(fins) if _alike(fin, other)), None)
+        twin = next((k for k, other in enumerate(fins) if _same_fin(fin, other)), None)
         if twin is None:
             fins.append(fin)
         else:
@@ -610,7 +614,7 @@ def _fin(pieces: Array, normals: Array, areas: Array, thicknesses: Array, pull: 
     return fin if fin.slenderness >= 1.0 else None
 
 
-def _alike(fin: Fin, other: Fin) -> bool:
+def _same_fin(fin: Fin, other: Fin) -> bool:
     """Return whether two fins have the same lengths within 5 %, and the same draft."""
     pairs = [(fin.thickness, other.thickness), (fin.depth, other.depth), (fin.length, other.length)]
     same = all(abs(a - b) < 0.05 * max(a, b) for a, b in pairs)
@@ -677,7 +681,7 @@ def _area(facets: Facets) -> float:
     return 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
 
 
-def _leans(name: str, found: Surfaces, workshop: settings.Workshop, named: Name) -> tuple[float, float]:
+def _least_draft(name: str, found: Surfaces, workshop: settings.Workshop, named: Name) -> tuple[float, float]:
     """Return the least sine of the lean of the part's faces along the body's pull, and of the pins and holes along theirs;
     `MouldError` for a face that hangs over, `MeshingError` for a pin, a socket or a hole with less than the draft."""
     facets, made = found.bodies[name], found.made
@@ -685,7 +689,7 @@ def _leans(name: str, found: Surfaces, workshop: settings.Workshop, named: Name)
     if not pull.any():
         return 1.0, math.nan
     lean = -facets.normals @ pull
-    own, formed = _owned(facets, made), _formed(facets, found.cast)
+    own, formed = _release_faces(facets, made), _forming_faces(facets, found.cast)
     least_own = float(np.abs(facets.normals[own, :, 2]).min(initial=1.0)) if own.any() else math.nan
     if least_own < math.sin(math.radians(workshop.draft)) - 1e-4:
         raise MeshingError(
@@ -703,7 +707,7 @@ def _leans(name: str, found: Surfaces, workshop: settings.Workshop, named: Name)
     return worst, least_own
 
 
-def _owned(facets: Facets, made: Tooling) -> npt.NDArray[np.bool_]:
+def _release_faces(facets: Facets, made: Tooling) -> npt.NDArray[np.bool_]:
     """Return which triangles are on pins, sockets and holes along the pull, without their ends."""
     steep = np.abs(facets.normals[:, :, 2]).max(axis=1) < 0.9
     inside = np.zeros(len(steep), dtype=bool)
@@ -715,7 +719,7 @@ def _owned(facets: Facets, made: Tooling) -> npt.NDArray[np.bool_]:
     return inside & steep
 
 
-def _formed(facets: Facets, formed_by: Facets) -> npt.NDArray[np.bool_]:
+def _forming_faces(facets: Facets, formed_by: Facets) -> npt.NDArray[np.bool_]:
     """Return which triangles are on faces that form the cast: most of each lies on it."""
     locator = _locator(formed_by)
     near = facets.chord + formed_by.chord + 1e-3
@@ -852,7 +856,7 @@ def _block_volumes(made: Tooling) -> tuple[float, float]:
     return inside + sum(occ.getMass(*solid) for solid in made.target), beyond
 
 
-def balance(drawn: _Drawn, found: Surfaces) -> float:
+def balance(drawn: _DrawnPiece, found: Surfaces) -> float:
     """Return what the block has more than bodies, openings and the piece, as a share of the block.
 
     The bodies' volumes are integrals over their faces as meshed from the STEP files, the others are the CAD kernel's.

@@ -13,7 +13,7 @@ from matplotlib.patches import Rectangle
 
 from geometries import actuator
 from softmodels.casting import bodies, make
-from softmodels.casting.facets import Facets, Placed, moved
+from softmodels.casting.facets import Facets, PlacedBody, moved
 from softmodels.common.arrays import Array
 from softmodels.pictures import offscreen, style
 from softmodels.runs import grid, labels
@@ -41,7 +41,7 @@ def body_picture(body: make.MouldBody) -> Figure:
     return style.page(image, style.Caption(f"{body.name[0].upper()}{body.name[1:]}: {size} mm{inner}"))
 
 
-def exploded_picture(made: make.Made) -> Figure:
+def exploded_picture(made: make.Mould) -> Figure:
     """Draw the exploded view of all pieces side by side, as they stand when poured, bodies apart along their pulls."""
     up, towards = np.array([0.0, 0.0, 1.0]), offscreen.direction(-58.0, 24.0, np.array([0.0, 0.0, 1.0]))
     right = np.cross(up, towards) / np.linalg.norm(np.cross(up, towards))
@@ -49,7 +49,7 @@ def exploded_picture(made: make.Made) -> Figure:
     clouds: list[Array] = []
     edge = 0.0
     for pour in made.recipe.pours:
-        group = _exploded(made, pour)
+        group = _exploded_surfaces(made, pour)
         points = np.concatenate([facets.points for facets, _ in group])
         along, gap = points @ right, 0.06 * float(np.ptp(points, axis=0).max())
         shift = (edge - along.min()) * right - 0.5 * (points[:, 2].min() + points[:, 2].max()) * up
@@ -65,7 +65,7 @@ def exploded_picture(made: make.Made) -> Figure:
     )
 
 
-def _exploded(made: make.Made, pour: actuator.Pour) -> list[tuple[Facets, str]]:
+def _exploded_surfaces(made: make.Mould, pour: actuator.Pour) -> list[tuple[Facets, str]]:
     """Return the surfaces and colours of one piece's mould, its bodies apart."""
     bodies, cast = made.of(pour)
     turn = standing(pour)
@@ -145,11 +145,11 @@ GHOST_OPACITY = 0.25
 """Opacity of a mould's bodies around what is poured."""
 
 
-def steps_picture(made: make.Made) -> Figure:
+def steps_picture(made: make.Mould) -> Figure:
     """Draw the steps of the work in numbered panels: those of each piece, and the bond."""
     panels = [panel for pour in made.recipe.pours for panel in _piece_steps(made, pour)]
     if len(made.casts) > 1:
-        panels.append(("Bond the pieces", _shot(_casts_apart(made))))
+        panels.append(("Bond the pieces", _rendered(_casts_apart(made))))
     columns = min((3, 4), key=lambda count: (-len(panels) % count, count)) if len(panels) > 2 else 2
     rows = -(-len(panels) // columns)
     figure = Figure((8.0, 0.2 + 7.6 / columns * rows), dpi=style.DPI, layout="constrained")
@@ -162,7 +162,7 @@ def steps_picture(made: make.Made) -> Figure:
     return figure
 
 
-def _piece_steps(made: make.Made, pour: actuator.Pour) -> list[tuple[str, offscreen.Image]]:
+def _piece_steps(made: make.Mould, pour: actuator.Pour) -> list[tuple[str, offscreen.Image]]:
     """Return the panels of one piece, which show what the sheet says: put together, poured, opened."""
     bodies, cast = made.of(pour)
     turn = standing(pour)
@@ -180,30 +180,33 @@ def _piece_steps(made: make.Made, pour: actuator.Pour) -> list[tuple[str, offscr
         ]
 
     if pour.wax:
-        return [(f"Pour the {pour.name} of wax", _shot([*filled, *placed(still, 1.0, GHOST_OPACITY)])),
-                (f"Take the {pour.name} out", _shot([*filled, *placed(apart, 1.0, 1.0)]))]  # fmt: skip
+        return [(f"Pour the {pour.name} of wax", _rendered([*filled, *placed(still, 1.0, GHOST_OPACITY)])),
+                (f"Take the {pour.name} out", _rendered([*filled, *placed(apart, 1.0, 1.0)]))]  # fmt: skip
     if not pour.lid:
-        return [(f"Fill the {pour.name}, scrape it flat", _shot([*filled, *placed(still, 1.0, 1.0)])),
-                (f"Take the {pour.name} out", _shot([*filled, *placed(apart, 1.0, 1.0)]))]  # fmt: skip
+        return [(f"Fill the {pour.name}, scrape it flat", _rendered([*filled, *placed(still, 1.0, 1.0)])),
+                (f"Take the {pour.name} out", _rendered([*filled, *placed(apart, 1.0, 1.0)]))]  # fmt: skip
     lost = [body.name for body in bodies if not any(body.pull)]  # comes out within the piece
     out = {name: np.zeros(3) if name in lost else places for name, places in apart.items()}
-    closed, opened = _shot([*filled, *placed(still, 1.0, GHOST_OPACITY)]), _shot([*filled, *placed(out, 1.0, 1.0)])
+    closed, opened = (
+        _rendered([*filled, *placed(still, 1.0, GHOST_OPACITY)]),
+        _rendered([*filled, *placed(out, 1.0, 1.0)]),
+    )
     opening = f"Open, {'melt the wax out' if made.waxes else 'dissolve the core'}" if lost else "Open"
     if not pour.filled_open:
-        closing = _shot(placed(apart, 0.6, 1.0))
+        closing = _rendered(placed(apart, 0.6, 1.0))
         return [(f"Close the {pour.name} mould", closing), ("Pour and cure", closed), (opening, opened)]
     lid = next(places for name, places in apart.items() if pour.part(name) == " lid")
     stays = {body.name: any(word in pour.part(body.name) for word in ("cup", "pin")) for body in bodies}
     lifted = {name: np.zeros(3) if stay else lid for name, stay in stays.items()}
-    brim = (moved(_brimful(bodies, cast, stays), turn, np.zeros(3)), SILICONE_COLOUR, 1.0)
+    brim = (moved(_filled_cup(bodies, cast, stays), turn, np.zeros(3)), SILICONE_COLOUR, 1.0)
     return [
-        (f"Fill the {pour.name} cup", _shot([brim, *placed(lifted, 0.6, 1.0)])),
+        (f"Fill the {pour.name} cup", _rendered([brim, *placed(lifted, 0.6, 1.0)])),
         ("Lower the lid, cure", closed),
         (opening, opened),
     ]
 
 
-def _brimful(bodies: Sequence[make.MouldBody], cast: make.MouldBody, stays: Mapping[str, bool]) -> Facets:
+def _filled_cup(bodies: Sequence[make.MouldBody], cast: make.MouldBody, stays: Mapping[str, bool]) -> Facets:
     """Return the silicone in a piece's cup up to the rim: what of the cast's box is in no body that stays."""
     from manifold3d import Manifold
 
@@ -222,7 +225,7 @@ def _brimful(bodies: Sequence[make.MouldBody], cast: make.MouldBody, stays: Mapp
     return Facets(points, triangles, faces, normals, cast.facets.chord, cast.facets.volume, cast.facets.centre)
 
 
-def _casts_apart(made: make.Made) -> list[tuple[Facets, str, float]]:
+def _casts_apart(made: make.Mould) -> list[tuple[Facets, str, float]]:
     """Return the pieces in the device's own place, apart across their bonds."""
     found = []
     for pour in (pour for pour in made.recipe.pours if not pour.wax):
@@ -233,7 +236,7 @@ def _casts_apart(made: make.Made) -> list[tuple[Facets, str, float]]:
     return found
 
 
-def _shot(group: Sequence[tuple[Facets, str, float]]) -> offscreen.Image:
+def _rendered(group: Sequence[tuple[Facets, str, float]]) -> offscreen.Image:
     """Draw surfaces, each with a colour and an opacity."""
     layers = [layer for facets, colour, opacity in group for layer in _layers(facets, colour, opacity)]
     camera = offscreen.ViewCamera.around([facets.points for facets, _, _ in group], VIEW, UP, width=560, tallest=1.0)
@@ -245,7 +248,7 @@ def _shot(group: Sequence[tuple[Facets, str, float]]) -> offscreen.Image:
 # A drawing with dimensions: each body from above and from the front.
 
 
-def drawing(made: make.Made) -> Figure:
+def drawing(made: make.Mould) -> Figure:
     """Draw each body to print from above and from the front, with its outer dimensions in mm."""
     bodies = [*made.printed, *made.extras]
     figure = Figure((8.0, 2.9 * len(bodies)), layout="constrained")
@@ -271,7 +274,7 @@ def _view(axes: Axes, edges: Array, points: Array) -> None:
     axes.set_axis_off()
 
 
-def plates_picture(placed: Sequence[Placed], size: tuple[float, float]) -> Figure:
+def plates_picture(placed: Sequence[PlacedBody], size: tuple[float, float]) -> Figure:
     """Draw the plates from above, each body as the outline of its edges with its name; a plate's width and depth are in mm."""
     count = max(one.plate for one in placed)
     figure = Figure((8.0, 8.0 * size[1] / size[0] * count), layout="constrained")
@@ -296,7 +299,7 @@ def plates_picture(placed: Sequence[Placed], size: tuple[float, float]) -> Figur
 EXPLODED, STEPS, DRAWING, PLATES = "exploded.png", "steps.png", "drawing.svg", "plates.svg"
 
 
-def draw_all(folder: Path, made: make.Made) -> list[tuple[str, str]]:
+def draw_all(folder: Path, made: make.Mould) -> list[tuple[str, str]]:
     """Write the rendered pictures; return their names and descriptions, the exploded view first."""
     exploded_picture(made).savefig(folder / EXPLODED, dpi=style.DPI)
     steps_picture(made).savefig(folder / STEPS, dpi=style.DPI)

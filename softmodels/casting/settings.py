@@ -228,7 +228,7 @@ FINEST_CHORD = 2e-6
 """Smallest accepted chord error in m, finer than any printer."""
 
 
-class MouldError(errors.Spoken, ValueError):
+class MouldError(errors.OptionMessage, ValueError):
     """The requested mould cannot be made; the message is for the user."""
 
 
@@ -237,7 +237,7 @@ class MouldError(errors.Spoken, ValueError):
 
 
 @dataclasses.dataclass(frozen=True)
-class Asked:
+class MouldRequest:
     """A requested mould of a device; the silicone is the product's name, empty if it is not known, and ``name`` the case's."""
 
     device: Actuator
@@ -262,33 +262,33 @@ class Asked:
         )
 
 
-def asked_of(device: Actuator | Case | str | Path, silicone: str | None = None, **settings: object) -> Asked:
+def asked_of(device: Actuator | Case | str | Path, silicone: str | None = None, **settings: object) -> MouldRequest:
     """Return the request made from Python; `MouldError` or `CaseError` for invalid input.
 
     Settings are fields of `Workshop`, numbers in SI units (angles in degrees) or texts with a unit; a case file's table
     ``[mould]`` holds some too. The silicone is the case's if not given.
     """
     if isinstance(device, Actuator):
-        return _asked(device, device.stem, None, {}, silicone, settings)
+        return _mould_request(device, device.stem, None, {}, silicone, settings)
     if isinstance(device, Case):
-        return _asked(device.actuator, device.name, device, {}, silicone, settings)
+        return _mould_request(device.actuator, device.name, device, {}, silicone, settings)
     if not isinstance(device, str | Path):
         raise MouldError(f"a mould needs a device, a case or a case file, not {units.brief(device)}")
     case, table = _read(Path(device))
     try:
-        return _asked(case.actuator, case.name, case, table, silicone, settings)
+        return _mould_request(case.actuator, case.name, case, table, silicone, settings)
     except MouldError as error:
         raise MouldError(f"{device}: {error}") from None
 
 
-def _asked(
+def _mould_request(
     device: Actuator,
     name: str,
     case: Case | None,
     table: Mapping[str, object],
     silicone: str | None,
     settings: Mapping[str, object],
-) -> Asked:
+) -> MouldRequest:
     given = {key: value for key, value in settings.items() if value is not None}
     table = dict(table)
     product = _product(silicone if silicone is not None else table.pop("silicone", None), case)
@@ -309,7 +309,7 @@ def _asked(
     workshop = Workshop(**values)
     if workshop.thread and not workshop.lay and case:
         workshop = dataclasses.replace(workshop, lay=_lay_of(case))
-    return Asked(device, workshop, product, name)
+    return MouldRequest(device, workshop, product, name)
 
 
 def _lay_of(case: Case) -> str:

@@ -149,7 +149,7 @@ class Command(click.Command):
         except (StartError, materials.OwnModuleError) as error:
             fail(str(error), getattr(error, "status", 2))
         except Exception as error:
-            if not isinstance(error, errors.Spoken | units.UnitError):
+            if not isinstance(error, errors.OptionMessage | units.UnitError):
                 raise
             fail(str(error), outcomes.Ended.by(error).status)
 

@@ -12,14 +12,14 @@ from pathlib import Path
 from types import ModuleType
 
 
-class Spoken:
+class OptionMessage:
     """Mixin of errors whose message uses option names for its reader."""
 
     def __str__(self) -> str:
         return spoken(super().__str__())
 
 
-class MissingPackageError(Spoken, ImportError):
+class MissingPackageError(OptionMessage, ImportError):
     """A package that only some calls need is not installed; the message says how to install it."""
 
     __str__ = ImportError.__str__  # uv's options stay as they are typed
@@ -38,10 +38,10 @@ def required(package: str, extra: str) -> ModuleType:
 
 def written(error: BaseException) -> str:
     """Return an error's sentence as it was written, to be read by others later."""
-    return str(error.args[0]) if isinstance(error, Spoken) and error.args else str(error)
+    return str(error.args[0]) if isinstance(error, OptionMessage) and error.args else str(error)
 
 
-class FieldError(Spoken, ValueError):
+class FieldError(OptionMessage, ValueError):
     """An invalid value of a field, or an unknown entry; the message is for the user."""
 
 
@@ -53,15 +53,15 @@ def whole_path(file: str) -> str:
         return file
 
 
-class ComponentError(Spoken, ValueError):
+class ComponentError(OptionMessage, ValueError):
     """An invalid part, or one unsuitable for this device; the message is for the user."""
 
 
-class GeometryError(Spoken, ValueError):
+class GeometryError(OptionMessage, ValueError):
     """Invalid parameters of a device; the message names the field and its value."""
 
 
-class MeshingError(Spoken, RuntimeError):
+class MeshingError(OptionMessage, RuntimeError):
     """Meshing failed although the parameters seem valid; the message gives the cause and a fix."""
 
 
@@ -69,7 +69,7 @@ class MeshingStopped(Exception):
     """The caller stopped the meshing."""
 
 
-class MeshFileError(Spoken, ValueError):
+class MeshFileError(OptionMessage, ValueError):
     """A file is not a mesh written by this project; the message names the file."""
 
 
@@ -77,7 +77,7 @@ class MeshFileError(Spoken, ValueError):
 # Names of options in messages: ``--cell-size`` on a command line, ``cell_size`` in Python.
 #
 # A sentence is written once, with options as the command line has them, and given its reader's words where it is read: by the
-# errors that are `Spoken`, and by `spoken` where a sentence is no error. An option is the argument of the same name, unless
+# errors that are `OptionMessage`, and by `spoken` where a sentence is no error. An option is the argument of its name, unless
 # the owner of it changes that with `call`. Choices that follow an option are its values.
 
 

@@ -49,12 +49,12 @@ class UserFileError(OSError):
 def check_file(path: Path | str, largest: int = MAX_GEOMETRY_BYTES) -> None:
     """Raise `OSError` before a library opens a file by its name: it cannot be opened, is not a regular one (links are
     followed), or has more bytes."""
-    os.close(_opened(path, largest))
+    os.close(_open_file(path, largest))
 
 
 def read_file(path: Path | str, largest: int = MAX_TEXT_BYTES) -> bytes:
     """Read a whole file; `OSError` as of `check_file`."""
-    handle = _opened(path, largest)
+    handle = _open_file(path, largest)
     try:
         data = bytearray()
         while part := os.read(handle, CHUNK_BYTES):  # one of /proc has more bytes than its stated size
@@ -87,7 +87,7 @@ def read_json(path: Path | str) -> Any:
 
 def file_digest(path: Path | str) -> str:
     """Return SHA-256 of a file's content, in hexadecimal digits; `OSError` as of `check_file`."""
-    with os.fdopen(_opened(path, MAX_GEOMETRY_BYTES), "rb") as file:
+    with os.fdopen(_open_file(path, MAX_GEOMETRY_BYTES), "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
@@ -102,7 +102,7 @@ def fingerprint(path: Path) -> str:
         return "missing"
 
 
-def _opened(path: Path | str, largest: int) -> int:
+def _open_file(path: Path | str, largest: int) -> int:
     # Without O_NONBLOCK, opening a pipe waits for its other end.
     handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     try:

@@ -211,7 +211,7 @@ class OwnFolder:
 NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP)  # answers of file systems without locks
 
 
-class InUseError(errors.Spoken, RuntimeError):
+class InUseError(errors.OptionMessage, RuntimeError):
     """Another program writes in the folder; the message is for the user."""
 
 
@@ -308,8 +308,10 @@ class Record:
         try:
             found = {"format": 0, **read_json(path)}
             if found["format"] < 2:  # what is in a folder stood beside its name
-                found["files"] = [*found["files"], *_inside(found.get("inside", {}))]
-                found |= {"incoming": [*given, *_inside(given)]} if (given := found.get("incoming")) is not None else {}
+                found["files"] = [*found["files"], *_is_inside(found.get("inside", {}))]
+                found |= (
+                    {"incoming": [*given, *_is_inside(given)]} if (given := found.get("incoming")) is not None else {}
+                )
             kinds = {"files": list, "about": dict, "incoming": list, "incoming_about": dict}
             if not all(isinstance(found.get(name, kind()), kind) for name, kind in kinds.items()):
                 return None
@@ -327,7 +329,7 @@ class Record:
         write_text(path, json.dumps(table, indent=1) + "\n")
 
 
-def _inside(folders: Mapping[str, list[str]]) -> list[str]:
+def _is_inside(folders: Mapping[str, list[str]]) -> list[str]:
     return [f"{folder}{file}" for folder, files in folders.items() for file in files]
 
 
@@ -351,7 +353,7 @@ def remove_recorded(folder: Path, names: Iterable[str]) -> None:
 DRAWING_TIMEOUT = 600.0  # seconds to wait for a program that draws into a folder which is to be replaced
 
 
-class OwnFolderError(errors.Spoken, RuntimeError):
+class OwnFolderError(errors.OptionMessage, RuntimeError):
     """A folder or a file that is not a program's own, so that it must not be written; the message is a sentence."""
 
 

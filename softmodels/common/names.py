@@ -30,7 +30,7 @@ _OWN_FILES = tuple(str(Path(__file__).parents[2] / package) for package in error
 """Files of the project: a warning names the line that called into them."""
 
 
-class ArgumentError(errors.Spoken, TypeError):
+class ArgumentError(errors.OptionMessage, TypeError):
     """An argument that a function or a class does not take; the message is for the user."""
 
 
@@ -53,7 +53,7 @@ def checked[T](thing: T) -> T:
 
     @functools.wraps(function)
     def call(*args: object, **kwargs: object) -> object:
-        _refused(name, function, args, kwargs)
+        _check_arguments(name, function, args, kwargs)
         return function(*args, **kwargs)
 
     return cast("T", call)
@@ -64,7 +64,7 @@ def _constructor(owner: type, function: Callable[..., None]) -> Callable[..., No
 
     @functools.wraps(function)
     def make(self: Any, *args: object, **kwargs: object) -> None:
-        _refused(name, function, (self, *args), kwargs)
+        _check_arguments(name, function, (self, *args), kwargs)
         function(self, *args, **kwargs)
         if type(self) is owner and (text := getattr(self, "doubt", "")) and not _called_by_us():
             doubt(text)
@@ -77,7 +77,9 @@ def _signature(function: Callable[..., object]) -> inspect.Signature:
     return inspect.signature(function)
 
 
-def _refused(name: str, function: Callable[..., object], args: Sequence[object], kwargs: dict[str, object]) -> None:
+def _check_arguments(
+    name: str, function: Callable[..., object], args: Sequence[object], kwargs: dict[str, object]
+) -> None:
     """Raise `ArgumentError` where arguments do not fit a function; of a method the first one is not spoken of."""
     signature = _signature(function)
     try:
@@ -86,7 +88,7 @@ def _refused(name: str, function: Callable[..., object], args: Sequence[object],
         if next(iter(signature.parameters), "") in ("self", "cls"):
             signature = signature.replace(parameters=[*signature.parameters.values()][1:])
             args = args[1:]
-        raise ArgumentError(_refusal(name, signature, args, kwargs)) from None
+        raise ArgumentError(_reason_against(name, signature, args, kwargs)) from None
 
 
 def _called_by_us() -> bool:
@@ -114,7 +116,7 @@ def doubt(text: str) -> None:
     warnings.warn(errors.spoken(text), ImplausibleWarning, skip_file_prefixes=_OWN_FILES)
 
 
-def _refusal(name: str, signature: inspect.Signature, args: Sequence[object], kwargs: dict[str, object]) -> str:
+def _reason_against(name: str, signature: inspect.Signature, args: Sequence[object], kwargs: dict[str, object]) -> str:
     """Return why arguments do not fit a signature."""
     kinds = inspect.Parameter
     known = [p for p in signature.parameters.values() if p.kind not in (kinds.VAR_POSITIONAL, kinds.VAR_KEYWORD)]

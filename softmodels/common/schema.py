@@ -172,7 +172,7 @@ def _plain(name: str, value: object) -> Any:
         raise errors.FieldError(f"{name}: {error}") from None
 
 
-def _given(value: object) -> str:
+def _invalid_text(value: object) -> str:
     """Return an invalid value's text for its message."""
     return units.brief(value)
 
@@ -208,13 +208,13 @@ class Quantity(Kind):
         if isinstance(value, str):
             return Quantity.read(self, name, value)
         if not isinstance(value, numbers.Real) or isinstance(value, bool):
-            raise errors.FieldError(f"{name} is {_given(value)}; it must be {self._wanted}")
+            raise errors.FieldError(f"{name} is {_invalid_text(value)}; it must be {self._wanted}")
         try:
             finite = float(value)
         except OverflowError:
             finite = math.inf
         if not math.isfinite(finite):
-            raise errors.FieldError(f"{name} is {_given(value)}; it must be a finite number")
+            raise errors.FieldError(f"{name} is {_invalid_text(value)}; it must be a finite number")
         return finite
 
     @property
@@ -299,10 +299,12 @@ class Choice(Kind):
             if isinstance(value, str | numbers.Real) and value == known and not isinstance(value, bool):
                 return known
         if ends := self.ends:
-            raise errors.FieldError(f"{name} is {_given(value)}; it must be a whole number from {ends[0]} to {ends[1]}")
+            raise errors.FieldError(
+                f"{name} is {_invalid_text(value)}; it must be a whole number from {ends[0]} to {ends[1]}"
+            )
         names = [str(known) for known in self.choices]
         more = errors.meant(value, names) if isinstance(value, str) else ""
-        raise errors.FieldError(f"{name} is {_given(value)}; it must be one of {', '.join(names)}{more}")
+        raise errors.FieldError(f"{name} is {_invalid_text(value)}; it must be one of {', '.join(names)}{more}")
 
     @property
     def ends(self) -> tuple[int, int] | None:
@@ -319,7 +321,7 @@ class Words(Kind):
 
     def settled(self, name: str, value: object) -> str:
         if not isinstance(value, str):
-            raise errors.FieldError(f"{name} is {_given(value)}; it must be a text")
+            raise errors.FieldError(f"{name} is {_invalid_text(value)}; it must be a text")
         return value
 
 
@@ -330,7 +332,7 @@ class Flag(Kind):
     def settled(self, name: str, value: object) -> bool:
         value = _plain(name, value)
         if not isinstance(value, bool):
-            raise errors.FieldError(f"{name} is {_given(value)}; it must be true or false")
+            raise errors.FieldError(f"{name} is {_invalid_text(value)}; it must be true or false")
         return value
 
 
@@ -374,7 +376,7 @@ class Several(Kind):
 
     def _refused(self, name: str, value: object) -> errors.FieldError:
         what = "texts" if isinstance(self.of, Words) else f"numbers in {self.unit}" if self.unit else "numbers"
-        return errors.FieldError(f"{name} is {_given(value)}; it must be a list of {what}, such as [...]")
+        return errors.FieldError(f"{name} is {_invalid_text(value)}; it must be a list of {what}, such as [...]")
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -319,7 +319,7 @@ def _read_workbook(data: bytes, values: bool) -> dict[str, tuple[Cells, list[tup
                     if cell is EMPTY_CELL:
                         continue
                     if cell.value is not None:
-                        cells.setdefault(cell.row, {})[cell.column] = _shown(cell, values)
+                        cells.setdefault(cell.row, {})[cell.column] = _shown_text(cell, values)
                     elif cell.data_type == "n":  # a formula with an empty text for its value is "str"
                         empty.append((cell.row, cell.column))
             found[sheet.title] = cells, empty
@@ -327,7 +327,7 @@ def _read_workbook(data: bytes, values: bool) -> dict[str, tuple[Cells, list[tup
     return found
 
 
-def _shown(cell: Any, values: bool) -> str:
+def _shown_text(cell: Any, values: bool) -> str:
     value, style = cell.value, cell.number_format or ""
     if cell.data_type == "f" and not values:
         return value if isinstance(value, str) else "={...}"

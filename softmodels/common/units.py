@@ -165,7 +165,7 @@ def quantity(text: str | float, unit: str) -> float:
             raise UnitError(f"{shown} has no unit{hint}")
         return read
     factor = FACTORS.get(unit, {}).get(written)
-    value = read * factor if factor is not None else _converted(read, written, unit, shown, hint)
+    value = read * factor if factor is not None else _converted_by_pint(read, written, unit, shown, hint)
     if not math.isfinite(value):
         raise UnitError(f"{shown} is not a finite number")
     return value
@@ -209,7 +209,7 @@ def example(unit: str) -> str:
             "m^2": "18mm^2", "kg": "20g"}.get(unit, f"1 {unit}".strip())  # fmt: skip
 
 
-def _converted(read: float, written: str, unit: str, shown: str, hint: str) -> float:
+def _converted_by_pint(read: float, written: str, unit: str, shown: str, hint: str) -> float:
     """Return a number in one unit as one in another, by Pint; `UnitError` if the unit is unknown, or of another kind."""
     import pint
 

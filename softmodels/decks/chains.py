@@ -109,7 +109,7 @@ def reached(numbers: Array, length: float) -> tuple[Array, Array]:
     return place, R
 
 
-def _missed(numbers: Array, place: Array, R: Array, length: float) -> Array:
+def _tip_error(numbers: Array, place: Array, R: Array, length: float) -> Array:
     """Return how far the end of a chain is from a pose, in lengths and radians."""
     at, turned = reached(numbers, length)
     return np.concatenate([(at - place) / length, Rotation.from_matrix(R.T @ turned).as_rotvec()])
@@ -145,26 +145,26 @@ def chain_of(model: ReducedModel) -> Chain:
             continue
         # Away from zero: the derivatives are by differences in proportion.
         guess = [angle + 0.01, 0.01, float(np.linalg.norm(place)) - 0.99 * model.length, 0.01, 0.01, 0.01][:count]
-        solved = least_squares(_missed, guess, xtol=1e-14, gtol=1e-14, args=(place, R, model.length))
+        solved = least_squares(_tip_error, guess, xtol=1e-14, gtol=1e-14, args=(place, R, model.length))
         found.append(solved.x)
-    advances, quartics = _fitted(sampled, np.array(found))
+    advances, quartics = _fitted_coefficients(sampled, np.array(found))
     misses = np.array([
-        _missed(quartics @ at ** np.arange(5), place, R, model.length)
-        for at, place, R in zip(_advanced(advances, sampled), places, turned, strict=True)
+        _tip_error(quartics @ at ** np.arange(5), place, R, model.length)
+        for at, place, R in zip(_advance(advances, sampled), places, turned, strict=True)
     ])  # fmt: skip
     angles = np.linalg.norm(misses[:, 3:], axis=1) * hinges
     error = float(np.linalg.norm(misses[:, :3], axis=1).max()), math.degrees(float(angles.max()))
     return Chain(model.base, axes, model.length, advances, quartics, top, stiffness, error)
 
 
-def _advanced(advances: Array, shares: Array) -> Array:
+def _advance(advances: Array, shares: Array) -> Array:
     """Return the advance at shares of the highest pressure."""
     for coefficients in advances:
         shares = np.polynomial.Polynomial(coefficients)(shares)
     return shares
 
 
-def _fitted(shares: Array, numbers: Array) -> tuple[Array, Array]:
+def _fitted_coefficients(shares: Array, numbers: Array) -> tuple[Array, Array]:
     """Return coefficients of the advances, shape (3, 5), and of the numbers over the last of them, shape (numbers, 5), that fit
     the numbers (in columns) best, each by its size."""
     powers = np.arange(1 if abs(shares[0]) < 1e-9 else 0, 5)
@@ -175,7 +175,7 @@ def _fitted(shares: Array, numbers: Array) -> tuple[Array, Array]:
         return np.column_stack([0.0 * a, 1.0 - a, a - b, b - c, c])
 
     def solved(inner: Array, of: Array) -> tuple[Array, Array]:
-        terms = _advanced(advances(inner), shares)[:, None] ** powers
+        terms = _advance(advances(inner), shares)[:, None] ** powers
         found = np.linalg.lstsq(terms, of, rcond=None)[0]
         return found, (terms @ found - of).ravel()
 

@@ -216,11 +216,11 @@ def check(case: Case) -> None:
     main.check("")
     for silicone in others:
         silicone.check(f"region {silicone.name}: ")
-    for what in _unknown(case):
+    for what in _unsupported_parts(case):
         raise CaseError(f"the case has {what}, which decks do not support; leave it out")
 
 
-def _unknown(case: Case) -> Iterator[str]:
+def _unsupported_parts(case: Case) -> Iterator[str]:
     """Yield the names of unsupported parts."""
     if any(isinstance(part, Sheet) for part in case.components):
         yield "a sheet"
@@ -335,7 +335,7 @@ class Tie:
 
 
 @dataclasses.dataclass(frozen=True)
-class Rigged:
+class MovingRigidPart:
     """A rigid part of a deck that moves, and the mesh's nodes that follow it. The displacement of the node ``place`` is that
     of its centre, or of all its nodes where it does not turn; of ``turn``, if there is one, its rotation vector in rad."""
 
@@ -352,7 +352,7 @@ class Supports:
 
     held: dict[int, mesh_arrays.Ints]
     tied: tuple[Tie, ...]
-    rigged: tuple[Rigged, ...]
+    rigged: tuple[MovingRigidPart, ...]
     added: Array
 
 
@@ -364,7 +364,7 @@ def supports_of(case: Case, mesh: MeshArrays, freedoms: Mapping[str, regions.Fre
     for part in case.components:
         if not isinstance(part, Rigid):
             continue
-        nodes = mesh.nodes[part.face] if part.face else _within(mesh, part.region)
+        nodes = mesh.nodes[part.face] if part.face else _region_nodes(mesh, part.region)
         freedom = freedoms[part.label]
         rows[nodes] = 0.0
         if not freedom.count:
@@ -372,11 +372,11 @@ def supports_of(case: Case, mesh: MeshArrays, freedoms: Mapping[str, regions.Fre
         elif len(freedom.axes):
             place = len(mesh.points) + len(added)
             added = np.vstack([added, freedom.centre, freedom.centre])
-            rigged.append(Rigged(part.label, nodes, place, place + 1))
-            ties += [*_left(place, freedom.directions), *_left(place + 1, freedom.axes)]
+            rigged.append(MovingRigidPart(part.label, nodes, place, place + 1))
+            ties += [*_tangent_ties(place, freedom.directions), *_tangent_ties(place + 1, freedom.axes)]
         else:
             place = int(nodes[np.linalg.norm(mesh.points[nodes] - freedom.centre, axis=1).argmin()])
-            rigged.append(Rigged(part.label, nodes, place))
+            rigged.append(MovingRigidPart(part.label, nodes, place))
             ties += _as_one(nodes, place, freedom.directions)
     ties += [tie for node in np.flatnonzero(np.abs(rows).any(axis=(1, 2))) for tie in _solved_at(int(node), rows[node])]
     held = {c: np.array([tie.node for tie in ties if tie.component == c and not tie.terms]) for c in range(3)}
@@ -388,7 +388,7 @@ def supports_of(case: Case, mesh: MeshArrays, freedoms: Mapping[str, regions.Fre
     )
 
 
-def _within(mesh: MeshArrays, region: str) -> mesh_arrays.Ints:
+def _region_nodes(mesh: MeshArrays, region: str) -> mesh_arrays.Ints:
     """Return the nodes of a region's cells."""
     return np.unique(mesh.cells[mesh.regions[region]])
 
@@ -402,13 +402,13 @@ def _held_directions(case: Case, mesh: MeshArrays) -> Array:
         *((hold.role, hold.direction) for hold in regions.held_with(device.holds, device, case.components)),
     ]:
         added = np.zeros((len(mesh.points), 3, 3))
-        nodes = mesh.nodes[role] if role in mesh.nodes else _within(mesh, role)
+        nodes = mesh.nodes[role] if role in mesh.nodes else _region_nodes(mesh, role)
         added[nodes] = np.eye(3) if direction is None else [direction, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)]
         rows = np.concatenate([rows, added], axis=1)
     return rows
 
 
-def _left(node: int, ways: Array) -> list[Tie]:
+def _tangent_ties(node: int, ways: Array) -> list[Tie]:
     """Return the ties that leave a node only displacements along orthonormal directions, shape (k, 3); one without terms
     vanishes."""
     return _solved_at(node, np.eye(3) - ways.T @ ways)
@@ -416,7 +416,7 @@ def _left(node: int, ways: Array) -> list[Tie]:
 
 def _as_one(nodes: mesh_arrays.Ints, place: int, ways: Array) -> Iterator[Tie]:
     """Yield the ties that make nodes move together, only along orthonormal directions, shape (k, 3)."""
-    found = {tie.component: tie.terms for tie in _left(place, ways)}
+    found = {tie.component: tie.terms for tie in _tangent_ties(place, ways)}
     terms = [found.get(i, {(place, i): 1.0}) for i in range(3)]
     for node in nodes:
         own = found if node == place else range(3)

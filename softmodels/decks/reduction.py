@@ -42,7 +42,7 @@ from softmodels.runs.states import States
 __all__ = ["Curves", "ReducedModel", "TipPose", "TipState", "table_of"]
 
 
-class ReducedModel(cards.Shown):
+class ReducedModel(cards.ResultCard):
     """A device reduced to its tip, over one pressure; ``model(5e3)`` is its state at 5 kPa.
 
     Position, rotation and volume are cubic in between, with the exact derivatives at the table's states; compliance is a cubic

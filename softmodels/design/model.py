@@ -27,11 +27,11 @@ from softmodels.design import result, targets
 from softmodels.design.problem import (
     LIMIT_TOLERANCE,
     MAX_EVALUATIONS,
+    DesignEvaluator,
     DesignProblem,
+    EvaluatedQuantity,
     EvaluationRequest,
     Formulation,
-    Judge,
-    Judged,
     SearchOptions,
     in_words,
     label,
@@ -47,14 +47,14 @@ from softmodels.design.quantities import (
     Slopes,
     TargetMeasure,
 )
-from softmodels.design.states import Adjoint, Bifurcations, Known, Transfer, WorkingStates
+from softmodels.design.states import Adjoint, Bifurcations, KnownStates, Transfer, WorkingStates
 from softmodels.design.trials import (
     PRESSURE,
     DesignError,
     DesignFailure,
     DesignStopped,
+    EvaluatedLoad,
     Evaluation,
-    JudgedLoad,
     Squares,
     Trial,
     Trials,
@@ -83,7 +83,7 @@ class MeshedDesign:
         forks = any(isinstance(part, OfBifurcation) for part in question.parts)
         self.bifurcations = Bifurcations(design, self.adjoint) if forks else None
         self.states = WorkingStates(design, question.loads, question.highest, self.bifurcations)
-        self._stable: tuple[Case, Known] | None = None
+        self._stable: tuple[Case, KnownStates] | None = None
         """The last evaluated design, and its states."""
 
     @classmethod
@@ -155,11 +155,11 @@ class MeshedDesign:
         if states.depend_on_path:
             self._retrace(case, start, first)
             return
-        way, step, earlier = 0.0, 1.0, list[tuple[float, Known]]()
+        way, step, earlier = 0.0, 1.0, list[tuple[float, KnownStates]]()
         while way < 1.0:
             goal = min(way + step, 1.0)
             try:
-                self.show(case if goal == 1.0 else _between(start, case, goal, self.question.names))
+                self.show(case if goal == 1.0 else _case_between(start, case, goal, self.question.names))
                 here = states.known
                 states.carry(here.ahead(earlier[0][1], (goal - way) / (way - earlier[0][0])) if earlier else None)
             except newton.NoConvergence:
@@ -173,7 +173,7 @@ class MeshedDesign:
                 raise
             earlier, way = [(way, here)], goal
 
-    def _retrace(self, case: Case, start: Case, first: Known) -> None:
+    def _retrace(self, case: Case, start: Case, first: KnownStates) -> None:
         """Solve the states of a case along the whole path, on the current mesh."""
         self.show(case)
         try:
@@ -193,11 +193,11 @@ class MeshedDesign:
             self.show(before)
             raise PoorMesh("the quality of the moved mesh is too low")
 
-    def _restore(self, case: Case, known: Known) -> None:
+    def _restore(self, case: Case, known: KnownStates) -> None:
         self.show(case)
         self.states.known = known
 
-    def judge(self, gradients: bool = True) -> tuple[dict[str, Judged], list[str]]:
+    def judge(self, gradients: bool = True) -> tuple[dict[str, EvaluatedQuantity], list[str]]:
         """Return the values and gradients of the question's parts by key, and warnings.
 
         States that were carried from another design may lie on a branch that is unstable here. Then they are found again
@@ -218,11 +218,11 @@ class MeshedDesign:
         self._stable = self.case, self.states.known
         return found
 
-    def _judged(self, gradients: bool) -> tuple[dict[str, Judged], list[str]]:
+    def _judged(self, gradients: bool) -> tuple[dict[str, EvaluatedQuantity], list[str]]:
         """Return the same for the current states; UnstableState if one of them is."""
         motion, question = self.design.motion, self.question
         velocities = motion.boundary_velocities(question.shape) if gradients else {}
-        found: dict[str, Judged] = {}
+        found: dict[str, EvaluatedQuantity] = {}
         notes = self.design.system.mesh_notes
         for load in (None, *question.loads):
             parts = [part for part in self.measures if part.load == load]
@@ -231,7 +231,11 @@ class MeshedDesign:
                 slopes = self.measures[part].slopes(state)
                 if slopes.note:
                     notes.append(f"{part.key}: {slopes.note}")
-                judged = self._whole(part, slopes, velocities) if gradients else Judged(slopes.value, np.zeros(0), {})
+                judged = (
+                    self._whole(part, slopes, velocities)
+                    if gradients
+                    else EvaluatedQuantity(slopes.value, np.zeros(0), {})
+                )
                 measure = self.measures[part]
                 if gradients and state is not None and load is not None and isinstance(measure, TargetMeasure):
                     judged = dataclasses.replace(judged, squares=self._squares(measure, state, load, velocities))
@@ -242,7 +246,7 @@ class MeshedDesign:
                 if critical is None:
                     reached = f"{question.highest / 1e3:.4g} kPa"
                     notes.append(f"{part.key}: none found up to {reached}, which is used instead")
-                    critical = Judged(
+                    critical = EvaluatedQuantity(
                         question.highest, np.zeros(len(question.names)), dict.fromkeys(question.materials, 0.0)
                     )
                 found[part.key] = critical.times(part.factor(question.working))
@@ -251,10 +255,10 @@ class MeshedDesign:
                 for key, value in values.items():
                     rates = dict(zip(question.shape, columns[key], strict=True))
                     whole = np.array([rates.get(name, 0.0) for name in question.names])
-                    found[key] = Judged(value, whole if gradients else np.zeros(0), {})
+                    found[key] = EvaluatedQuantity(value, whole if gradients else np.zeros(0), {})
         return found, notes
 
-    def _settled(self, load: JudgedLoad) -> State:
+    def _settled(self, load: EvaluatedLoad) -> State:
         """Return the state at a load, its tangent factorised; UnstableState where the device leaves it by itself."""
         state = self.states.states[load]
         self.states.recall(load)
@@ -266,7 +270,9 @@ class MeshedDesign:
                 raise UnstableState(f"the state at {load} is unstable: its tangent has {negative} negative {values}")
         return state
 
-    def _squares(self, measure: TargetMeasure, state: State, load: JudgedLoad, velocities: dict[str, Array]) -> Squares:
+    def _squares(
+        self, measure: TargetMeasure, state: State, load: EvaluatedLoad, velocities: dict[str, Array]
+    ) -> Squares:
         """Return the distances from a target with their derivatives at the settled state."""
         columns = []
         for name in self.question.names:
@@ -276,7 +282,7 @@ class MeshedDesign:
             columns.append(sum(moved, np.zeros(len(measure.residuals(state)))))
         return Squares.of(measure.residuals(state), np.array(columns).T, measure.run, measure.sigma)
 
-    def _rates(self, load: JudgedLoad, way: Array | str, name: str) -> tuple[Array, Array]:
+    def _rates(self, load: EvaluatedLoad, way: Array | str, name: str) -> tuple[Array, Array]:
         """Return the derivatives of the settled state's dofs and of the mesh's nodes by a parameter."""
         if not self.states.depend_on_path:
             return self.adjoint.rates(load.kind, way)
@@ -284,7 +290,7 @@ class MeshedDesign:
         still = np.zeros((motion.entries // motion.dimension, motion.dimension))
         return rate.w[: len(self.design.system.w.x.array)], still if rate.X is None else rate.X
 
-    def _whole(self, part: DesignQuantity, slopes: Slopes, velocities: dict[str, Array]) -> Judged:
+    def _whole(self, part: DesignQuantity, slopes: Slopes, velocities: dict[str, Array]) -> EvaluatedQuantity:
         """Return a part with its total derivatives at the settled state."""
         names, load = self._others, part.load
         direct = self.adjoint.by_material(self.measures[part], names) if names and load else dict.fromkeys(names, 0.0)
@@ -306,15 +312,17 @@ class MeshedDesign:
             dict.fromkeys([*self.question.materials, *(one for name in free for one in in_equations(self.case, name))])
         )
 
-    def _gathered(self, value: float, by_length: Mapping[str, float], by_other: Mapping[str, float]) -> Judged:
+    def _gathered(
+        self, value: float, by_length: Mapping[str, float], by_other: Mapping[str, float]
+    ) -> EvaluatedQuantity:
         """Return a value with its derivatives by the question's parameters and by the material's numbers."""
         rates = []
         for name in self.question.names:
             own = {} if name in by_length else in_equations(self.case, name)
             rates.append(by_length.get(name, 0.0) + sum(rate * by_other[one] for one, rate in own.items()))
-        return Judged(value, np.array(rates), {name: by_other[name] for name in self.question.materials})
+        return EvaluatedQuantity(value, np.array(rates), {name: by_other[name] for name in self.question.materials})
 
-    def _critical(self, part: OfLimit, velocities: dict[str, Array], gradients: bool) -> Judged | None:
+    def _critical(self, part: OfLimit, velocities: dict[str, Array], gradients: bool) -> EvaluatedQuantity | None:
         """Return the pressure in Pa of the limit point or the bifurcation; None if there is none."""
         states, materials = self.states, self._others
         limit, fork = states.limit, states.bifurcation
@@ -330,10 +338,10 @@ class MeshedDesign:
                 self.adjoint.limit_gradient(limit.state, limit.tangent, velocities, materials) if gradients else None
             )
         pressure = self.design.direction * P * self.design.system.stress_unit
-        return Judged(pressure, np.zeros(0), {}) if found is None else self._gathered(pressure, *found)
+        return EvaluatedQuantity(pressure, np.zeros(0), {}) if found is None else self._gathered(pressure, *found)
 
 
-def _between(start: Case, end: Case, share: float, names: Sequence[str]) -> Case:
+def _case_between(start: Case, end: Case, share: float, names: Sequence[str]) -> Case:
     """Return the case on the straight line between two."""
     return varied(start, {name: (1.0 - share) * value_of(start, name) + share * value_of(end, name) for name in names})
 
@@ -405,7 +413,7 @@ class DesignModel:
         path."""
         case = self.at(theta)
         if finer != 1.0:
-            case = dataclasses.replace(case, actuator=_finer(case.actuator, finer))
+            case = dataclasses.replace(case, actuator=_finer_device(case.actuator, finer))
         values_only = dataclasses.replace(self.question, names=(), shape=(), materials=())
         meshed = MeshedDesign.fresh(case, values_only, self.comm)
         try:
@@ -472,13 +480,13 @@ class DesignModel:
 
     # -- values and gradients -------------------------------------------------------------------------------------------
 
-    def _gathered(self, found: dict[str, Judged], notes: list[str]) -> dict[str, Judged]:
+    def _gathered(self, found: dict[str, EvaluatedQuantity], notes: list[str]) -> dict[str, EvaluatedQuantity]:
         """Return the quantities by key, combined over states; add their notes."""
-        own: dict[str, Judged] = {}
+        own: dict[str, EvaluatedQuantity] = {}
         for one in self.quantities:
             if isinstance(one, targets.CompositeQuantity):
                 parts = [found[part.key] for part in one.parts]
-                own[one.key] = _combined(one, parts)
+                own[one.key] = _combined_gradient(one, parts)
                 if note := one.note(np.array([part.value for part in parts])):
                     notes.append(f"{one.key}: {note}")
             elif isinstance(one, DeviceQuantity):
@@ -488,17 +496,17 @@ class DesignModel:
         return own
 
 
-def _combined(one: targets.CompositeQuantity, parts: Sequence[Judged]) -> Judged:
+def _combined_gradient(one: targets.CompositeQuantity, parts: Sequence[EvaluatedQuantity]) -> EvaluatedQuantity:
     values, slopes = np.array([part.value for part in parts]), np.array([part.gradient for part in parts])
     value, weights = one.combined(values)
     gradient = slopes.T @ weights
     squares = one.squares(values, slopes) if gradient.size else None
     names = parts[0].by_material
     rates = {name: float(weights @ np.array([part.by_material[name] for part in parts])) for name in names}
-    return Judged(value, gradient, rates, squares)
+    return EvaluatedQuantity(value, gradient, rates, squares)
 
 
-def _finer(device: Actuator, times: float) -> Actuator:
+def _finer_device(device: Actuator, times: float) -> Actuator:
     """Return the same device with smaller cells, also around channels."""
     sizes = {field.name for field in dataclasses.fields(device)}
     changes = {"cell_size": getattr(device, "cell_size", 0.0) / times, "around": getattr(device, "around", 0.0) * times}
@@ -527,18 +535,18 @@ class UnstableState(DesignFailure):
 # The evaluator of a problem's designs: finite elements, unless the caller gives another.
 
 
-def evaluator(problem: DesignProblem, comm: MPI.Comm, how: SearchOptions) -> Judge:
+def evaluator(problem: DesignProblem, comm: MPI.Comm, how: SearchOptions) -> DesignEvaluator:
     """Return an evaluator with the interface of `DesignModel`; `GeometryError` for a parameter that the mesh cannot follow."""
     if (make := how.get("model")) is not None:
         return make(problem, comm)
     errors = problem.errors
     return DesignModel(
         problem.case, problem.names, problem.quantities, comm, highest=problem.highest,
-        materials=() if errors is None else errors.names, report=functools.partial(_tell, comm, how),
+        materials=() if errors is None else errors.names, report=functools.partial(_report, comm, how),
     )  # fmt: skip
 
 
-def _tell(comm: MPI.Comm, how: SearchOptions, text: str) -> None:
+def _report(comm: MPI.Comm, how: SearchOptions, text: str) -> None:
     """Report a line from rank 0."""
     if mpi.is_root(comm) and (listener := how.get("progress")) is not None:
         listener(text)
@@ -556,7 +564,7 @@ class EnoughError(Exception):
     """A search has reached its maximum number of evaluations."""
 
 
-class Evaluating:
+class Evaluator:
     """Evaluates the designs of one optimisation and keeps its trials, on rank 0 in a folder if there is one.
 
     ``form`` is the problem in scaled numbers, None until a design could be judged. The start and the mesh under way are
@@ -564,7 +572,12 @@ class Evaluating:
     """
 
     def __init__(
-        self, problem: DesignProblem, model: Judge, folder: DesignFolder | None, comm: MPI.Comm, how: SearchOptions
+        self,
+        problem: DesignProblem,
+        model: DesignEvaluator,
+        folder: DesignFolder | None,
+        comm: MPI.Comm,
+        how: SearchOptions,
     ):
         self.problem, self.model, self.folder, self.comm, self.how = problem, model, folder, comm, how
         self.trials = Trials()
@@ -615,7 +628,7 @@ class Evaluating:
 
     def tell(self, text: str) -> None:
         """Report a line from rank 0."""
-        _tell(self.comm, self.how, text)
+        _report(self.comm, self.how, text)
 
     def _evaluated(self, theta: Array) -> Trial:
         begun, number = time.monotonic(), len(self.trials.all) + 1

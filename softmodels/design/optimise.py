@@ -25,9 +25,9 @@ from softmodels.design import model, trials
 from softmodels.design.problem import (
     CLEARANCES,
     MAX_EVALUATIONS,
+    DesignEvaluator,
     DesignProblem,
     Formulation,
-    Judge,
     Scaled,
     SearchOptions,
     in_words,
@@ -55,7 +55,7 @@ def optimise(
     confirm: bool = True,
     finer: float = 1.0,
     inputs: Sequence[Path] = (),
-    model: Callable[[DesignProblem, MPI.Comm], Judge] | None = None,
+    model: Callable[[DesignProblem, MPI.Comm], DesignEvaluator] | None = None,
 ) -> DesignResult:
     """Optimise a design.
 
@@ -89,7 +89,7 @@ def optimise(
     output = None if folder is None else names.place("folder", folder, "a folder")
     read = names.several("inputs", inputs, Path, "a file's Path")
     functions = {"progress": progress, "stopped": stopped, "model": model}
-    how = _how(starts, evaluations, seed, finer, {"resume": resume, "confirm": confirm}, functions, read)
+    how = _search_options(starts, evaluations, seed, finer, {"resume": resume, "confirm": confirm}, functions, read)
     whole = problem
     if not isinstance(whole, DesignProblem):
         whole = DesignProblem.from_file(names.place("problem", whole, "a problem file"))
@@ -106,7 +106,7 @@ MAX_START_TRIALS = 8
 """Maximum number of points tried for a further start until one has a state."""
 
 
-def _how(
+def _search_options(
     starts: object,
     evaluations: object,
     seed: object,
@@ -121,13 +121,13 @@ def _how(
     given = {name: function for name, function in functions.items() if function is not None}
     how = {
         "starts": names.whole("starts", starts, 1), "evaluations": names.whole("evaluations", evaluations, 1),
-        "seed": names.whole("seed", seed, 0), "finer": _finer(finer), "inputs": inputs,
+        "seed": names.whole("seed", seed, 0), "finer": _fresh_refinement(finer), "inputs": inputs,
         **{name: names.flag(name, value) for name, value in flags.items()}, **given,
     }  # fmt: skip
     return cast("SearchOptions", how)
 
 
-def _finer(value: object) -> float:
+def _fresh_refinement(value: object) -> float:
     """Return the refinement of the fresh mesh; raise `ArgumentError` if it is below 1."""
     try:
         finer = units.quantity(cast("float", value), "")
@@ -153,14 +153,14 @@ def run_in(
     """Optimise into a folder that is already open, and stays open; see `open_folder`."""
     if problem.counts:
         return run_variants(problem, folder, comm, **how)
-    under_way = model.Evaluating(problem, model.evaluator(problem, comm, how), folder, comm, how)
+    under_way = model.Evaluator(problem, model.evaluator(problem, comm, how), folder, comm, how)
     try:
         return _run(under_way)
     finally:
         under_way.release()
 
 
-def _run(under_way: model.Evaluating) -> DesignResult:
+def _run(under_way: model.Evaluator) -> DesignResult:
     """Search from every start, and return the best result."""
     problem, ends = under_way.problem, list[StartEnd]()
     try:
@@ -184,7 +184,7 @@ def _run(under_way: model.Evaluating) -> DesignResult:
     )  # fmt: skip
 
 
-def _starts(under_way: model.Evaluating) -> Iterator[Array]:
+def _starts(under_way: model.Evaluator) -> Iterator[Array]:
     """Yield the starting points of searches, each on its own mesh; after the first, those that have a state. RunError if the
     device as given has none where it is asked."""
     problem = under_way.problem
@@ -471,15 +471,15 @@ def followed(judged: Callable[[Array], Trial], form: Formulation, start: Array) 
 def distances(form: Formulation, trial: Trial) -> Array:
     """Return the residuals of all targets of a trial, relative to the first trial's distance, weighted
     in a mean."""
-    return _stacked(form, trial)[:, -1]
+    return _stacked_rows(form, trial)[:, -1]
 
 
 def slopes(form: Formulation, trial: Trial) -> Array:
     """Return their derivatives by the scaled parameters."""
-    return _stacked(form, trial)[:, : len(form.problem.free)] * form.width
+    return _stacked_rows(form, trial)[:, : len(form.problem.free)] * form.width
 
 
-def _stacked(form: Formulation, trial: Trial) -> Array:
+def _stacked_rows(form: Formulation, trial: Trial) -> Array:
     return np.vstack(
         [
             np.sqrt(term.weight / trial.squares[term.quantity.key].count) / form.size
@@ -503,29 +503,29 @@ MAX_WASTED_SLACK = 0.02
 """Relative slack of a limit on the fresh mesh, active in the search, above which the search continues."""
 
 
-def follow(under_way: model.Evaluating, theta: Array) -> StartEnd:
+def follow(under_way: model.Evaluator, theta: Array) -> StartEnd:
     """Search from a design, values of the problem's `names`, and confirm the result; a design was judged before."""
     form = under_way.form
     assert form is not None
     seen: list[Trial] = []
     ends: list[StartEnd] = []
     try:
-        why = _searched(under_way, form, theta, seen)
+        why = _robust_search(under_way, form, theta, seen)
         best = form.best(seen)
         if best is None or not under_way.how.get("confirm", True):
             return StartEnd(under_way.start, best, form, why=why)
         ends.append(StartEnd(under_way.start, best, form, *under_way.confirmed(best), why))
         safety = np.zeros(len(form.rows))
-        while len(ends) <= MAX_CORRECTIONS and _differs(ends[-1], len(ends)):
+        while len(ends) <= MAX_CORRECTIONS and _must_continue(ends[-1], len(ends)):
             under_way.tell("limits differ on a fresh mesh: continuing the search from there")
             if len(ends) > 1:  # meshes differ randomly too
-                safety = np.maximum(safety, _apart(ends[-1]))
+                safety = np.maximum(safety, _fresh_violations(ends[-1]))
             under_way.fresh_mesh()
             again = under_way.trial(np.array(best.theta))
             if again.failed:
                 break
             form, seen = under_way.form.corrected(again, ends[-1].confirmed, safety), [again]  # type: ignore[union-attr]
-            why = _searched(under_way, form, np.array(again.theta), seen)
+            why = _robust_search(under_way, form, np.array(again.theta), seen)
             best = form.best(seen) or again
             ends.append(StartEnd(under_way.start, best, form, *under_way.confirmed(best), why))
     except trials.DesignStopped:
@@ -535,14 +535,14 @@ def follow(under_way: model.Evaluating, theta: Array) -> StartEnd:
     return min(ends, key=StartEnd.order)
 
 
-def _apart(end: StartEnd) -> Array:
+def _fresh_violations(end: StartEnd) -> Array:
     """Return how much more each limit is violated on the fresh mesh than in the search, relative to the limit."""
     assert end.best is not None
     allowances = end.form.allowances(end.best)
     return end.form.passed(end.confirmed, allowances) - (end.form.violations(end.best) - end.form.safety)
 
 
-def _differs(end: StartEnd, rounds: int) -> bool:
+def _must_continue(end: StartEnd, rounds: int) -> bool:
     """Return whether a search has to continue: limits are violated on the fresh mesh, or inactive there for the first time."""
     if end.trouble or end.best is None or not end.form.rows or not end.form.feasible(end.best):
         return False
@@ -552,7 +552,7 @@ def _differs(end: StartEnd, rounds: int) -> bool:
     return unused or not end.feasible
 
 
-def _searched(under_way: model.Evaluating, form: Formulation, theta: Array, seen: list[Trial]) -> str:
+def _robust_search(under_way: model.Evaluator, form: Formulation, theta: Array, seen: list[Trial]) -> str:
     """Search repeatedly until the standard deviations converge; return why it ended early. ``seen`` gets every trial."""
     start = form.x(theta)
 
@@ -660,7 +660,7 @@ def run_variants(
     for words, one in problem.variants():
         if tell is not None:
             mpi.on_root(comm, lambda words=words: tell(f"{words}:"))  # type: ignore[misc]
-        own = mpi.kept_on_root(comm, functools.partial(_opened, one, words, folder, how))
+        own = mpi.kept_on_root(comm, functools.partial(_choice_folder, one, words, folder, how))
         try:
             found.append(Variant(words, one, run_in(one, own, comm, **how)))
         except RunError as error:
@@ -677,7 +677,7 @@ def run_variants(
     if best.result is None:
         raise RunError(f"no choice of {', '.join(problem.counts)} can be evaluated: {found[0].sentence}")
     made = dataclasses.replace(best.result, variants=tuple(one.sentence for one in found))
-    where = mpi.on_root(comm, lambda: None if folder is None else _settle(folder, best, found))
+    where = mpi.on_root(comm, lambda: None if folder is None else _write_best(folder, best, found))
     return dataclasses.replace(made, folder=where)
 
 
@@ -695,14 +695,14 @@ def _begin(problem: DesignProblem, folder: model.DesignFolder | None, how: Searc
     folder.own.claim([model.TABLE, model.DESIGN, model.START, VARIANTS, *names], {"inputs": folder.identity})
 
 
-def _opened(
+def _choice_folder(
     problem: DesignProblem, words: str, folder: model.DesignFolder | None, how: SearchOptions
 ) -> model.DesignFolder | None:
     """Return the folder of one choice inside that of all."""
     return None if folder is None else model.DesignFolder(problem, folder.path / _name(words), how.get("resume", False))
 
 
-def _settle(folder: model.DesignFolder, best: Variant, found: list[Variant]) -> Path:
+def _write_best(folder: model.DesignFolder, best: Variant, found: list[Variant]) -> Path:
     """Write the best design, the table of all choices, and that of all designs; return the folder."""
     assert best.result is not None
     files.write_text(folder.path / model.START, case_text(best.problem, best.result.given))

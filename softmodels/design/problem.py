@@ -97,7 +97,7 @@ class DesignProblem:
         _check_load(case)
         reader = Reader(case, QUANTITIES, self.bare, self.folder)
         table = dict(_flat(_table(self.parameters, "parameters")))
-        counts = {name: _count(case, name, table.pop(name)) for name in list(table) if _counted(case.actuator, name)}
+        counts = {name: _count(case, name, table.pop(name)) for name in list(table) if _is_count(case.actuator, name)}
         object.__setattr__(self, "counts", counts)
         free = free_parameters(case, table, self.bare) if table or not (counts or self.fixed) else ()
         objective, terms = self._objective(reader)
@@ -413,7 +413,7 @@ class Reader:
     def _check_sides(self, asked: DesignQuantity, where: str) -> None:
         """Reject a state on the other side of the ambient pressure than the case's."""
         for one in (asked, *getattr(asked, "parts", ())):
-            load = None if one.at is None else trials.JudgedLoad.of(one.at)
+            load = None if one.at is None else trials.EvaluatedLoad.of(one.at)
             if load is not None and load.value * self.case.load.direction <= 0.0:
                 side = "below" if self.case.load.direction < 0 else "above"
                 raise DesignError(
@@ -436,7 +436,7 @@ class Reader:
             raise DesignError(f"{where}: at is not a pressure ({error}); write it like 177 cm or 17 kPa") from None
         if number == 0.0:
             raise DesignError(f"{where}: at {value!r} must be above zero, or below it for a vacuum")
-        return trials.JudgedLoad(kind, number, value)
+        return trials.EvaluatedLoad(kind, number, value)
 
     def limit(self, entry: Mapping[str, object], side: str, asked: DesignQuantity, where: str) -> float | None:
         """Return the limit ``at_least`` or ``at_most`` in SI units; None if not given."""
@@ -496,7 +496,7 @@ def pressure_of(asked: DesignQuantity) -> float | None:
     at = asked.at
     if at is None:
         return None
-    load = trials.JudgedLoad.of(at)
+    load = trials.EvaluatedLoad.of(at)
     return load.value if load.kind == trials.PRESSURE else None
 
 
@@ -512,7 +512,7 @@ def label(asked: DesignQuantity, cm: float) -> str:
     pressure = pressure_of(asked)
     if pressure is None or asked.at is None:
         return asked.key
-    return f"{asked.title} at {trials.JudgedLoad.of(asked.at).text or f'{pressure / cm:.5g} cm'}"
+    return f"{asked.title} at {trials.EvaluatedLoad.of(asked.at).text or f'{pressure / cm:.5g} cm'}"
 
 
 def _tuples(value: object) -> object:
@@ -656,7 +656,7 @@ MOST_VALUES = 30
 """Largest number of values of a whole number."""
 
 
-def _counted(device: Actuator, name: str) -> bool:
+def _is_count(device: Actuator, name: str) -> bool:
     """Return whether a name is of a whole number of a device, such as of its chambers."""
     known = schema.about(device).get(name)
     return known is not None and isinstance(known.kind, schema.Choice) and known.kind.ends is not None
@@ -805,7 +805,7 @@ MAX_EVALUATIONS = 40
 """Maximum number of evaluations per start."""
 
 
-class Judge(Protocol):
+class DesignEvaluator(Protocol):
     """Interface of an evaluator: `softmodels.design.model.DesignModel`, or a substitute."""
 
     def evaluate(self, theta: npt.NDArray[np.float64]) -> trials.Evaluation:
@@ -837,7 +837,7 @@ class SearchOptions(TypedDict, total=False):
     confirm: bool
     finer: float
     inputs: Sequence[Path]
-    model: Callable[[DesignProblem, MPI.Comm], Judge] | None
+    model: Callable[[DesignProblem, MPI.Comm], DesignEvaluator] | None
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -1030,7 +1030,7 @@ class Formulation:
 
 
 @dataclasses.dataclass(frozen=True)
-class Judged:
+class EvaluatedQuantity:
     """A quantity of a design in its SI unit, its gradient by the parameters, shape (n,), empty if none was asked for, and its
     derivatives by the material's numbers."""
 
@@ -1040,10 +1040,10 @@ class Judged:
     squares: trials.Squares | None = None
     """Residuals of a target."""
 
-    def times(self, factor: float) -> Judged:
+    def times(self, factor: float) -> EvaluatedQuantity:
         """Return the quantity times a number."""
         by_material = {name: factor * rate for name, rate in self.by_material.items()}
-        return Judged(factor * self.value, factor * self.gradient, by_material)
+        return EvaluatedQuantity(factor * self.value, factor * self.gradient, by_material)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -1054,7 +1054,7 @@ class EvaluationRequest:
 
     names: tuple[str, ...]
     parts: tuple[DesignQuantity, ...]
-    loads: tuple[trials.JudgedLoad, ...]
+    loads: tuple[trials.EvaluatedLoad, ...]
     highest: float
     materials: tuple[str, ...]
     shape: tuple[str, ...] = ()

@@ -99,16 +99,16 @@ class DesignQuantity(abc.ABC):
     of_state: ClassVar[bool] = True
     """Whether it belongs to a state, so that ``at`` is required."""
 
-    at: trials.JudgedLoad | float | None = None
+    at: trials.EvaluatedLoad | float | None = None
 
     def __post_init__(self) -> None:
         if self.at is not None:
-            object.__setattr__(self, "at", trials.JudgedLoad.of(self.at))
+            object.__setattr__(self, "at", trials.EvaluatedLoad.of(self.at))
 
     @property
-    def load(self) -> trials.JudgedLoad | None:
+    def load(self) -> trials.EvaluatedLoad | None:
         """The state at which it is evaluated."""
-        return None if self.at is None else trials.JudgedLoad.of(self.at)
+        return None if self.at is None else trials.EvaluatedLoad.of(self.at)
 
     @property
     def title(self) -> str:
@@ -391,8 +391,8 @@ class PlacesMeasure(Measure):
                 shift = step * np.eye(3)[axis]
                 by_place[axis], by_displacement[axis] = (
                     (
-                        self.function(*_shifted(rest, moved, which, name, shift))
-                        - self.function(*_shifted(rest, moved, which, name, -shift))
+                        self.function(*_shifted_probe(rest, moved, which, name, shift))
+                        - self.function(*_shifted_probe(rest, moved, which, name, -shift))
                     )
                     / (2 * step)
                     for which in (0, 1)
@@ -401,7 +401,7 @@ class PlacesMeasure(Measure):
         return Slopes(self.function(rest, moved), self.design.system.by_unknowns(by_w).copy(), 0.0, by_X)
 
 
-def _shifted(
+def _shifted_probe(
     rest: dict[str, Array], moved: dict[str, Array], which: int, name: str, shift: Array
 ) -> tuple[dict[str, Array], dict[str, Array]]:
     """Return the places and displacements with one probe's place (0) or displacement (1) shifted."""

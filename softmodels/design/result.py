@@ -37,7 +37,7 @@ from softmodels.design.trials import Trial
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class DesignResult(cards.Shown):
+class DesignResult(cards.ResultCard):
     """The outcome of an optimisation: the best end of all starts and what holds it back, all trials, where each start ended,
     how much finer the fresh mesh was, the folder if there is one, and with each choice of whole numbers a sentence."""
 
@@ -45,7 +45,7 @@ class DesignResult(cards.Shown):
     end: StartEnd
     trials: tuple[Trial, ...]
     ends: tuple[StartEnd, ...]
-    holding: Holding
+    holding: ActiveLimits
     finer: float = 1.0
     stopped: bool = False
     folder: Path | None = None
@@ -227,7 +227,7 @@ class DesignResult(cards.Shown):
         return told
 
     @property
-    def recovered(self) -> Told | None:
+    def recovered(self) -> ParameterIntervals | None:
         """The parameters determined by a target; None without a target or errors."""
         return recovered(self.form, self.best)
 
@@ -293,7 +293,7 @@ class Interval:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Told:
+class ParameterIntervals:
     """Device parameters determined by a target: the interval of each, the covariance of those that are not at a bound in SI
     units, the weakest combination (a sentence, empty with fewer than two parameters), and a clause on the source of the
     residuals' standard error."""
@@ -312,7 +312,7 @@ class Told:
         return [*(one.sentence for one in self.intervals), *filter(None, [self.weakest]), self.source]
 
 
-def recovered(form: Formulation, trial: Trial) -> Told | None:
+def recovered(form: Formulation, trial: Trial) -> ParameterIntervals | None:
     """Return the parameters determined by a problem's targets at a trial; None without a target or
     errors."""
     problem = form.problem
@@ -356,8 +356,8 @@ def recovered(form: Formulation, trial: Trial) -> Told | None:
         source = f"errors from the final residuals, {in_words(asked, math.sqrt(variance), 3)} per value"
     source += f"; {counted:.0f} independent values"
     free = [one for one, is_free in zip(problem.free, inside, strict=True) if is_free]
-    weakest = _weakest(form, trial, free, vectors[-1], quantile * inverse[-1]) if len(free) > 1 else ""
-    return Told(intervals, scaled * np.outer(form.width[inside], form.width[inside]), weakest, source)
+    weakest = _weakest_combination(form, trial, free, vectors[-1], quantile * inverse[-1]) if len(free) > 1 else ""
+    return ParameterIntervals(intervals, scaled * np.outer(form.width[inside], form.width[inside]), weakest, source)
 
 
 def _covariance(vectors: Array, inverse: Array) -> Array:
@@ -370,7 +370,7 @@ def _covariance(vectors: Array, inverse: Array) -> Array:
     return np.asarray(covariance)
 
 
-def _weakest(form: Formulation, trial: Trial, free: list[Free], vector: Array, half: float) -> str:
+def _weakest_combination(form: Formulation, trial: Trial, free: list[Free], vector: Array, half: float) -> str:
     """Return the least determined combination, in words."""
     vector = vector / vector[np.argmax(np.abs(vector))]
     parts = []
@@ -415,7 +415,7 @@ MAX_GRADIENT_REMAINDER = 0.2
 
 
 @dataclasses.dataclass(frozen=True)
-class Holder:
+class ActiveLimit:
     """An active limit (``row``) or bound in words, and in a sentence what it costs. The multiplier is the gain in scaled
     objectives per scaled limit; of a request that cannot be met, its share in what excludes each other."""
 
@@ -426,15 +426,15 @@ class Holder:
 
 
 @dataclasses.dataclass(frozen=True)
-class Holding:
+class ActiveLimits:
     """Active limits and bounds of a design, the largest multiplier first. Where they are balanced, they explain the
     objective's slope, and the design is an optimum."""
 
-    holders: tuple[Holder, ...]
+    holders: tuple[ActiveLimit, ...]
     balanced: bool
 
 
-def holding(form: Formulation, trial: Trial) -> Holding:
+def holding(form: Formulation, trial: Trial) -> ActiveLimits:
     """Return the active limits and bounds of a design, from its gradients."""
     scaled = form.scaled(trial, form.allowances(trial))
     violations = scaled.c - SAFETY_MARGIN
@@ -447,7 +447,7 @@ def holding(form: Formulation, trial: Trial) -> Holding:
     ]
     columns = [scaled.dc[k] for k in rows] + [sign * np.eye(len(x))[k] for k, sign in bounds]
     if not columns:
-        return Holding((), not scaled.df.any())
+        return ActiveLimits((), not scaled.df.any())
     A, wanted = np.array(columns).T, -scaled.df
     if infeasible:  # sum of slopes zero, shares of the limits one
         share = np.array([1.0] * len(rows) + [0.0] * len(bounds))
@@ -461,12 +461,12 @@ def holding(form: Formulation, trial: Trial) -> Holding:
         if place < len(rows):
             row = form.rows[rows[place]]
             sentence = "" if infeasible else _limit_sentence(form, row, float(multipliers[place]))
-            found.append(Holder(row.text, float(multipliers[place]), sentence, row))
+            found.append(ActiveLimit(row.text, float(multipliers[place]), sentence, row))
         else:
             found.append(_bound(form, bounds[place - len(rows)], float(multipliers[place]), infeasible))
     if infeasible:
         found = _trades(found)
-    return Holding(tuple(found), rest <= MAX_GRADIENT_REMAINDER * size)
+    return ActiveLimits(tuple(found), rest <= MAX_GRADIENT_REMAINDER * size)
 
 
 def _round(value: float) -> float:
@@ -495,20 +495,20 @@ def _limit_sentence(form: Formulation, row: ConstraintRow, multiplier: float) ->
     )
 
 
-def _bound(form: Formulation, bound: tuple[int, float], multiplier: float, infeasible: bool) -> Holder:
+def _bound(form: Formulation, bound: tuple[int, float], multiplier: float, infeasible: bool) -> ActiveLimit:
     one, sign = form.problem.free[bound[0]], bound[1]
     end = one.text(one.high if sign > 0 else one.low)
     if infeasible:
-        return Holder(f"{one.name} {'at most' if sign > 0 else 'at least'} {end} (its bound)", multiplier, "")
+        return ActiveLimit(f"{one.name} {'at most' if sign > 0 else 'at least'} {end} (its bound)", multiplier, "")
     words = f"{one.name} is at its {'upper' if sign > 0 else 'lower'} bound, {end}"
     shown, unit = trials.shown_unit(one.unit) or "1", one.unit or "1"
     step = _round(0.1 * one.width / trials.factor(shown, unit)) * trials.factor(shown, unit)
     gain = _gain(form, form.size * multiplier * step / one.width)
     more = "more" if sign > 0 else "less"
-    return Holder(words, multiplier, f"{words}: {trials.text(step, shown, unit)} {more} gains about {gain}")
+    return ActiveLimit(words, multiplier, f"{words}: {trials.text(step, shown, unit)} {more} gains about {gain}")
 
 
-def _trades(holders: list[Holder]) -> list[Holder]:
+def _trades(holders: list[ActiveLimit]) -> list[ActiveLimit]:
     """Yield, for conflicting limits, the cost of the first in terms of each other one."""
     limits = [one for one in holders if one.row is not None]
     if not limits:
@@ -626,7 +626,7 @@ def _overlaps(row: ConstraintRow, values: Mapping[str, float]) -> bool:
 DESIGN_FILE = "design.json"
 
 
-class ParameterTold(TypedDict):
+class ParameterRecord(TypedDict):
     """A free parameter: its bounds and values, in its display unit."""
 
     name: str
@@ -637,7 +637,7 @@ class ParameterTold(TypedDict):
     after: float
 
 
-class ObjectiveTold(TypedDict):
+class ObjectiveRecord(TypedDict):
     """The objective over all trials, in its display unit; None for failed trials."""
 
     words: str
@@ -646,14 +646,14 @@ class ObjectiveTold(TypedDict):
     values: list[float | None]
 
 
-class LimitTold(TypedDict):
+class LimitRecord(TypedDict):
     """A limit, and its relative violation by each trial; None for failed trials."""
 
     words: str
     passed: list[float | None]
 
 
-class TrialTold(TypedDict):
+class TrialRecord(TypedDict):
     """A trial."""
 
     number: int
@@ -664,7 +664,7 @@ class TrialTold(TypedDict):
     seconds: float
 
 
-class DesignTold(TypedDict):
+class DesignRecord(TypedDict):
     """Content of ``design.json``."""
 
     name: str
@@ -681,10 +681,10 @@ class DesignTold(TypedDict):
     margins: list[str]
     recovered: list[str]
     notes: list[str]
-    parameters: list[ParameterTold]
-    objective: ObjectiveTold
-    limits: list[LimitTold]
-    trials: list[TrialTold]
+    parameters: list[ParameterRecord]
+    objective: ObjectiveRecord
+    limits: list[LimitRecord]
+    trials: list[TrialRecord]
     made: dict[str, object]
 
 
@@ -695,9 +695,9 @@ def summary(result: DesignResult) -> str:
         "name": result.problem.name, "best": result.best.number, "recovered": found.sentences if found else [],
         "notes": notes(result), "parameters": parameters_told(result), "objective": _objective(result),
         "limits": _limits(result), "made": commands.Provenance.now().table(),
-        "trials": [{name: getattr(trial, name) for name in TrialTold.__annotations__} for trial in result.trials],
+        "trials": [{name: getattr(trial, name) for name in TrialRecord.__annotations__} for trial in result.trials],
     }  # fmt: skip
-    names = DesignTold.__annotations__
+    names = DesignRecord.__annotations__
     return json.dumps({name: told[name] if name in told else getattr(result, name) for name in names}, indent=1)
 
 
@@ -716,14 +716,14 @@ def notes(result: DesignResult) -> list[str]:
     return told
 
 
-def parameters_told(result: DesignResult) -> list[ParameterTold]:
+def parameters_told(result: DesignResult) -> list[ParameterRecord]:
     """Return the free parameters with their bounds, before and after."""
     told = []
     for k, one in enumerate(result.problem.free):
         unit = trials.shown_unit(one.unit)
         per = trials.factor(unit or "1", one.unit or "1")
         told.append(
-            ParameterTold(
+            ParameterRecord(
                 name=one.name, unit=unit, low=one.low / per, high=one.high / per, before=one.start / per,
                 after=result.best.theta[k] / per,
             )
@@ -731,7 +731,7 @@ def parameters_told(result: DesignResult) -> list[ParameterTold]:
     return told
 
 
-def _objective(result: DesignResult) -> ObjectiveTold:
+def _objective(result: DesignResult) -> ObjectiveRecord:
     """Return the objective over all trials; None for failed trials."""
     form, asked = result.form, result.problem.terms[0].quantity
     words = label(asked, result.problem.case.cm) if len(result.problem.terms) == 1 else f"mean {asked.title}"
@@ -741,7 +741,7 @@ def _objective(result: DesignResult) -> ObjectiveTold:
     }  # fmt: skip
 
 
-def _limits(result: DesignResult) -> list[LimitTold]:
+def _limits(result: DesignResult) -> list[LimitRecord]:
     """Return each limit with its relative violation over all trials."""
     form = result.form
     violations = [None if trial.failed else form.violations(trial) for trial in result.trials]

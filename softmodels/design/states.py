@@ -34,20 +34,20 @@ class WorkingStates:
     def __init__(
         self,
         design: quantities.DesignedBody,
-        loads: Sequence[trials.JudgedLoad],
+        loads: Sequence[trials.EvaluatedLoad],
         highest: float = 0.0,
         bifurcations: Bifurcations | None = None,
     ):
         self.design, self.system, self.solver = design, design.system, design.solver
         self.loads, self.highest = tuple(loads), highest
-        self.states: dict[trials.JudgedLoad, State] = {}
+        self.states: dict[trials.EvaluatedLoad, State] = {}
         self.limit: stability.Point | None = None
         self.bifurcation: Bifurcation | None = None
         self._bifurcations = bifurcations
         self.newton = 0
         self.carried = False
         self._rest_volume = 0.0
-        self.followed: dict[trials.JudgedLoad, Followed] = {}
+        self.followed: dict[trials.EvaluatedLoad, PathData] = {}
         """Of states that depend on their path."""
         self._steps = PRESSURE_STEPS
         self._grips = [
@@ -104,9 +104,9 @@ class WorkingStates:
                 remembered, histories = tuple(term.remembered() for term in self._grips), rates.remembered()
                 found = rates.step(here, control)[1] if rates.names else {}
                 potential.keep(here.w)
-            self.states[load], self.followed[load] = here, Followed(remembered, found, histories)
+            self.states[load], self.followed[load] = here, PathData(remembered, found, histories)
 
-    def recall(self, load: trials.JudgedLoad) -> None:
+    def recall(self, load: trials.EvaluatedLoad) -> None:
         """Let friction remember what it did where the step to a load began."""
         for term, remembered in zip(self._grips, self.followed[load].remembered, strict=True) if self._grips else ():
             term.recall(remembered)
@@ -123,7 +123,7 @@ class WorkingStates:
         except schedule.HangingEnd as end:
             raise trials.DesignFailure(end.sentence) from end
 
-    def _trace_pressures(self, loads: Sequence[trials.JudgedLoad], start: State | None) -> None:
+    def _trace_pressures(self, loads: Sequence[trials.EvaluatedLoad], start: State | None) -> None:
         wanted = [self.design.direction * load.value / self.system.stress_unit for load in loads]
         wanted += self._top(wanted)
         if not wanted:
@@ -175,7 +175,7 @@ class WorkingStates:
             end = failure
         return met, limit, forked, end
 
-    def _trace_volumes(self, loads: Sequence[trials.JudgedLoad], start: State | None) -> None:
+    def _trace_volumes(self, loads: Sequence[trials.EvaluatedLoad], start: State | None) -> None:
         wanted = [self.design.direction * load.value / self.system.volume_unit for load in loads]
         met: list[State] = []
         try:
@@ -190,16 +190,16 @@ class WorkingStates:
     # -- from one design to the next ------------------------------------------------------------------------------------
 
     @property
-    def known(self) -> Known:
+    def known(self) -> KnownStates:
         """The current states, to be restored or used as guesses."""
-        return Known(self._rest_volume, self.states, self.limit, self.bifurcation)
+        return KnownStates(self._rest_volume, self.states, self.limit, self.bifurcation)
 
     @known.setter
-    def known(self, known: Known) -> None:
+    def known(self, known: KnownStates) -> None:
         self._rest_volume, self.states = known.rest, known.states
         self.limit, self.bifurcation = known.limit, known.bifurcation
 
-    def carry(self, guess: Known | None = None) -> None:
+    def carry(self, guess: KnownStates | None = None) -> None:
         """Solve all states for the device of the current mesh, from those of the last design or a guess. NoConvergence, with
         nothing changed, if one was not found from there, or may lie behind a limit point."""
         guess, rest = guess or self.known, self.design.volume_at_rest()
@@ -219,9 +219,9 @@ class WorkingStates:
         forked = guess.bifurcation
         if forked is not None and self._bifurcations is not None:
             forked = self._bifurcations.near(forked.states[0], forked.V - guess.rest + rest, forked.mode, rest)
-        self.known, self.carried = Known(rest, found, limit, forked), True
+        self.known, self.carried = KnownStates(rest, found, limit, forked), True
 
-    def _solve(self, load: trials.JudgedLoad, guess: State, rest: float) -> State:
+    def _solve(self, load: trials.EvaluatedLoad, guess: State, rest: float) -> State:
         system, value = self.system, self.design.direction * load.value
         if load.kind == trials.PRESSURE:
             state = self.solver.solve(controls.pressure_control(value / system.stress_unit), guess.w, guess.P)
@@ -370,16 +370,16 @@ class Transfer:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Known:
+class KnownStates:
     """States of one design by load, as guesses for the next: values, never modified. Its limit point is no guess, because a
     bulge may grow elsewhere on the next design."""
 
     rest: float
-    states: dict[trials.JudgedLoad, State]
+    states: dict[trials.EvaluatedLoad, State]
     limit: stability.Point | None
     bifurcation: Bifurcation | None
 
-    def ahead(self, before: Known, share: float) -> Known:
+    def ahead(self, before: KnownStates, share: float) -> KnownStates:
         """Extrapolate linearly from an earlier design's states through these, by a share of
         their distance."""
 
@@ -389,9 +389,9 @@ class Known:
             return dataclasses.replace(here, w=w, P=P, V=V)
 
         states = {load: state(here, before.states[load]) for load, here in self.states.items()}
-        return Known(self.rest + share * (self.rest - before.rest), states, None, self.bifurcation)
+        return KnownStates(self.rest + share * (self.rest - before.rest), states, None, self.bifurcation)
 
-    def transferred(self, transfer: Transfer) -> Known:
+    def transferred(self, transfer: Transfer) -> KnownStates:
         """Return the same on another mesh of the same device."""
 
         def state(known: State) -> State:
@@ -402,7 +402,7 @@ class Known:
             modes = tuple(transfer.dofs(mode) for mode in fork.modes)
             V = transfer.volume(fork.V, self.rest)
             fork = dataclasses.replace(fork, V=V, states=tuple(map(state, fork.states)), modes=modes)
-        return Known(transfer.rest, {load: state(known) for load, known in self.states.items()}, None, fork)
+        return KnownStates(transfer.rest, {load: state(known) for load, known in self.states.items()}, None, fork)
 
 
 LARGEST_JUMP = 3.0
@@ -412,7 +412,7 @@ MIN_VOLUME_SHARE = 1e-3
 """Added volume relative to the cavity's below which its growth says nothing."""
 
 
-def _in_order(loads: Iterable[trials.JudgedLoad], kind: str) -> list[trials.JudgedLoad]:
+def _in_order(loads: Iterable[trials.EvaluatedLoad], kind: str) -> list[trials.EvaluatedLoad]:
     """Return the loads of a kind in the order in which a path meets them."""
     return sorted((load for load in loads if load.kind == kind), key=lambda load: abs(load.value))
 
@@ -424,7 +424,7 @@ MOST_STEPS = 96
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Followed:
+class PathData:
     """What a state that depends on its path needs beside itself: what friction remembered where its step began, and of each
     parameter the state's rate and how that changes."""
 
@@ -571,7 +571,7 @@ class Adjoint:
         return self._lambda.x.array.copy(), nodes
 
     def along_path(
-        self, measure: quantities.Measure, slopes: quantities.Slopes, followed: Followed, name: str
+        self, measure: quantities.Measure, slopes: quantities.Slopes, followed: PathData, name: str
     ) -> float:
         """Return the whole derivative of a quantity at the prepared state by a parameter, without the partial one at fixed
         unknowns, from the state's rate and that of what friction remembered where its step began."""

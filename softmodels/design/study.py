@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 __all__ = ["Indices", "Input", "Study", "StudyError", "StudyPlan", "Surrogate", "study"]
 
 
-class Study(cards.Shown):
+class Study(cards.ResultCard):
     """Results of a study.
 
     Attributes:
@@ -140,7 +140,7 @@ EXTRA = "study"
 """The extra of this project that brings the libraries of this file."""
 
 
-class StudyError(errors.Spoken, ValueError):
+class StudyError(errors.OptionMessage, ValueError):
     """A study that cannot be made, or results that cannot be analysed; the message is a sentence."""
 
 
@@ -345,7 +345,7 @@ class StudyPlan:
         tables = copy.deepcopy(self._tables)
         steps = {one.key: x for one, x in zip(self.inputs, point, strict=True) if one.key.startswith(f"{FIT}.")}
         if steps:
-            tables["material"] = materials.to_table(_drawn(self.case, np.array(list(steps.values()))))
+            tables["material"] = materials.to_table(_drawn_material(self.case, np.array(list(steps.values()))))
         for one, x in zip(self.inputs, point, strict=True):
             if one.key not in steps:
                 _set(tables, one.key, one.text(float(x)))
@@ -396,7 +396,7 @@ def _inputs(varied: Mapping[str, object], case: Case) -> Iterator[Input]:
             yield Input.parse(key, given)
 
 
-def _drawn(case: Case, steps: Array) -> Material:
+def _drawn_material(case: Case, steps: Array) -> Material:
     """Return the material some standard deviations away, along the independent directions of its errors."""
     assert isinstance(case.band, materials.MaterialErrors)
     material = case.material

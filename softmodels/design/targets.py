@@ -50,10 +50,10 @@ class MovedSilhouette(shapes.Silhouette):
         on_places = covector.copy()
         on_places[0, 0] -= covector.sum(axis=(0, 1))  # heights and distances count from the undeformed top
         axes = system.length_unit * self._axes
-        by_w = _added(system.space, self._dofs, self._of_edges(covector) @ axes @ system.body.skew_inverse)
+        by_w = _summed_at_dofs(system.space, self._dofs, self._of_edges(covector) @ axes @ system.body.skew_inverse)
         at_nodes = np.einsum("sk,msd->mkd", self._mix, self._of_edges(on_places) @ axes)
         components = motion.dimension * self._blocks[..., None] + np.arange(motion.dimension)
-        return system.by_unknowns(by_w[: system.n]).copy(), _added(motion.space, components, at_nodes)
+        return system.by_unknowns(by_w[: system.n]).copy(), _summed_at_dofs(motion.space, components, at_nodes)
 
     def _of_edges(self, values: Array) -> Array:
         """Return the transpose of gathering and arranging: values on the chain to this rank's edges, (m, 3, 2)."""
@@ -65,7 +65,7 @@ class MovedSilhouette(shapes.Silhouette):
         return mpi.scattered(comm, found if mpi.is_root(comm) else None, count)
 
 
-def _added(space: object, dofs: npt.NDArray[np.integer], values: Array) -> Array:
+def _summed_at_dofs(space: object, dofs: npt.NDArray[np.integer], values: Array) -> Array:
     """Return the values added up at dofs, shape (local dofs,), complete on their owners."""
     b = fem.Function(space).x
     np.add.at(b.array, dofs, values)
@@ -160,7 +160,7 @@ class Outline(quantities.DesignQuantity):
             raise ValueError("an outline needs either a file of points or the points themselves")
         object.__setattr__(self, "sigma", quantities.length("sigma", self.sigma))
         if self.file:
-            points, run = _measured(Path(self.file))
+            points, run = _outline_points(Path(self.file))
             object.__setattr__(self, "run", run)
         else:
             try:
@@ -185,7 +185,7 @@ class Outline(quantities.DesignQuantity):
         return made
 
 
-def _measured(file: Path) -> tuple[Array, float]:
+def _outline_points(file: Path) -> tuple[Array, float]:
     """Return the risen points of a measured outline, and the correlation length of their residuals in points. ValueError if
     there is no outline, it is not trusted, or nothing rises."""
     (outline,) = shapes.read_outlines([file])
@@ -274,7 +274,7 @@ class TipPath(CompositeQuantity):
     @property
     def _wanted(self) -> list[tuple[quantities.Place, float]]:
         return [
-            (quantities.Place(at=trials.JudgedLoad.of(row[0]), of=self.of, axis=axis), row[1 + i])
+            (quantities.Place(at=trials.EvaluatedLoad.of(row[0]), of=self.of, axis=axis), row[1 + i])
             for row in self.target
             for i, axis in enumerate(actuator.AXES)
             if not np.isnan(row[1 + i])
@@ -424,7 +424,7 @@ def read_tip_path(file: Path, of: str, cm: float = 0.0) -> tuple[tuple[Row, ...]
         except (units.UnitError, TypeError) as error:
             raise ValueError(f"{file}, {sheet.place(line)}: {error}") from None
         table.append([at, *place])
-    kept = _rising(np.array(table), _asked([row for _, row in rows]))
+    kept = _rising_rows(np.array(table), _requested_rows([row for _, row in rows]))
     if not len(kept):
         raise ValueError(f"{file} has no row at a pressure above zero; a tip path needs at least one")
     return tuple((float(p), float(x), float(y), float(z)) for p, x, y, z in kept), of
@@ -497,12 +497,12 @@ def _value(text: str, unit: str, wanted: str, cm: float) -> float:
     return units.quantity(f"{units.number(text)!r} {unit}", wanted)
 
 
-def _asked(rows: Sequence[Mapping[str, str]]) -> npt.NDArray[np.bool_]:
+def _requested_rows(rows: Sequence[Mapping[str, str]]) -> npt.NDArray[np.bool_]:
     """Return the rows at the requested pressures of a run; all rows of other tables."""
     return np.array([row.get("requested", "1") not in ("0", "0.0", "False") for row in rows])
 
 
-def _rising(table: Array, asked: npt.NDArray[np.bool_]) -> Array:
+def _rising_rows(table: Array, asked: npt.NDArray[np.bool_]) -> Array:
     """Return the rows above zero up to the highest pressure, each pressure once."""
     last = int(np.argmax(table[:, 0])) + 1
     kept = np.arange(len(table)) < last

@@ -97,7 +97,7 @@ PRESSURE, VOLUME = "pressure", "volume"
 
 
 @dataclasses.dataclass(frozen=True, order=True)
-class JudgedLoad:
+class EvaluatedLoad:
     """A state of a device by its load: "pressure" (the first state at it, Pa) or "volume" (added to the cavity of the whole
     device, m3), and how the user wrote it, such as "30 kPa" or "177 cm"; empty where it was a number."""
 
@@ -110,9 +110,9 @@ class JudgedLoad:
             raise ValueError(f"load {self.kind!r} is not one of {PRESSURE}, {VOLUME}")
 
     @classmethod
-    def of(cls, value: float | JudgedLoad) -> JudgedLoad:
+    def of(cls, value: float | EvaluatedLoad) -> EvaluatedLoad:
         """Return a load unchanged; a number is a pressure in Pa."""
-        return value if isinstance(value, JudgedLoad) else cls(PRESSURE, float(value))
+        return value if isinstance(value, EvaluatedLoad) else cls(PRESSURE, float(value))
 
     def __str__(self) -> str:
         return units.readable(self.value, "Pa") if self.kind == PRESSURE else f"{self.value * 1e6:.6g} ml"

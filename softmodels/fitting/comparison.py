@@ -160,7 +160,7 @@ def _ratios(fits: Sequence[least_squares.LeastSquaresFit]) -> list[float]:
     return [math.sqrt(max(one / smallest, 1.0)) for one in sums]
 
 
-def _simplicity(fit: least_squares.LeastSquaresFit) -> tuple[int, int, str]:
+def _simplicity_key(fit: least_squares.LeastSquaresFit) -> tuple[int, int, str]:
     """Return the sorting key by simplicity: free parameters, then the order of `all_laws`; independent of
     noise."""
     order = problem.all_laws()
@@ -174,7 +174,7 @@ def _judgement(ranked: tuple[Ranked, ...]) -> tuple[least_squares.LeastSquaresFi
         return best, f"only {first} was fitted; use --material all to compare laws"
     rivals = [one for one in ranked[1:] if one.aicc < EQUIVALENT_AICC and one.fit.converged and one.near]
     if rivals:
-        simplest, *more = sorted((ranked[0].fit, *(one.fit for one in rivals)), key=_simplicity)
+        simplest, *more = sorted((ranked[0].fit, *(one.fit for one in rivals)), key=_simplicity_key)
         others = ", ".join(one.fit.label for one in rivals)
         alike = [one.label for one in more if len(one.free) == len(simplest.free)]
         why = f", as simple as {' and '.join(alike)} and before it in the order of laws" if alike else ", the simplest"
@@ -202,7 +202,7 @@ class DeviceMisfit:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class FittedLaw(cards.Shown):
+class FittedLaw(cards.ResultCard):
     """A law with its fit and its warnings.
 
     Attributes:
@@ -430,7 +430,7 @@ def separate_file(separate: SeparateFits, curve: TensileCurve) -> str:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class FitReport(cards.Shown):
+class FitReport(cards.ResultCard):
     """All fitted laws, best first, with curves and options.
 
     Attributes:

@@ -28,7 +28,7 @@ from softmodels.path.supply import GASES, Reservoir
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Leak(cards.Shown):
+class Leak(cards.ResultCard):
     """A fitted leak.
 
     Attributes:
@@ -181,7 +181,7 @@ def fit_leak(
         raise FitError(
             f"the error of a reading is {units.brief(error)}, in Pa; it must be above 0, or None for that of the scatter"
         )
-    made = [_fitted(kind, t, P, known, supply, error) for kind in KINDS]
+    made = [_fit_of_kind(kind, t, P, known, supply, error) for kind in KINDS]
     best, other = sorted(made, key=lambda one: one.fit.aicc)
     behind = other.fit.aicc - best.fit.aicc
     if behind >= DECISIVE_AICC:
@@ -196,7 +196,7 @@ def fit_leak(
     return dataclasses.replace(best, flow=(best.flow[0], *ends), sentence=said)
 
 
-def _fitted(kind: str, t: Array, P: Array, cavity: Array, supply: Reservoir, error: float | None) -> Leak:
+def _fit_of_kind(kind: str, t: Array, P: Array, cavity: Array, supply: Reservoir, error: float | None) -> Leak:
     """Return the fit of one kind of leak, without a sentence."""
     unit, fields = KINDS[kind]
     length = supply.leak_length or USUAL_LENGTH

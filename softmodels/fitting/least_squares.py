@@ -372,7 +372,7 @@ def fit_parameters(
     if best is None:
         raise FitError(f"the fit cannot start: {runs[0].trouble if runs else 'no starting values are given'}")
     try:
-        return _judge(problem, best, runs, errors, label)
+        return _with_warnings(problem, best, runs, errors, label)
     except CannotEvaluate as error:
         raise FitError(f"the fit ended where its model cannot be evaluated: {error}") from None
 
@@ -383,7 +383,7 @@ def settled(fit: LeastSquaresFit) -> LeastSquaresFit:
     return dataclasses.replace(fit, values={**fit.values, **ends}) if ends else fit
 
 
-def _judge(
+def _with_warnings(
     problem: Problem, found: OptimizeResult, runs: list[StartResult], errors: str, label: str
 ) -> LeastSquaresFit:
     """Return the result with all warnings."""
@@ -427,7 +427,7 @@ def _disagreement(runs: list[StartResult], result: LeastSquaresFit) -> list[str]
     rivals = [
         run
         for run in runs
-        if math.isfinite(run.deviance) and run.deviance - result.deviance <= likely and _apart(run, result)
+        if math.isfinite(run.deviance) and run.deviance - result.deviance <= likely and _is_other_minimum(run, result)
     ]
     if rivals:
         other = ", ".join(f"{p.name} {rivals[0].values[p.name]:.4g}" for p in result.free if not p.hidden)
@@ -441,7 +441,7 @@ def _disagreement(runs: list[StartResult], result: LeastSquaresFit) -> list[str]
     return said
 
 
-def _apart(run: StartResult, result: LeastSquaresFit) -> bool:
+def _is_other_minimum(run: StartResult, result: LeastSquaresFit) -> bool:
     """Return whether a start ended further from the result than the result's own intervals reach. Terms that have changed
     places (Ogden's) are the same result."""
     here, there = (sorted(values[p.name] for p in result.free) for values in (result.values, run.values))
@@ -594,7 +594,7 @@ def unseen(fit: LeastSquaresFit) -> tuple[str, ...]:
     for p in fit.free:
         if p.name in fit.at_bounds:
             continue
-        room, against = _allowed(p, fit.values[p.name])
+        room, against = _max_half_width(p, fit.values[p.name])
         if not fit.quantile * _data_error(fit, p) < room:
             rests = f"{p.words} depends on its prior: without it, its interval would be wider"
             said.append(
@@ -624,7 +624,7 @@ def _data_error(fit: LeastSquaresFit, p: Parameter) -> float:
     return without.error(p.name)
 
 
-def _allowed(p: Parameter, value: float) -> tuple[float, str]:
+def _max_half_width(p: Parameter, value: float) -> tuple[float, str]:
     """Return the maximum half width of an interval for a determined parameter, and its reference."""
     if p.prior:
         return 1.96 * p.prior.error, "its prior"
@@ -678,7 +678,7 @@ def profile(result: LeastSquaresFit, name: str, n: int = 15) -> Profile:
     doi 10.2307/2347496).
     """
     p = next(q for q in result.free if q.name == name)
-    worth = _worth(result, name)
+    worth = _unit_rise(result, name)
     limit = result.quantile**2
     best = result.values[name]
     points = [(best, 0.0)]
@@ -686,7 +686,7 @@ def profile(result: LeastSquaresFit, name: str, n: int = 15) -> Profile:
         points += _side(result, p, sign, max(n // 2, 3), worth, limit)
     points.sort()
     values, rises = np.array(points).T
-    ends = tuple(_end(values, rises, best, limit, sign) for sign in (-1.0, 1.0))
+    ends = tuple(_crossing(values, rises, best, limit, sign) for sign in (-1.0, 1.0))
     interval = (ends[0] if ends[0] is not None else p.lower, ends[1] if ends[1] is not None else p.upper)
     better = float(rises.min())
     trouble = (
@@ -697,7 +697,7 @@ def profile(result: LeastSquaresFit, name: str, n: int = 15) -> Profile:
     return Profile(name, p.unit, values, rises, limit, interval, trouble)
 
 
-def _worth(result: LeastSquaresFit, name: str) -> float:
+def _unit_rise(result: LeastSquaresFit, name: str) -> float:
     """Return the rise of the deviance equivalent to 1: its curvature along the profile times the parameter's variance."""
     names = [p.name for p in result.free]
     slope = result.influence[1]
@@ -731,7 +731,7 @@ def _side(
         held = best + sign * step if not found else held + sign * step
         ended = (held - bound) * sign >= 0.0
         held = bound if ended else held
-        solved = _held(result, p.name, held, warm)
+        solved = _deviance_at(result, p.name, held, warm)
         if solved is None:  # the model cannot be evaluated there: the profile ends
             found.append((held, math.inf))
             break
@@ -740,10 +740,10 @@ def _side(
         found.append((held, rise))
         if ended or (rise > limit and (i + 1 >= count or rise > 4 * limit)):
             break
-    return found + _closer(result, p.name, [(best, 0.0), *found], worth, limit)
+    return found + _refined_crossing(result, p.name, [(best, 0.0), *found], worth, limit)
 
 
-def _closer(
+def _refined_crossing(
     result: LeastSquaresFit, name: str, outward: list[tuple[float, float]], worth: float, limit: float
 ) -> list[tuple[float, float]]:
     """Add points near the crossing of the limit if the steps are too large for linear interpolation."""
@@ -756,14 +756,14 @@ def _closer(
         if outer[1] < MIN_STEEP_RISE * limit:
             break
         middle = (inner[0] + outer[0]) / 2
-        solved = _held(result, name, middle, dict(result.values))
+        solved = _deviance_at(result, name, middle, dict(result.values))
         point = (middle, (solved[0] - result.deviance) / worth if solved else math.inf)
         more.append(point)
         inner, outer = (inner, point) if point[1] >= limit else (point, outer)
     return more
 
 
-def _held(
+def _deviance_at(
     result: LeastSquaresFit, name: str, value: float, warm: dict[str, float]
 ) -> tuple[float, dict[str, float]] | None:
     """Return the deviance and values with one parameter fixed; None if not available."""
@@ -791,7 +791,7 @@ def _held(
     return 2 * float(found.cost) + extra, problem.values(found.x)
 
 
-def _end(values: Array, rises: Array, best: float, limit: float, sign: float) -> float | None:
+def _crossing(values: Array, rises: Array, best: float, limit: float, sign: float) -> float | None:
     """Return where the signed root of the rise, nearly straight in the parameter, crosses the limit."""
     outward = [(v, r) for v, r in zip(values, rises, strict=True) if (v - best) * sign >= 0.0]
     outward.sort(key=lambda point: abs(point[0] - best))

@@ -70,7 +70,7 @@ def autocorrelation_time(r: Array) -> float:
 Labels = Sequence[str] | npt.NDArray[np.str_]
 
 
-class FitError(errors.Spoken, ValueError):
+class FitError(errors.OptionMessage, ValueError):
     """A fit is impossible; the message is for the user."""
 
 

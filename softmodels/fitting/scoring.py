@@ -46,7 +46,7 @@ IDENTICAL_TOLERANCE = 0.95
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
-class Score(cards.Shown):
+class Score(cards.ResultCard):
     """One material against one measurement.
 
     ``chi2`` is the sum of what the measurement's errors, the material's errors and neither explain.
@@ -98,7 +98,7 @@ class Score(cards.Shown):
         return min(self.chi2 - (self.chi2_material if math.isfinite(self.chi2_material) else 0.0), 1.0)
 
 
-def _explained(residuals: Array, slopes: Array, free: Array, errors: MaterialErrors) -> float:
+def _explained_deviance(residuals: Array, slopes: Array, free: Array, errors: MaterialErrors) -> float:
     """Return the largest drop of chi squared as a material varies within the 95 % region of its errors, to first order.
 
     Residuals (n,) in standard errors are at the least squares of what is free beside the material; ``slopes`` (n, p) are
@@ -150,9 +150,9 @@ def score_curve(
     explained = math.nan
     if errors is not None:
         slopes = residuals.slopes_of(material, curve, errors.names) / error.of(curve)[:, None]
-        explained = _explained(sizes, slopes, np.zeros((len(off), 0)), errors) / len(off)
+        explained = _explained_deviance(sizes, slopes, np.zeros((len(off), 0)), errors) / len(off)
     return Score(
-        name, data, len(off), _rms(off), "Pa", _mean_square(sizes), _covered(sizes), worst,
+        name, data, len(off), _rms(off), "Pa", _mean_square(sizes), _covered_shares(sizes), worst,
         chi2_material=explained,
     )  # fmt: skip
 
@@ -195,9 +195,17 @@ def score_outlines(
         assert J is not None
         slopes = np.zeros((len(fit.residuals), len(errors.names)))  # the bench's priors do not depend on the material
         slopes[: fit.count] = J[:, [source.parameters.index(one) for one in errors.names]]
-        explained = _explained(fit.residuals, slopes, fit.jacobian, errors) / freedom
+        explained = _explained_deviance(fit.residuals, slopes, fit.jacobian, errors) / freedom
     return Score(
-        name, label, fit.count, _rms(off), "m", fit.deviance / freedom, _covered(sizes), worst, chi2_material=explained
+        name,
+        label,
+        fit.count,
+        _rms(off),
+        "m",
+        fit.deviance / freedom,
+        _covered_shares(sizes),
+        worst,
+        chi2_material=explained,
     )
 
 
@@ -209,7 +217,7 @@ def _mean_square(values: Array) -> float:
     return float(np.mean(values**2))
 
 
-def _covered(sizes: Array) -> float:
+def _covered_shares(sizes: Array) -> float:
     return float(np.mean(np.abs(sizes) <= BAND_ERRORS))
 
 
@@ -272,7 +280,7 @@ def score(
         FitError: Outlines cannot be used, or the device has no such states under a material.
         MaterialError: Errors that are none, or those of another material.
     """
-    known = _named(materials)
+    known = _materials_by_name(materials)
     uncertain = _errors(errors, known)
     measured = names.several("curves", curves, (TensileCurve, Path, str), "a curve or its file")
     remembers = any(one.memory is not None for one in known.values())
@@ -332,7 +340,7 @@ def _errors(
     return found
 
 
-def _named(materials: Materials) -> dict[str, Material]:
+def _materials_by_name(materials: Materials) -> dict[str, Material]:
     """Return the materials by their names in the scores; `FitError` for none, or one twice."""
     if isinstance(materials, Mapping):
         found = {str(name): silicones.material_of(f"material {name}", one) for name, one in materials.items()}

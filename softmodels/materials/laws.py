@@ -210,7 +210,7 @@ MAX_SHEAR_MODULUS = 5e6
 """Maximum shear modulus in Pa of a silicone or soft rubber, with a margin; above it a wrong unit is likely."""
 
 
-class MaterialError(errors.Spoken, ValueError):
+class MaterialError(errors.OptionMessage, ValueError):
     """An invalid or unknown material; the message is for the user."""
 
 

@@ -120,7 +120,7 @@ def _branch(given: object) -> Branch:
     if missing := {"share", "time"} - set(table):
         raise errors.FieldError(f"branch has no {min(missing)}; write {{share = 0.2, time = '1 s'}}")
     spring = _spring(table.pop("spring", ()))
-    values = {name: _settled(name, value) for name, value in table.items()}
+    values = {name: _relaxed(name, value) for name, value in table.items()}
     share, time = values["share"], values["time"]
     if not 0.0 < share <= LARGEST_SHARE:
         raise errors.FieldError(
@@ -139,7 +139,7 @@ def _branch(given: object) -> Branch:
     return Branch(**values, spring=spring)
 
 
-def _settled(name: str, value: object) -> float:
+def _relaxed(name: str, value: object) -> float:
     if name == "onset" and value == math.inf:
         return math.inf
     return (SECONDS if name == "time" else schema.Quantity()).settled(f"{name} of a branch", value)

@@ -74,11 +74,11 @@ def _check(mode: str) -> None:
 
 
 def _incompressible_stress(law: Material, stretch: memory.Expression, mode: str) -> memory.Expression:
-    found = _pulled(law, stretch, mode)
+    found = _specimen_stress(law, stretch, mode)
     return np.where(np.isfinite(found.value), found.slope, np.nan)
 
 
-def _pulled(law: Material, stretch: memory.Expression, mode: str) -> laws.Dual:
+def _specimen_stress(law: Material, stretch: memory.Expression, mode: str) -> laws.Dual:
     """Return the energy of an incompressible specimen with its nominal stress as the slope."""
     powers, sides = MODES[mode]
     stretches = [stretch**power for power in powers]
@@ -444,7 +444,7 @@ def stress_in_time(
             flow = [name for name in parameters if name in FLOW]
             branches, by_flow = _branch_slopes(time, stretch, mode, own.branches, flow)
     with np.errstate(all="ignore"):
-        found = _pulled(material, stretch, mode)
+        found = _specimen_stress(material, stretch, mode)
         stress, energy = np.where(np.isfinite(found.value), found.slope, np.nan), found.value
         dead = 0.0 * stress  # nan where it is
         size, viscous = material.shear_modulus_0, branches @ shares
@@ -457,13 +457,13 @@ def stress_in_time(
                 added[:, i] = size * by_flow[name] @ shares
             elif name not in (*SOFTENING, *FLOW):
                 moved = nudged(material, name, 1j * _COMPLEX_STEP)
-                change = _pulled(moved, stretch, mode)
+                change = _specimen_stress(moved, stretch, mode)
                 slopes[:, i], energy_slopes[:, i] = (
                     np.imag(v) / _COMPLEX_STEP + dead for v in (change.slope, change.value)
                 )
                 added[:, i] = np.imag(moved.shear_modulus_0) / _COMPLEX_STEP * viscous
         if own.softening is not None:
-            stress, slopes = _softened(own.softening, time, stress, slopes, energy, energy_slopes, parameters)
+            stress, slopes = _softened_curve(own.softening, time, stress, slopes, energy, energy_slopes, parameters)
     return stress + size * viscous, slopes + added
 
 
@@ -484,7 +484,7 @@ def _branch_slopes(
     return base, {name: (up - down) / (2 * step) for name, up, down, step in pairs}
 
 
-def _softened(
+def _softened_curve(
     soft: memory.Softening,
     time: npt.ArrayLike | None,
     stress: Array,

@@ -194,7 +194,7 @@ def solid_shapes(
     skin, up = grid.surface_of(points, cells, cell_name, actuator), np.asarray(actuator.lift)
     size = MAX_MODE_AMPLITUDE * np.ptp(points, axis=0).max()
     walls = state_values.FacingWalls(points, cells, cell_name, [plane.normal for plane in actuator.cut_planes])
-    bent = np.array([skin.points(moved + _apart(walls, moved - points, size * shape)) for shape in shapes])
+    bent = np.array([skin.points(moved + _scaled_mode(walls, moved - points, size * shape)) for shape in shapes])
     whole = offscreen.direction(*((-45.0, 32.0) if actuator.axial else (-58.0, 24.0)), up)
     return SolidShapes(
         before=skin.points(moved),
@@ -207,7 +207,7 @@ def solid_shapes(
     )
 
 
-def _apart(walls: state_values.FacingWalls, displacement: Array, shape: Array) -> Array:
+def _scaled_mode(walls: state_values.FacingWalls, displacement: Array, shape: Array) -> Array:
     """Return a mode as large, and of that sign, as makes no walls pass through each other."""
     for share in AMPLITUDE_FACTORS:
         for sign in (1.0, -1.0):
@@ -300,7 +300,7 @@ def surface_figure(study: Study, response: str, strongest: tuple[int, int]) -> F
     """Return a response over the two strongest inputs, the others in their middle: its surrogate, and the samples."""
     inputs, model = study.plan.inputs, study.surrogate(response)
     shares = (np.arange(SURFACE_POINTS) + 0.5) / SURFACE_POINTS
-    across, up = (_along(inputs[k], shares) for k in strongest)
+    across, up = (_input_values(inputs[k], shares) for k in strongest)
     middle = np.array([float(one.ppf(np.array([0.5]))[0]) for one in inputs])
     points = np.tile(middle, (len(across) * len(up), 1))
     points[:, strongest[0]] = np.repeat(across, len(up))
@@ -308,7 +308,7 @@ def surface_figure(study: Study, response: str, strongest: tuple[int, int]) -> F
     values = model(points).reshape(len(across), len(up)).T
     first, second = (inputs[k] for k in strongest)
     figure, axes = style.chart(4.8, 0.72 * style.WIDTH_INCHES)
-    x, y = _shown(first, across), _shown(second, up)
+    x, y = _on_axis(first, across), _on_axis(second, up)
     low, high = float(values.min()), float(values.max())
     levels = np.linspace(low, high if high > low else low + 1.0, 15)
     filled = axes.contourf(x, y, values, levels=levels, cmap=style.LINES_CMAP)
@@ -316,12 +316,12 @@ def surface_figure(study: Study, response: str, strongest: tuple[int, int]) -> F
     known = np.isfinite(own)
     at = study.plan.points
     axes.scatter(
-        _shown(first, at[known, strongest[0]]), _shown(second, at[known, strongest[1]]), c=own[known], cmap=style.LINES_CMAP,
-        vmin=levels[0], vmax=levels[-1], edgecolors="white", s=36, label="samples",
+        _on_axis(first, at[known, strongest[0]]), _on_axis(second, at[known, strongest[1]]), c=own[known],
+        cmap=style.LINES_CMAP, vmin=levels[0], vmax=levels[-1], edgecolors="white", s=36, label="samples",
     )  # fmt: skip
     if not known.all():
         gone = ~known
-        axes.plot(_shown(first, at[gone, strongest[0]]), _shown(second, at[gone, strongest[1]]), "x", color=style.WARNING,
+        axes.plot(_on_axis(first, at[gone, strongest[0]]), _on_axis(second, at[gone, strongest[1]]), "x", color=style.WARNING,
                   label="no result")  # fmt: skip
         axes.legend(loc="best", fontsize=9)
     figure.colorbar(filled, ax=axes, label=_label(response), format="%.4g")
@@ -332,14 +332,14 @@ def surface_figure(study: Study, response: str, strongest: tuple[int, int]) -> F
     return figure
 
 
-def _along(one: Input, shares: Array) -> Array:
+def _input_values(one: Input, shares: Array) -> Array:
     """Return values of an input over its range; of a normal distribution up to its 95 % interval."""
     if one.values:
         return np.arange(len(one.values), dtype=float)
     return one.low + (one.high - one.low) * shares if one.normal else one.ppf(shares)
 
 
-def _shown(one: Input, points: Array) -> Array:
+def _on_axis(one: Input, points: Array) -> Array:
     """Return values as they stand on an axis; of texts their places."""
     if one.named or not one.values:
         return points
@@ -395,7 +395,7 @@ def study_page(study: Study, seconds: float) -> tuple[str, dict[str, Figure]]:
     """Return the report, and its figures by their names."""
     plan, cm = study.plan, study.plan.case.cm
     figures = {"parallel": parallel(study)}
-    indices, errors, notes = _analysed(study, figures)
+    indices, errors, notes = _surrogate_indices(study, figures)
     failures = study.failures
     spread = [[name, *(f"{x:.5g}" for x in _figures(study.values(name)))] for name in study.responses]
     rows = [
@@ -442,7 +442,9 @@ def study_page(study: Study, seconds: float) -> tuple[str, dict[str, Figure]]:
     return report.html(), figures
 
 
-def _analysed(study: Study, figures: dict[str, Figure]) -> tuple[dict[str, Indices], dict[str, str], list[str]]:
+def _surrogate_indices(
+    study: Study, figures: dict[str, Figure]
+) -> tuple[dict[str, Indices], dict[str, str], list[str]]:
     """Return indices and errors of the surrogates by response, and why others have none; add their figures."""
     from softmodels.design.study import StudyError  # imports scipy.stats, which takes two seconds
 

@@ -31,7 +31,7 @@ from softmodels.runs.store import ResultsError
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Comparison(cards.Shown):
+class Comparison(cards.ResultCard):
     """Results side by side; the first is what the others are held against.
 
     Attributes:
@@ -41,7 +41,7 @@ class Comparison(cards.Shown):
         common: The highest load that all of them reach, in the unit in which it is shown; None without a common one.
     """
 
-    results: tuple[Compared, ...]
+    results: tuple[ComparedResult, ...]
     differences: tuple[Difference, ...]
     figures: tuple[Figures, ...]
     common: float | None
@@ -50,9 +50,9 @@ class Comparison(cards.Shown):
         """The comparison for a terminal."""
         names = [one.name for one in self.results]
         cases = [["", *names], *([one.field, *one.values] for one in self.differences)]
-        told = ["cases:", *_aligned(cases)] if self.differences else ["the cases are the same"]
+        told = ["cases:", *_aligned_lines(cases)] if self.differences else ["the cases are the same"]
         rows = [["", *names], *([one.what, *one.texts] for one in self.figures)]
-        return "\n".join([*told, "figures:", *_aligned(rows)])
+        return "\n".join([*told, "figures:", *_aligned_lines(rows)])
 
     def _line(self) -> str:
         count, rows = len(self.differences), self._figures()
@@ -149,12 +149,12 @@ MAX_FLAT_RATIO = 0.3
 """Height of outlines over their width below which both axes have scales of their own."""
 
 
-class ComparisonError(errors.Spoken, ValueError):
+class ComparisonError(errors.OptionMessage, ValueError):
     """What cannot be compared; the message is for the user."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Compared:
+class ComparedResult:
     """One of the results: its name in the comparison, its case, its table, undeformed nodes in device
     coordinates, m, shape (n, 3), the number of cells, the displacement of a state's nodes in m, shape (n, 3), and where it
     comes from."""
@@ -168,7 +168,7 @@ class Compared:
     made: commands.Provenance = dataclasses.field(default_factory=commands.Provenance)
 
     @classmethod
-    def from_folder(cls, folder: Path) -> Compared:
+    def from_folder(cls, folder: Path) -> ComparedResult:
         """Return the results of a folder; ResultsError if it holds none that can be read, CaseError if its case file is
         wrong."""
         if not (folder / "case.toml").is_file():
@@ -257,14 +257,14 @@ def _change(share: float) -> str:
     return f"{100 * share:+.3g} %" if math.isfinite(share) else ""
 
 
-def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+def _aligned_lines(rows: Sequence[Sequence[str]]) -> list[str]:
     """Return the rows of a table as lines, each column as wide as its widest text."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     padded = ("".join(f"  {text:{width}}" for text, width in zip(row, widths, strict=True)) for row in rows)
     return [line.rstrip() for line in padded]
 
 
-def compared(results: Sequence[Compared]) -> Comparison:
+def compared(results: Sequence[ComparedResult]) -> Comparison:
     """Compare results; names that are the same get numbers. ComparisonError for fewer than two, or loads that cannot be
     compared."""
     if len(results) < 2:
@@ -282,7 +282,7 @@ def compared(results: Sequence[Compared]) -> Comparison:
     return Comparison(tuple(unique), tuple(_differences(unique)), *_figures(unique, next(iter(loaded))[0]))
 
 
-def _differences(results: Sequence[Compared]) -> list[Difference]:
+def _differences(results: Sequence[ComparedResult]) -> list[Difference]:
     """Return the fields of the case files that differ, in the files' order; files count by their content."""
     tables = [_flat(tomllib.loads(one.case.to_toml())) for one in results]
     found = []
@@ -313,7 +313,7 @@ def _text(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _figures(results: Sequence[Compared], over: str) -> tuple[tuple[Figures, ...], float | None]:
+def _figures(results: Sequence[ComparedResult], over: str) -> tuple[tuple[Figures, ...], float | None]:
     """Return the main figures, and the highest common load; see `Comparison`."""
     first_row, cm = results[0].rows[0], results[0].case.cm
     meaning = columns.term(first_row.column(over))
@@ -322,14 +322,14 @@ def _figures(results: Sequence[Compared], over: str) -> tuple[tuple[Figures, ...
     if common > 0.0:
         stored = all(_step_at(one, common) is not None for one in results)
         where = f"at {sign * common:.5g} {meaning.unit}{'' if stored else ', interpolated'}"
-        found.append(Figures(f"rise {where}", "mm", tuple(_between(one, one.gauge, common) for one in results)))
+        found.append(Figures(f"rise {where}", "mm", tuple(_value_at_load(one, one.gauge, common) for one in results)))
         for name in COMPARED_COLUMNS:
-            values = tuple(_between(one, name, common) for one in results)
+            values = tuple(_value_at_load(one, name, common) for one in results)
             if any(map(math.isfinite, values)):
                 known = columns.term(next(one.rows[0].column(name) for one in results if name in one.rows))
                 found.append(Figures(f"{known.name} {where}", known.unit, values))
-        for value in _shared(results, common):
-            rises = tuple(_between(one, one.gauge, value) for one in results)
+        for value in _common_loads(results, common):
+            rises = tuple(_value_at_load(one, one.gauge, value) for one in results)
             found.append(Figures(f"rise at {sign * value:.5g} {meaning.unit}", "mm", rises))
     pascal = cm if meaning.unit == "cm" else 0.0
     first = [next(iter(curves.limits(one.rows)), None) for one in results]
@@ -344,7 +344,7 @@ def _figures(results: Sequence[Compared], over: str) -> tuple[tuple[Figures, ...
     return tuple(found), sign * common if common > 0.0 else None
 
 
-def _shared(results: Sequence[Compared], common: float) -> list[float]:
+def _common_loads(results: Sequence[ComparedResult], common: float) -> list[float]:
     """Return loads below the highest common one that all were asked to stop at, evenly chosen if there are many."""
     asked = [
         {round(float(load), 9) for load, row in zip(*one.rising, strict=True) if row["requested"]} for one in results
@@ -355,14 +355,14 @@ def _shared(results: Sequence[Compared], common: float) -> list[float]:
     return [shared[round(k)] for k in np.linspace(0, len(shared) - 1, MOST_LOADS)]
 
 
-def _step_at(one: Compared, size: float) -> int | None:
+def _step_at(one: ComparedResult, size: float) -> int | None:
     """Return the state at a load of the first, rising part of the path; None if there is none."""
     loads: npt.NDArray[np.float64] = one.rising[0]
     nearest = int(np.argmin(np.abs(loads - size)))
     return nearest if math.isclose(loads[nearest], size, rel_tol=1e-6) else None
 
 
-def _between(one: Compared, variable: str, size: float) -> float:
+def _value_at_load(one: ComparedResult, variable: str, size: float) -> float:
     """Return a variable at a load of the rising part, in the unit in which it is shown: of the state there, else between its
     neighbours (monotone cubic); nan if the results have none of this name."""
     loads, rows = one.rising

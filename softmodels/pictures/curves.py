@@ -334,7 +334,7 @@ def steps(rows: table.PathTable, words: labels.StateLabels) -> Figure:
         for k, (name, colour) in enumerate(zip(variables, shades, strict=True), 1):
             values = rows.shown(name)
             cavity = f"cavity{k}" if count > 1 else None
-            axes.plot(come, values, _marked(rows), color=colour, markersize=3.5, label=cavity)
+            axes.plot(come, values, _line_style(rows), color=colour, markersize=3.5, label=cavity)
             axes.plot(come[asked], values[asked], "o", color=colour, mfc="white", markersize=8, markeredgewidth=2)
             for row in limits(rows):
                 axes.plot(row[along], row.shown(name), "D", color=WARNING, markersize=8)
@@ -353,7 +353,7 @@ MOST_MARKED = 150
 """Number of states up to which each has a marker."""
 
 
-def _marked(rows: table.PathTable) -> str:
+def _line_style(rows: table.PathTable) -> str:
     """Return matplotlib's style of a line through states."""
     return "o-" if len(rows) <= MOST_MARKED else "-"
 
@@ -433,7 +433,7 @@ def cut_profiles(
     wide, tall = np.ptp(flat, axis=0)
     figure, axes = chart(min(max(0.72 * WIDTH_INCHES * tall / wide + 1.4, 3.5), WIDTH_INCHES))
     colours = matplotlib.colormaps[LINES_CMAP](np.linspace(0.9, 0.0, max(len(lines), 2)))
-    names = _labels(*path, _labelled(list(lines)))
+    names = _labels(*path, _labelled_steps(list(lines)))
     drawn: list[tuple[Array, ColorType, float, str, str | None]] = [(rest, EDGE, 1.4, ":", "undeformed")]
     drawn += [
         (line, colour, 2.0, "-", names.get(step)) for colour, (step, line) in zip(colours, lines.items(), strict=False)
@@ -480,7 +480,7 @@ def profiles(
     # The legend is beside the axes, so that it hides no line.
     inner = min(7.1, MAX_AXES_INCHES * (right - left) / tall)
     height = inner * tall / (right - left)
-    names = _labels(*path, _labelled(list(lines)))
+    names = _labels(*path, _labelled_steps(list(lines)))
     whole = max(height + 1.25, 0.24 * sum(1.3 + name.count("\n") for name in names.values()) + 1.1)
     figure = Figure((WIDTH_INCHES, whole), dpi=DPI)
     axes = figure.add_axes(
@@ -542,7 +542,7 @@ def branches(rows: table.PathTable, words: labels.StateLabels) -> list[str]:
     return found
 
 
-def _labelled(steps: list[float]) -> set[float]:
+def _labelled_steps(steps: list[float]) -> set[float]:
     """Return the steps that get a line in the legend: all, or evenly chosen ones with the last among them."""
     every = -(-len(steps) // LEGEND_LINES) or 1
     return set(steps[::-1][::every])

@@ -66,7 +66,7 @@ def paths(before: table.PathTable, after: table.PathTable, gauge: str, pascal_pe
     return figure
 
 
-def history(told: result.DesignTold) -> Figure:
+def history(told: result.DesignRecord) -> Figure:
     """Plot objective and limits over the designs in the order of their evaluation; ``told`` is
     ``design.json``."""
     figure = Figure((style.WIDTH_INCHES, 8.4), dpi=style.DPI, layout="constrained")
@@ -103,7 +103,7 @@ def _numbers(values: Sequence[float | None]) -> Array:
     return np.array([float("nan") if value is None else value for value in values])
 
 
-def _failures(top: Axes, below: Axes, trials: Sequence[result.TrialTold]) -> None:
+def _failures(top: Axes, below: Axes, trials: Sequence[result.TrialRecord]) -> None:
     """Mark failed designs and the starts, as lines across both panels."""
 
     def across(place: float, label: str, color: str, linestyle: str, linewidth: float) -> None:
@@ -126,7 +126,7 @@ def _failures(top: Axes, below: Axes, trials: Sequence[result.TrialTold]) -> Non
             across(place, fresh, style.FAINT, "--", 1.2)
 
 
-def _limit_curves(axes: Axes, told: result.DesignTold, numbers: Array, starts: Array) -> None:
+def _limit_curves(axes: Axes, told: result.DesignRecord, numbers: Array, starts: Array) -> None:
     axes.axhline(0.0, color=style.INK, linewidth=1.2)
     largest = [float(np.nanmax(_numbers(limit["passed"]), initial=-np.inf)) for limit in told["limits"]]
     nearest = [told["limits"][k] for k in np.argsort([-value for value in largest], kind="stable")]
@@ -149,7 +149,7 @@ def _limit_curves(axes: Axes, told: result.DesignTold, numbers: Array, starts: A
         axes.set_title(f"{rest} further limit{'s' if rest > 1 else ''}, inactive, not shown", fontsize=11)
 
 
-def parameters(told: Sequence[result.ParameterTold]) -> Figure:
+def parameters(told: Sequence[result.ParameterRecord]) -> Figure:
     """Plot each free parameter between its bounds, before and after."""
     figure, axes = style.chart(1.5 + 0.62 * len(told))
     for k, one in enumerate(told):
@@ -228,7 +228,7 @@ def draw(folder: Path, colormap: str = commands.COLORMAP) -> list[Path]:
         raise ResultsError(f"{folder} holds no design (design.json)") from None
     before, after = (StoredStates(folder / name) for name in ("before", "after"))
     actuator = before.actuator
-    with style.DrawnFolder(folder) as out, matplotlib.rc_context(style.STYLE):
+    with style.PictureFolder(folder) as out, matplotlib.rc_context(style.STYLE):
         charts = {
             "paths": paths(before.rows, after.rows, actuator.gauge, before.case.cm),
             "history": history(told),
@@ -255,7 +255,7 @@ def draw(folder: Path, colormap: str = commands.COLORMAP) -> list[Path]:
     return [*out.written, folder / result.REPORT]
 
 
-def page(folder: Path, told: result.DesignTold, drawn: Sequence[pages.Part], pair: tuple[States, States]) -> str:
+def page(folder: Path, told: result.DesignRecord, drawn: Sequence[pages.Part], pair: tuple[States, States]) -> str:
     """Return the report of a design: ``told`` is its ``design.json``, ``drawn`` are its pictures."""
     rows = [
         (one["name"], *(f"{one[name]:.5g} {one['unit']}".strip() for name in ("low", "before", "after", "high")))  # type: ignore[literal-required]

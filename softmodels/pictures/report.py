@@ -384,7 +384,7 @@ def _lines(rows: table.PathTable, states: States) -> pages.Table:
             continue
         meaning = columns.term(name, states.actuator, states.case.load.driver)
         factor = states.case.cm if meaning.unit == "cm" else math.nan
-        cells = [(row.cells.get(name, ""), _shown(row.cells.get(name))) for row in rows]
+        cells = [(row.cells.get(name, ""), _shown_value(row.cells.get(name))) for row in rows]
         values = [
             pages.Cell(shown, str(exact), factor * exact if isinstance(exact, float) and meaning.unit == "cm" else None)
             for exact, shown in cells
@@ -395,7 +395,7 @@ def _lines(rows: table.PathTable, states: States) -> pages.Table:
     return pages.Table(lines)
 
 
-def _shown(value: table.Cell) -> str:
+def _shown_value(value: table.Cell) -> str:
     if isinstance(value, float):
         return f"{value:.6g}" if abs(value) > ROUNDING_TOLERANCE else "0"
     return "" if value is None else str(value)

@@ -243,7 +243,7 @@ def cut_open(states: States, step: float, plane: Plane, viewer: Array, scale: Sc
     normal, place = plane
     normal = normal if normal @ viewer > 0 else -normal
     skin = states.skin
-    place = _aside(skin.device(skin.points(states.points)), normal, place)
+    place = _point_beside(skin.device(skin.points(states.points)), normal, place)
     u, values = states.field(step, "displacement"), scale.share(states.field(step, scale.field))
     shell = offscreen.surface(skin.device(skin.points(states.points)), skin.device_triangles(skin.part != grid.CUT))
     shell.point_data["displacement"] = skin.device(skin.points(u))
@@ -276,7 +276,7 @@ def border_of(triangles: grid.Cells) -> grid.Cells:
     return np.asarray(edges[count == 1])
 
 
-def _aside(vertices: Array, normal: Array, place: Array) -> Array:
+def _point_beside(vertices: Array, normal: Array, place: Array) -> Array:
     """Return a point a little deeper than a plane on which vertices lie, such as a symmetry plane of the device.
 
     There the plane would meet the faces of cells, some once and some twice, and the section would have cracks.
@@ -487,7 +487,7 @@ class AtRest:
 
     def pictures(self, shown: offscreen.Look) -> dict[str, bytes]:
         """Return PNG files by their stems, drawn now unless already drawn of this device."""
-        if self._of is None or not _same(self._of, shown):
+        if self._of is None or not _same_view(self._of, shown):
             figures = {}
             with matplotlib.rc_context(STYLE):
                 if shown.states.actuator.dimension == 2:
@@ -498,7 +498,7 @@ class AtRest:
         return self._drawn
 
 
-def _same(one: offscreen.Look, other: offscreen.Look) -> bool:
+def _same_view(one: offscreen.Look, other: offscreen.Look) -> bool:
     """Return whether two looks show the same mesh in the same way."""
     pairs = [(look.states.points, look.states.cells, look.kept, look.direction) for look in (one, other)]
     return one.states.actuator == other.states.actuator and all(map(np.array_equal, *pairs))
@@ -541,11 +541,11 @@ def render_frames(look: offscreen.Look, count: int = MAX_FRAMES) -> list[offscre
             step = float(np.interp(place, states.along, range(last + 1))) if count > 1 else float(last)
             row, words = states.row(step), states.words
             text = f"{labels.load(row, words, kilopascals=False)}   {words.gauge} rise {row.told(words.gauge, '+.2f')}"
-            found.append(_captioned(shoot(look.coloured(step, scale)), text, scale))
+            found.append(_captioned_frame(shoot(look.coloured(step, scale)), text, scale))
     return found
 
 
-def _captioned(image: offscreen.Image, text: str, scale: Scale) -> offscreen.Image:
+def _captioned_frame(image: offscreen.Image, text: str, scale: Scale) -> offscreen.Image:
     """Return a frame with its caption above and its colour bar below."""
     height, width, _ = image.shape
     framed = Picture.new("RGB", (width, 2 * ((height + FILM_HEAD + FILM_FOOT) // 2)), "white")
@@ -574,7 +574,7 @@ def gif(images: list[offscreen.Image]) -> bytes:
         return Picture.fromarray(images[k]).quantize(palette=palette, dither=Picture.Dither.FLOYDSTEINBERG)
 
     def encoded(places: Sequence[int]) -> bytes:
-        return _animated([in_palette(k) for k in places], "GIF", optimize=False)
+        return _animation([in_palette(k) for k in places], "GIF", optimize=False)
 
     # A few sample frames estimate the size, to avoid encoding all of them repeatedly.
     some = sorted({int((k + 0.5) / SIZE_SAMPLE_FRAMES * len(images)) for k in range(SIZE_SAMPLE_FRAMES)})
@@ -593,10 +593,10 @@ def gif(images: list[offscreen.Image]) -> bytes:
 def webp(images: list[offscreen.Image]) -> bytes:
     """Return the frames as an animated WebP, in all their colours."""
     # Method 2 takes 50 % longer and saves a fifth. Each frame is encoded by itself: skipped small differences show as blocks.
-    return _animated([*map(Picture.fromarray, images)], "WEBP", quality=WEBP_QUALITY, method=0, kmin=0, kmax=1)
+    return _animation([*map(Picture.fromarray, images)], "WEBP", quality=WEBP_QUALITY, method=0, kmin=0, kmax=1)
 
 
-def _animated(frames: Sequence[Picture.Image], kind: str, **how: object) -> bytes:
+def _animation(frames: Sequence[Picture.Image], kind: str, **how: object) -> bytes:
     """Return frames as a film in one of Pillow's formats, with its options."""
     times = [round(1000 * MOTION_SECONDS / len(frames))] * (len(frames) - 1) + [round(1000 * LAST_FRAME_SECONDS)]
     stream = io.BytesIO()

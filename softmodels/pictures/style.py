@@ -273,7 +273,7 @@ def _round_up(value: float) -> float:
 # A folder for pictures, and a record of the written files.
 
 
-class DrawnFolder:
+class PictureFolder:
     """A folder for pictures that records the written files; as a context manager it waits until all are on disk.
 
     Pictures are encoded beside what draws the next one: encoders are written in C and let Python run on. ``each`` is called
@@ -285,7 +285,7 @@ class DrawnFolder:
         self.written: list[Path] = []
         self._beside, self._pending = ThreadPoolExecutor(1), list[Future[None]]()
 
-    def __enter__(self) -> DrawnFolder:
+    def __enter__(self) -> PictureFolder:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:

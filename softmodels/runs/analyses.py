@@ -53,7 +53,7 @@ KINDS = {
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
-class Limit(cards.Shown):
+class Limit(cards.ResultCard):
     """Inflation limits of a design; SI units.
 
     Attributes:
@@ -418,7 +418,7 @@ MOST_MODES = 20
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class NaturalFrequencies(cards.Shown):
+class NaturalFrequencies(cards.ResultCard):
     """Natural frequencies along a path, SI units; arrays are read-only.
 
     Attributes:

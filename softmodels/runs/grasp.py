@@ -168,7 +168,7 @@ NUDGE = 1e-5
 MOST_UPDATES = 12
 
 
-class GraspError(errors.Spoken, ValueError):
+class GraspError(errors.OptionMessage, ValueError):
     """No grasp can be computed; the message is for the user."""
 
 

@@ -364,7 +364,7 @@ def solved_into(
                         observer.opened(results)
                     record(simulation, results, resumed, branch, observer.begun)
             except Exception as error:
-                if not (isinstance(error, errors.Spoken) and mpi.together(comm)):
+                if not (isinstance(error, errors.OptionMessage) and mpi.together(comm)):
                     raise
                 ended = outcomes.Ended.by(error)
             finally:

@@ -297,5 +297,5 @@ def not_passed(steps: Mapping[int, formats.StoredStep]) -> list[int]:
     return numbers
 
 
-class ResultsError(errors.Spoken, RuntimeError):
+class ResultsError(errors.OptionMessage, RuntimeError):
     """Results cannot be read or resumed; the message is for the user."""

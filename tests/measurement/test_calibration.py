@@ -58,7 +58,7 @@ def test_stated_errors_are_true(monkeypatch, lens, poses, pixel_size):
     for _ in range(10):
         noisy = [view + rng.normal(0.0, 0.05, view.shape) for view in corners]
         made = calibration.calibrated_from(noisy, board, (900, 600))
-        moved = calibration._moved(made, camera, min(1.0, calibration.reached(noisy, (900, 600)).max()))
+        moved = calibration._ring_distances(made, camera, min(1.0, calibration.reached(noisy, (900, 600)).max()))
         lengths.append(moved / made.errors_px[:, None])
         assert 0.0 < made.error_px <= made.errors_px.max()
     assert 0.5 < np.sqrt(np.mean(np.square(lengths))) < 1.4

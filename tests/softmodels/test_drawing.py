@@ -22,7 +22,7 @@ from softmodels.common.commands import DrawingOptions
 from softmodels.pictures import offscreen, solid
 from softmodels.pictures.offscreen import can_render, look
 from softmodels.pictures.solid import AtRest
-from softmodels.pictures.style import DrawnFolder, png
+from softmodels.pictures.style import PictureFolder, png
 from softmodels.runs.states import StoredStates
 from tests.support import made_up as drawings, runs
 
@@ -196,7 +196,7 @@ def some(k):
 
 
 def test_all_are_on_disk_at_the_end(tmp_path):
-    with DrawnFolder(tmp_path) as out:
+    with PictureFolder(tmp_path) as out:
         for k in range(8):
             out.save(f"p{k}", some(k), {"Title": f"number {k}"})
         out.add("made", png(some(9)))
@@ -209,12 +209,12 @@ def test_all_are_on_disk_at_the_end(tmp_path):
 
 
 def test_a_picture_that_cannot_be_written_is_no_picture(tmp_path):
-    out = DrawnFolder(tmp_path / "missing")
+    out = PictureFolder(tmp_path / "missing")
     with pytest.raises(FileNotFoundError), out:
         out.save("p", some(0))
 
 
 def test_what_else_went_wrong_is_what_is_reported(tmp_path):
-    with pytest.raises(ZeroDivisionError), DrawnFolder(tmp_path / "missing") as out:
+    with pytest.raises(ZeroDivisionError), PictureFolder(tmp_path / "missing") as out:
         out.save("p", some(0))
         _ = 1 / 0

@@ -228,7 +228,7 @@ def read_curve(
         raise TensileError(f"{path}: {error}") from None
     whole = TensileCurve(str(path), "equibiaxial" if kind == "balloon" else kind, stretch, stress, time=time)
     whole = without_jumps(whole, [f"line {number}" for number in table.lines])
-    curve = (_unbroken(whole) if history and time is not None else _ramp_of(whole)).check()
+    curve = (_history_before_break(whole) if history and time is not None else _ramp_of(whole)).check()
     if curve.stiff:
         try:
             _check_units(table, stretch, stress, kind, specimen or Specimen())
@@ -237,13 +237,13 @@ def read_curve(
     return dataclasses.replace(curve, name=path.name)
 
 
-def _unbroken(curve: TensileCurve) -> TensileCurve:
+def _history_before_break(curve: TensileCurve) -> TensileCurve:
     """Return a history up to the break: where more than half of a large stress is lost for good from one reading to the next,
     and not by unloading."""
     way = direction(curve.stretch)
     x, y = way * curve.stretch, way * curve.stress
     lost = (
-        (_last(y)[1:] < BREAK_STRESS_SHARE * y[:-1])
+        (_falling_envelope(y)[1:] < BREAK_STRESS_SHARE * y[:-1])
         & (y[:-1] > BREAK_STRESS_SHARE * y.max())
         & (x[1:] > x[:-1] - REVERSAL_TOLERANCE * np.ptp(x))
     )
@@ -257,7 +257,7 @@ def _unbroken(curve: TensileCurve) -> TensileCurve:
 
 
 def _stretch(x: Array, column: CurveColumn, specimen: Specimen) -> Array:
-    values = _directed(in_si(x, column), column)
+    values = _tension_positive(in_si(x, column), column)
     if column.kind in ("strain", "true-strain") and (most := float(np.abs(values).max())) > MAX_STRAIN:
         raise TensileError(
             f"the column {column.header!r} reaches a strain of {most:.4g}; if it is in percent, give "
@@ -313,7 +313,7 @@ def _check_start(x: Array, y: Array, column: CurveColumn, specimen: Specimen) ->
 
 
 def _nominal(y: Array, column: CurveColumn, stretch: Array, test: str, specimen: Specimen) -> Array:
-    values = _directed(in_si(y, column), column)
+    values = _tension_positive(in_si(y, column), column)
     if (column.kind == "pressure") != (test == "balloon"):
         raise TensileError(f"a {test} test cannot have a column {column.header!r}")
     if column.kind == "pressure":
@@ -365,7 +365,7 @@ def _ramp(stretch: Array, stress: Array) -> tuple[Array, Array, list[str], slice
     peak = int(np.argmax(load))
     if (
         load[peak] > BREAK_STRESS_SHARE * np.abs(load).max()
-        and (_last(load)[peak:] < BREAK_STRESS_SHARE * load[peak]).any()
+        and (_falling_envelope(load)[peak:] < BREAK_STRESS_SHARE * load[peak]).any()
     ):
         end = peak + 1
         remarks.append(f"{len(stretch) - end} points after the break at stretch {stretch[end - 1]:.4g} are left out")
@@ -378,7 +378,7 @@ def _ramp(stretch: Array, stress: Array) -> tuple[Array, Array, list[str], slice
     return stretch, stress, remarks, used
 
 
-def _last(load: Array) -> Array:
+def _falling_envelope(load: Array) -> Array:
     """Return the largest value from each reading on, shape (n,): what falls below half of a load for good is broken."""
     return np.asarray(np.maximum.accumulate(load[::-1])[::-1])
 
@@ -429,7 +429,7 @@ _TAIL = re.compile(r"[ _](%|percent|g?pa|kpa|mpa|psi|ksi|bar|mbar|mn|kn|n|mm|cm|
 _CASES = {"pa": "Pa", "kpa": "kPa", "mpa": "MPa", "gpa": "GPa", "kn": "kN", "n": "N"}
 
 
-class TensileError(errors.Spoken, ValueError):
+class TensileError(errors.OptionMessage, ValueError):
     """An unusable curve; the message is for the user."""
 
 
@@ -476,7 +476,7 @@ def recognise(header: str, place: int) -> CurveColumn | None:
         words, unit = timed[1], timed[2]
     if _TIME.search(words):
         column = CurveColumn("time", _unit(unit), place, header)
-        return column if not unit or _size(column.unit, column) is not None else None
+        return column if not unit or _unit_factor(column.unit, column) is not None else None
     if re.search(r"\b(rate|energy|error|sd|std|width|thickness|time)\b", words):
         return None
     for kind, pattern in _WORDS:
@@ -484,7 +484,11 @@ def recognise(header: str, place: int) -> CurveColumn | None:
             return CurveColumn(kind, _unit(unit), place, header, _sign(kind, header))
     if re.match(r"compression\b", words):  # of the height, or as a share of it
         length = CurveColumn("extension", _unit(unit), place, header, -1)
-        return length if unit and _size(length.unit, length) is not None else dataclasses.replace(length, kind="strain")
+        return (
+            length
+            if unit and _unit_factor(length.unit, length) is not None
+            else dataclasses.replace(length, kind="strain")
+        )
     return None
 
 
@@ -702,10 +706,10 @@ def _row_of_units(columns: Sequence[CurveColumn], cells: Sequence[str]) -> tuple
 
 def _is_unit(text: str, column: CurveColumn) -> bool:
     unit = _unit(text)
-    return bool(unit) and not _is_number(text) and text != "-" and _size(unit, column) is not None
+    return bool(unit) and not _is_number(text) and text != "-" and _unit_factor(unit, column) is not None
 
 
-def _size(unit: str, column: CurveColumn) -> float | None:
+def _unit_factor(unit: str, column: CurveColumn) -> float | None:
     """Return the conversion factor of a unit for a column's kind; None if unknown or of another kind."""
     try:
         return quantity(f"1 {unit}", KINDS[column.kind])
@@ -723,7 +727,7 @@ def _with_units(
         if column.kind in sure or not unit:
             made.append(column)
             continue
-        above, below = _size(column.unit, column), _size(unit, column)
+        above, below = _unit_factor(column.unit, column), _unit_factor(unit, column)
         same = above is not None and below is not None and math.isclose(above, below, rel_tol=1e-6)
         if column.unit and unit != column.unit and not same:
             raise TensileError(
@@ -773,7 +777,7 @@ WRONG_SIGN = 0.05
 """Largest value of the wrong sign, as a share of the largest one, that is noise."""
 
 
-def _directed(values: Array, column: CurveColumn) -> Array:
+def _tension_positive(values: Array, column: CurveColumn) -> Array:
     """Return a column's numbers in SI units with tension positive (a stretch above 1); `TensileError` where they contradict
     what its header says."""
     if not column.sign:
@@ -1091,7 +1095,7 @@ def taut(curve: TensileCurve) -> TensileCurve:
             f"slack: over its first {start.slack:.3g} of stretch the load stays at {origin.zero / 1e3:.3g} kPa; "
             f"{int((~loaded).sum())} rows of a slack specimen are left out, and the slack and the load cell's zero are fitted"
         )
-        return _only(dataclasses.replace(moved, origin=origin, remarks=(*curve.remarks, said)), loaded)
+        return _kept_rows(dataclasses.replace(moved, origin=origin, remarks=(*curve.remarks, said)), loaded)
     if abs(first - 1.0) > AT_STRETCH_1:
         return curve
     # The same first stress would come of a slack below zero: a preload at which the stretch was set to 1.
@@ -1104,7 +1108,7 @@ def taut(curve: TensileCurve) -> TensileCurve:
     return dataclasses.replace(curve, stress=stress, origin=origin, remarks=(*curve.remarks, said))
 
 
-def _only(curve: TensileCurve, kept: npt.NDArray[np.bool_]) -> TensileCurve:
+def _kept_rows(curve: TensileCurve, kept: npt.NDArray[np.bool_]) -> TensileCurve:
     """Return the rows of a curve that are kept; a history begins at rest, where its specimen becomes taut."""
     if curve.time is None:
         return dataclasses.replace(curve, stretch=curve.stretch[kept], stress=curve.stress[kept])
@@ -1135,7 +1139,7 @@ def _start(x: Array, y: Array) -> _Start | None:
     x = np.maximum.accumulate(x)
     way, load = _averages(x, y, 4 * START_POINTS)
     level = float(np.median(y[:SLACK_ROWS]))
-    risen = np.flatnonzero(_last(level + 0.1 * (load.max() - level) - load) <= 0.0)  # for good
+    risen = np.flatnonzero(_falling_envelope(level + 0.1 * (load.max() - level) - load) <= 0.0)  # for good
     reach = 2.0 * float(way[risen[0]]) if len(risen) else 0.0
     least = float(x[min(7, len(x) - 1)])
     nearer = [_level_and_parabola(x, y, max(reach / part, least)) for part in (1, 2, 4, 8)]

@@ -78,7 +78,9 @@ class _Task:
         judged = [residuals.on_yardstick(fit, fit.problem.sources) for fit in fits] if len(fits) > 1 else None  # type: ignore[arg-type]
         comparison = compare(fits, judged)
         laws = self._laws(fits, comparison, known)
-        report = FitReport(laws, comparison, tuple(self.curves), _how(self.options), notes=tuple(self._notes(laws)))
+        report = FitReport(
+            laws, comparison, tuple(self.curves), _fit_options(self.options), notes=tuple(self._notes(laws))
+        )
         report = self._compared(report, scale)
         return dataclasses.replace(report, curves=tuple(residuals.counted_from(self.curves, report.chosen.fit.values)))
 
@@ -308,7 +310,7 @@ def starts_for(choice: problem.LawChoice, sources: Sequence[residuals.TensileRes
     starts = problem.closed_starts(choice, design, left(target), modulus, strain)
     if branches is None:
         return starts
-    weighed = sorted(_weighed(choice, sources, starts, target, branches), key=lambda one: one[0])
+    weighed = sorted(_weighted_starts(choice, sources, starts, target, branches), key=lambda one: one[0])
     spectrum = sources[0].spectrum
     plain = {**choice.from_modulus(0.7 * modulus, strain), **dict.fromkeys(spectrum.names if spectrum else (), 0.1)}
     return [start for _, start in weighed[:MEMORY_STARTS]] or [plain]
@@ -319,7 +321,7 @@ def _modulus(curves: Sequence[TensileCurve]) -> float:
     return float(np.median([small_modulus(curve) for curve in curves]))
 
 
-def _weighed(
+def _weighted_starts(
     choice: problem.LawChoice,
     sources: Sequence[residuals.TensileResiduals],
     starts: Sequence[Mapping[str, float]],
@@ -512,7 +514,7 @@ def fit_curves(
     return task.report()
 
 
-def _how(options: FitOptions) -> str:
+def _fit_options(options: FitOptions) -> str:
     size = {
         "auto": "weighted by 2 % of the stress and the curve's noise, scaled by the scatter",
         "constant": "unweighted least squares on the nominal stress, its error from the scatter",

@@ -288,7 +288,7 @@ def spectrum(curves: Sequence[TensileCurve], holds: Sequence[float] = ()) -> Spe
     """
     timed = [curve for curve in curves if curve.time is not None and np.ptp(curve.time) > 0.0]
     found = [_spectrum_of_curves(timed)] if timed else []
-    if len(told := _distinct(holds)) > 1:
+    if len(told := _distinct_times(holds)) > 1:
         between = [(b - a) / math.log(b / a) for a, b in itertools.pairwise(told)]
         times = tuple(sorted({float(f"1e{round(math.log10(time))}") for time in between}))
         why = "the shortest hold of a photograph", "the longest hold of a photograph"
@@ -300,7 +300,7 @@ def spectrum(curves: Sequence[TensileCurve], holds: Sequence[float] = ()) -> Spe
     return Spectrum(times, (low.sees[0], high.sees[1]), (low.why[0], high.why[1]))
 
 
-def _distinct(holds: Sequence[float]) -> list[float]:
+def _distinct_times(holds: Sequence[float]) -> list[float]:
     """Return the hold times in s that differ clearly, rising."""
     found: list[float] = []
     for hold in sorted(hold for hold in holds if hold > 0.0):
@@ -567,7 +567,7 @@ def thinned(curve: TensileCurve, most: int = MOST_POINTS) -> TensileCurve:
     steps = most
     while True:
         stretch, stress, _ = averaged(curve, steps)
-        missed = _missed(curve, stretch, stress, 2 * steps)
+        missed = _averaging_error(curve, stretch, stress, 2 * steps)
         if missed <= AVERAGING_TOLERANCE * float(np.abs(curve.stress).max()) or 2 * steps > min(
             MAX_STEPS, len(curve.stretch) // 2
         ):
@@ -620,7 +620,7 @@ def averaged(curve: TensileCurve, steps: int) -> tuple[Array, Array, npt.NDArray
     return means[0], means[1], counts[here]
 
 
-def _missed(curve: TensileCurve, stretch: Array, stress: Array, halves: int) -> float:
+def _averaging_error(curve: TensileCurve, stretch: Array, stress: Array, halves: int) -> float:
     """Return the largest distance in Pa between the averages, joined by straight lines, and averages over halves of their
     steps."""
     finer, fine, counts = averaged(curve, halves)

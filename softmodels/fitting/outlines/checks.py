@@ -101,10 +101,10 @@ class WrongReading:
 
 def wrong_readings(rows: Sequence[HeightRow]) -> list[WrongReading]:
     """Return the rows contradicted by the smooth curve of the others; empty for fewer than three rows."""
-    rows = _telling(rows)
+    rows = _telling_rows(rows)
     if len(rows) < min(TERMS):
         return []
-    inside = _inside(rows)
+    inside = _rows_on_curve(rows)
     if inside is None:
         return []
     found = []
@@ -121,7 +121,7 @@ def wrong_readings(rows: Sequence[HeightRow]) -> list[WrongReading]:
 def expected_without(rows: Sequence[HeightRow], names: Sequence[str], row: HeightRow) -> float:
     """Return the pressure in Pa at a row's height predicted without the named rows; its own if none is
     usable."""
-    rows = _telling(rows)
+    rows = _telling_rows(rows)
     inside = np.array([one.source not in names and one.elastic > 0.0 for one in rows])
     if not inside.any():
         return row.pressure
@@ -131,12 +131,12 @@ def expected_without(rows: Sequence[HeightRow], names: Sequence[str], row: Heigh
 def exchanged(rows: Sequence[HeightRow]) -> tuple[WrongReading, WrongReading] | None:
     """Return the two rows whose exchange removes all contradictions; None if there is no
     unique pair."""
-    rows, found = _telling(rows), []
+    rows, found = _telling_rows(rows), []
     for a, b in itertools.combinations(range(len(rows)), 2):
         swapped = list(rows)
         swapped[a] = dataclasses.replace(rows[a], pressure=rows[b].pressure)
         swapped[b] = dataclasses.replace(rows[b], pressure=rows[a].pressure)
-        inside = _inside(swapped)
+        inside = _rows_on_curve(swapped)
         if inside is not None and inside.all():
             found.append((_spread(swapped), a, b))
     found.sort()
@@ -152,7 +152,7 @@ def exchanged(rows: Sequence[HeightRow]) -> tuple[WrongReading, WrongReading] | 
     return (one, two) if meet else None
 
 
-def _telling(rows: Sequence[HeightRow]) -> list[HeightRow]:
+def _telling_rows(rows: Sequence[HeightRow]) -> list[HeightRow]:
     return [row for row in rows if not row.silent]
 
 
@@ -199,7 +199,7 @@ def _error(row: HeightRow, terms: int) -> float:
     return math.sqrt(reading**2 + (2.0 * row.height_error / row.height) ** 2 + SMOOTH_CURVE_ERRORS[terms - 1] ** 2)
 
 
-def _inside(rows: Sequence[HeightRow]) -> npt.NDArray[np.bool_] | None:
+def _rows_on_curve(rows: Sequence[HeightRow]) -> npt.NDArray[np.bool_] | None:
     """Return which rows lie on the curve shared by most; None if less than half do."""
     count, terms = len(rows), _terms(len(rows))
     sane = [i for i, row in enumerate(rows) if row.elastic > 0.0]
@@ -348,7 +348,7 @@ def corrections(fit: least_squares.LeastSquaresFit) -> list[str]:
     """Return a sentence on each correction that is larger than expected."""
     return [
         f"{of}corrected: the fit assumes {says} ({abs(away):.1f} times the expected error); {advice}"
-        for p, away, of, says, advice in _away(fit)
+        for p, away, of, says, advice in _large_corrections(fit)
         if abs(away) > REPORTED_ERRORS or (p.unit == "" and abs(fit.values[p.name]) > REPORTED_FRACTION)
     ]
 
@@ -358,12 +358,12 @@ def unbelievable(fit: least_squares.LeastSquaresFit) -> list[str]:
     return [
         f"{of}to fit the outlines, the fit assumes {says} {abs(away):.0f} times "
         f"the plausible value: pressures and outlines contradict each other; {advice}, or fix it (--fix {p.name})"
-        for p, away, of, says, advice in _away(fit)
+        for p, away, of, says, advice in _large_corrections(fit)
         if p.own_name in FACTOR_TEXTS and p.own_name not in ("scale", "zero") and abs(away) > MAX_PRESSURE_ERRORS
     ]
 
 
-def _away(fit: least_squares.LeastSquaresFit) -> Iterator[tuple[problem.Parameter, float, str, str, str]]:
+def _large_corrections(fit: least_squares.LeastSquaresFit) -> Iterator[tuple[problem.Parameter, float, str, str, str]]:
     """Yield the corrections, with how many standard errors of their prior they are, whose they are, what they say, and the
     advice."""
     for p in fit.free:
@@ -499,7 +499,7 @@ def by_fit(
         if rivals and any(good(rival) for rival in rivals[:2]):
             all_named = tuple(dict.fromkeys(name for one in (chosen, *rivals) for name in one))
             return WrongRows(all_named, f"{' or '.join(all_named)} contradicts the others; the data do not show which")
-        sentences = [_fine(name, rows) for name in chosen]
+        sentences = [_photograph_error(name, rows) for name in chosen]
         return WrongRows(chosen, "; ".join(filter(None, sentences))) if all(sentences) else None
     return None
 
@@ -522,7 +522,7 @@ def left_out(
     return found
 
 
-def _fine(name: str, rows: Sequence[HeightRow]) -> str:
+def _photograph_error(name: str, rows: Sequence[HeightRow]) -> str:
     """Return the error of a photograph found by a fit; empty if an unsuitable law may be the reason."""
     i = next(k for k, row in enumerate(rows) if row.source == name)
     one = WrongReading(name, rows[i].pressure, expected_without(rows, [name], rows[i]))
@@ -589,7 +589,7 @@ def judge_outlines(
         wrong = by_course(rows[k]) or by_fit(fit, _photographs(sources, k, fit), rows[k], good)
         if wrong:  # the parameters of such a fit are meaningless
             return least_squares.Judgement((wrong.whole,), tuple(warnings))
-    objections = (*(text for k in bad for text in _beyond(sources[k], fit)), *unbelievable(fit))
+    objections = (*(text for k in bad for text in _large_misfits(sources[k], fit)), *unbelievable(fit))
     return least_squares.Judgement(objections, tuple(warnings), () if objections else tuple(corrections(fit)))
 
 
@@ -623,7 +623,7 @@ def _photographs(sources: Sequence[OutlineResiduals], k: int, fit: least_squares
     return [*names, *[""] * (fit.count - len(names))]
 
 
-def _beyond(source: OutlineResiduals, fit: least_squares.LeastSquaresFit) -> list[str]:
+def _large_misfits(source: OutlineResiduals, fit: least_squares.LeastSquaresFit) -> list[str]:
     """Return the misfits beyond any law's and mesh's error."""
     matches = source.matches(fit.values)
     away = [float(np.sqrt(np.mean(one.distances**2))) for one in matches]

@@ -50,7 +50,7 @@ class DeviceModel:
     """Paths of one device, whose material's values do not matter, under one law.
 
     Args:
-        height_datum: What heights count from, see `Hanging`.
+        height_datum: What heights count from, see `UnpressurisedShape`.
         modulus: Shear modulus in Pa near to that of the device; matters only under dead loads.
         spectrum: Relaxing branches of the silicone, whose weights are parameters; paths without times leave them relaxed.
 
@@ -79,15 +79,15 @@ class DeviceModel:
         if self.motion is not None:
             self.motion.followers.append(self.system.follow_mesh)
         self.sensitivity = Sensitivity(solver, self.motion)
-        self.hanging, self.modulus = Hanging(self.silhouette, self.sensitivity, height_datum), modulus
+        self.hanging, self.modulus = UnpressurisedShape(self.silhouette, self.sensitivity, height_datum), modulus
         self.spectrum = spectrum
         self.common = (*choice.names, *(spectrum.names if spectrum else ()), "poisson")
         self.names = (*self.common, *self.lengths)
         self.rest_volume = solver.system.rest().V
         self.paths = 0
         self._present: dict[str, float] = {}
-        self._asked: _Solved | None = None
-        self._base: _Solved | None = None
+        self._asked: _SolvedStates | None = None
+        self._base: _SolvedStates | None = None
 
     def law(self, values: Mapping[str, float]) -> Material:
         """Return the material of parameter values at equilibrium; Poisson's ratio is the law's unless given."""
@@ -174,7 +174,7 @@ class DeviceModel:
             place[i] = len(goals) - 1
         found = self._nearby(values, goals, quantity, place) or self._followed(goals, quantity)
         states = [found[i] for i in place]
-        self._asked = _Solved(dict(values), quantity, np.asarray(requested, dtype=float), states, {})
+        self._asked = _SolvedStates(dict(values), quantity, np.asarray(requested, dtype=float), states, {})
         return states
 
     def begins(self, path: Continuation) -> float:
@@ -298,7 +298,7 @@ STRAIGHT_SHARE = 0.8
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class _Hung:
+class _UnpressurisedState:
     """The device at zero pressure: parameter values, state, outer curve; and the state's derivatives once computed."""
 
     values: dict[str, float]
@@ -307,7 +307,7 @@ class _Hung:
     rates: dict[str, sensitivity.Rate]
 
 
-class Hanging:
+class UnpressurisedShape:
     """A device at zero pressure, by its silhouette and sensitivity. ``height_datum`` is one of
     `softmodels.fitting.problem.HEIGHTS_FROM`, or empty for the shadow, or for the apex where the undeformed top is not flat.
 
@@ -329,7 +329,7 @@ class Hanging:
             )
         self.from_apex = height_datum in ("apex", "undeformed")
         self.height_datum = height_datum or ("shadow" if silhouette.flat else "apex")
-        self._now: _Hung | None = None
+        self._now: _UnpressurisedState | None = None
 
     def couple(self) -> None:
         """Scale the loads to the system's current shear modulus."""
@@ -422,10 +422,10 @@ class Hanging:
         piece, s = shapes.crest(curve) if self.height_datum == "shadow" else (0, -1.0)
         return piece, grid.shapes(s)
 
-    def _found(self, values: Mapping[str, float]) -> _Hung:
+    def _found(self, values: Mapping[str, float]) -> _UnpressurisedState:
         if self._now is None or self._now.values != dict(values):
             state = self._nearby(values) or self._followed()
-            self._now = _Hung(dict(values), state, self.silhouette.curve(state), {})
+            self._now = _UnpressurisedState(dict(values), state, self.silhouette.curve(state), {})
         return self._now
 
     def _nearby(self, values: Mapping[str, float]) -> State | None:
@@ -453,7 +453,7 @@ VALUE_TOLERANCE = 1e-9
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class _Solved:
+class _SolvedStates:
     """States solved together: parameter values, requested values (SI), and derivatives by the state's identity."""
 
     values: dict[str, float]
@@ -523,7 +523,7 @@ class MeasuredDevice:
         material: What it is known to be made of, whose modulus a fit is held against; None if that is not known.
         formulation, solver: See `softmodels.case.case.Case`.
         components: What else is added to it.
-        height_datum: What heights count from where it hangs under loads or its top is not flat, see `Hanging`.
+        height_datum: What heights count from where it hangs under loads or its top is not flat, see `UnpressurisedShape`.
     """
 
     actuator: Actuator

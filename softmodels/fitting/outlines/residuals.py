@@ -369,7 +369,7 @@ MAX_MODULUS_FACTOR = 3.0
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Plain:
+class NeoHookeanDevice:
     """A device of neo-Hookean material with the modulus from its readings, at the measured heights.
 
     Attributes:
@@ -393,7 +393,7 @@ class Plain:
         return np.abs(self.borne) > MOST_BORNE * self.elastic
 
 
-def plain_path(model: DeviceModel, heights: Array, pressures: Array) -> Plain:
+def plain_path(model: DeviceModel, heights: Array, pressures: Array) -> NeoHookeanDevice:
     """Follow the device to the measured heights in m; by the readings in Pa the modulus of a loaded device settles. Raises
     `OutlineFitError` where it cannot reach them, or no stiffness fits its loads."""
     why = ""
@@ -420,7 +420,7 @@ def plain_path(model: DeviceModel, heights: Array, pressures: Array) -> Plain:
     )
 
 
-def _plain_at(model: DeviceModel, heights: Array) -> Plain:
+def _plain_at(model: DeviceModel, heights: Array) -> NeoHookeanDevice:
     values = model.choice.from_modulus(model.modulus)
     volumes, hangs = volumes_of(model, values, heights)
     states = model.states(values, volumes)
@@ -431,7 +431,7 @@ def _plain_at(model: DeviceModel, heights: Array) -> Plain:
         names = [name for name in model.choice.names if model.choice.unit(name) == "Pa"]
         slopes = [model.slopes(state, names).pressure for state in states]
         elastic = np.array([sum(values[name] * slope[name] for name in names) for slope in slopes])
-    return Plain(values, volumes, hangs, states, whole - elastic, elastic)
+    return NeoHookeanDevice(values, volumes, hangs, states, whole - elastic, elastic)
 
 
 def starts(
@@ -440,11 +440,11 @@ def starts(
     pressures: Array,
     errors: Array,
     held: Mapping[str, float] = MappingProxyType({}),
-) -> tuple[list[dict[str, float]], Plain]:
+) -> tuple[list[dict[str, float]], NeoHookeanDevice]:
     """Return the starting values of the law, best first, without the numbers that are held, and the path that they come from:
     heights in m, readings and their standard errors in Pa, or anything in proportion to these.
 
-    Raises `OutlineFitError` as `plain_path`, or where its shadow at zero pressure is not straight, see `Hanging.check`.
+    Raises `OutlineFitError` as `plain_path`, or where its shadow at rest is not straight, see `UnpressurisedShape.check`.
     """
     found = plain_path(model, heights, pressures)
     plain = found.values

@@ -330,7 +330,7 @@ class Silhouette:
         self._mix = np.eye(3) if self._blocks.shape[1] == 3 else STRAIGHT
         self._space, self._nodes = grid.space, edge_nodes(eq, grid.space, edges)
         self._dofs = state_values.displacement_maps(eq, grid)[0][self._nodes]
-        self._along = _sideways(actuator)
+        self._along = _sideways_vector(actuator)
         places = self._everywhere(self._here())
         self._order, self._turned = _chain(places, np.asarray(actuator.lift), self._along, eq.length_unit)
         self.follow()
@@ -441,7 +441,7 @@ def edge_nodes(eq: System, space: fem.FunctionSpace, edges: npt.NDArray[np.int32
     return nodes
 
 
-def _sideways(actuator: Actuator) -> Array:
+def _sideways_vector(actuator: Actuator) -> Array:
     """Return the unit vector of the outline's plane perpendicular to the lift, from the axis towards the slice."""
     if actuator.dimension == 2:
         return np.array([1.0, 0.0, 0.0])
@@ -520,7 +520,7 @@ def shadow_of(curve: grid.QuadraticCurve) -> Shadow:
     places, above = edge_heights(curve)
     hidden = above - places[:, 1] > MAX_DIP_DEPTH
     if not hidden.any():
-        return _assembled(curve, [_Part(k, -1.0, 1.0) for k in range(count)])
+        return _assembled_edge(curve, [_Part(k, -1.0, 1.0) for k in range(count)])
     parts: list[_Part] = []
     for k, seen in enumerate(~hidden.reshape(count, SAMPLES_PER_PIECE)):
         edges = np.flatnonzero(np.diff(np.r_[False, seen, False].astype(int)))
@@ -532,7 +532,7 @@ def shadow_of(curve: grid.QuadraticCurve) -> Shadow:
                 parts.append(_Part(k, begin, begin, float(places[before[-1], 0]) if len(before) else 0.0))
             if s[end - 1] > begin:
                 parts.append(_Part(k, begin, float(s[end - 1])))
-    return _assembled(curve, parts)
+    return _assembled_edge(curve, parts)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -564,7 +564,7 @@ def _summit(curve: grid.QuadraticCurve, piece: int, s: float) -> float:
     return float(np.clip(s - slope / bend, -1.0, 1.0)) if bend < 0.0 else s
 
 
-def _assembled(curve: grid.QuadraticCurve, parts: list[_Part]) -> Shadow:
+def _assembled_edge(curve: grid.QuadraticCurve, parts: list[_Part]) -> Shadow:
     """Return the edge of its parts in order, from the axis outwards."""
     source = np.array([part.piece for part in parts])
     weights = grid.shapes(np.array([[part.begin, part.end, (part.begin + part.end) / 2] for part in parts]))
