@@ -578,17 +578,17 @@ def reflected(normals: ArrayLike, count: int | None = None, dimension: int = 3) 
     """Return the first products of reflections on planes through the origin, whose unit normals have the shape (k,
     dimension): matrices that take a slice to its places, its neighbours, their neighbours and so on, shape (m, dimension,
     dimension), the identity first. All of them, which must be finitely many, if no count is given."""
-    one = np.eye(dimension)
-    mirrors = [one - 2 * np.outer(normal, normal) for normal in np.reshape(normals, (-1, dimension))]
-    found = [one]
-    for image in found:
+    identity = np.eye(dimension)
+    mirrors = [identity - 2 * np.outer(normal, normal) for normal in np.reshape(normals, (-1, dimension))]
+    corners_and_copies = [identity]
+    for image in corners_and_copies:
         for mirror in mirrors:
-            if len(found) == count:
-                return np.array(found)
+            if len(corners_and_copies) == count:
+                return np.array(corners_and_copies)
             new = image @ mirror
-            if np.abs(np.array(found) - new).max(axis=(1, 2)).min() > SAME_IMAGE:
-                found.append(new)
-    return np.array(found)
+            if np.abs(np.array(corners_and_copies) - new).max(axis=(1, 2)).min() > SAME_IMAGE:
+                corners_and_copies.append(new)
+    return np.array(corners_and_copies)
 
 
 def check_slice(normals: ArrayLike, texts: tuple[str, ...]) -> None:
@@ -843,7 +843,7 @@ class Finger(MirroredHalf, HeldTip):
         x, _, z = (1e3 * float(value) for value in low)
         return {"bend_angle_deg": bend_angle(low, high), "tip_x_mm": x, "tip_z_mm": z}
 
-    def check_walls(self, names: Iterable[str], one: str, count: str) -> None:
+    def check_walls(self, names: Iterable[str], quantity: str, count: str) -> None:
         """Reject dimensions below `least_wall`, and a finger of impossible length: of one part's, times a number of parts."""
         for name in names:
             if getattr(self, name) < self.least_wall * (1 - schema.BOUND_TOLERANCE):
@@ -851,7 +851,7 @@ class Finger(MirroredHalf, HeldTip):
                 raise GeometryError(f"{name} is {length}, but least_wall requires {least}")
         if self.length > 0.1 * schema.MAX_LENGTH:
             self.reject(
-                one,
+                quantity,
                 f"with {getattr(self, count)} {count} the device is {schema.shown(self.length, 'm')} long, and above "
                 f"{0.1 * schema.MAX_LENGTH:g} m this suggests a wrong unit",
             )
@@ -890,10 +890,10 @@ def joined(pairs: Numbers, count: int) -> Numbers:
     (n, 2), are in one group. SciPy's `connected_components` gives the same; loading its sparse tree takes a third of a short
     run's time."""
     label = np.arange(count)
-    one, other = np.asarray(pairs, dtype=np.int64).reshape(-1, 2).T
-    while (apart := label[one] != label[other]).any():
-        one, other = one[apart], other[apart]
-        low, high = np.sort([label[one], label[other]], axis=0)
+    ends, other = np.asarray(pairs, dtype=np.int64).reshape(-1, 2).T
+    while (apart := label[ends] != label[other]).any():
+        ends, other = ends[apart], other[apart]
+        low, high = np.sort([label[ends], label[other]], axis=0)
         np.minimum.at(label, high, low)  # a group's head follows the lowest head that it is paired with
         while not np.array_equal(head := label[label], label):
             label = head
@@ -985,13 +985,15 @@ def find_openings(actuator: Actuator) -> tuple[Opening, ...]:
 
     def nodes(name: str) -> Ints:
         if name not in members:  # a region and a face may bear one name
-            found = [gmsh.model.mesh.getNodesForPhysicalGroup(*group)[0] for *group, known in groups if known == name]
-            members[name] = np.unique(np.concatenate(found).astype(np.int64))
+            node_sets = [
+                gmsh.model.mesh.getNodesForPhysicalGroup(*group)[0] for *group, known in groups if known == name
+            ]
+            members[name] = np.unique(np.concatenate(node_sets).astype(np.int64))
         return members[name]
 
     symmetric = [*(plane.name for plane in actuator.cut_planes), *(["axis"] if d == 2 else [])]
     faces = {name for dimension, _, name in groups if dimension < d and name not in symmetric}
-    found = []
+    openings = []
     for cavity in cavity_roles(actuator):
         if cavity not in walls:
             continue  # which is reported where the mesh is read
@@ -1009,8 +1011,8 @@ def find_openings(actuator: Actuator) -> tuple[Opening, ...]:
             )
             x, y, z = (float(value) for value in places.mean(axis=0))
             beside = tuple(sorted(faces & frozenset().union(*kinds)))
-            found.append(Opening(cavity, (x, y, z), _plane(actuator, places), kinds, beside))
-    return tuple(found)
+            openings.append(Opening(cavity, (x, y, z), _plane(actuator, places), kinds, beside))
+    return tuple(openings)
 
 
 def _boundary_edges(group: tuple[int, int], space: int) -> Ints:
@@ -1024,8 +1026,8 @@ def _boundary_edges(group: tuple[int, int], space: int) -> Ints:
             sides.append(np.concatenate([np.delete(corners, k, axis=1) for k in range(space)]))
     if not sides:
         return np.empty((0, space - 1), dtype=np.int64)
-    found, count = np.unique(np.sort(np.concatenate(sides), axis=1), axis=0, return_counts=True)
-    return np.asarray(found[count % 2 == 1])
+    edges, count = np.unique(np.sort(np.concatenate(sides), axis=1), axis=0, return_counts=True)
+    return np.asarray(edges[count % 2 == 1])
 
 
 def _pieces(edges: Ints) -> list[Ints]:

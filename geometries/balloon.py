@@ -353,7 +353,7 @@ class _Maker:
 
     def shell(self) -> list[revolved.Panel]:
         """From the neck, or the lower pole, to the far pole."""
-        meridian, found = self.meridian, []
+        meridian, shell = self.meridian, []
         stops = [0.0, *([self.rod_angle] if self.balloon.rod_radius else []), 0.5 * math.pi]
         first = "axis" if not self.balloon.neck_radius else ""
         angle, inside, outside = self.outer_angle, *self.begin
@@ -366,9 +366,9 @@ class _Maker:
             last = "axis" if stop == stops[-1] else ""
             left = self._arc(inside, to[0], cells, "" if bonded else "cavity")
             right = self._arc(outside, to[1], cells, "outer", True)
-            found.append(self._panel(left, right, (first, last)))
+            shell.append(self._panel(left, right, (first, last)))
             first, angle, (inside, outside) = "", stop, to
-        return found
+        return shell
 
     @property
     def rod_angle(self) -> float:

@@ -122,14 +122,14 @@ class Bellows(actuator.HeldTip, Revolved):
         middle."""
         half, turn, bend = 0.5 * self.wall, 0.25 * self.pitch, self.bend
         root, crest = self.inner_radius + half, self.outer_radius - half
-        found: list[Cut] = []
+        cuts: list[Cut] = []
 
         def add(r: float, z: float, across: revolved.Place, centre: revolved.Place | None = None) -> None:
             """A cross-section around (r, z); ``across`` is the unit vector from the air outwards."""
             (x, y) = across
             cut = Cut((r - half * x, z - half * y), (r + half * x, z + half * y), centre)
-            if not found or math.dist(cut.inside, found[-1].inside) > ZERO_LENGTH_TOLERANCE * self.pitch:
-                found.append(cut)
+            if not cuts or math.dist(cut.inside, cuts[-1].inside) > ZERO_LENGTH_TOLERANCE * self.pitch:
+                cuts.append(cut)
 
         out, up, down = (1.0, 0.0), (0.0, 1.0), (0.0, -1.0)
         for k in range(self.convolutions):
@@ -146,7 +146,7 @@ class Bellows(actuator.HeldTip, Revolved):
             add(root + bend, second, up)
             add(root, second + bend, out, (root + bend, second + bend))
             add(root, high, out)
-        return found
+        return cuts
 
     @property
     def panels(self) -> tuple[revolved.Panel, ...]:

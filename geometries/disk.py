@@ -417,11 +417,11 @@ def roots(disk: HollowDisk) -> list[tuple[float, float, float]]:
     """
     size = min(disk.cell_size / disk.refinement, part_size(disk, "membrane"), part_size(disk, "wall"))
     upper = min(size, _arc_size(disk.fillet)) if disk.fillet > 0.0 else size
-    found = [(disk.ceiling, upper, disk.fillet + upper)]
+    roots = [(disk.ceiling, upper, disk.fillet + upper)]
     if disk.base_fillet > 0.0:
         lower = min(disk.cell_size, part_size(disk, "wall"), _arc_size(disk.base_fillet))
-        found.append((disk.base, lower, disk.base_fillet + lower))
-    return found
+        roots.append((disk.base, lower, disk.base_fillet + lower))
+    return roots
 
 
 def _arc_size(fillet: float) -> float:
@@ -651,7 +651,7 @@ def _name_rim(disk: HollowDisk) -> None:
     meshing.name_group(1, rim, "support")
     places = {"anchor0": np.zeros(3), "anchor1": disk.outer_radius * np.array(disk.radial)}
     for role in {hold.role for hold in disk.holds if hold.point}:
-        found = [
+        tags = [
             tag for _, tag in gmsh.model.getEntities(0) if np.abs(meshing.place_of(tag) - places[role]).max() < near
         ]
-        meshing.name_group(0, found, role)
+        meshing.name_group(0, tags, role)

@@ -133,17 +133,17 @@ class ImportedPart(Actuator):
     @property
     def patches(self) -> dict[str, str]:
         """Faces of the outside by the names that the user gives them."""
-        found: dict[str, str] = {}
+        patches: dict[str, str] = {}
         taken = {OUTER, "support", "axis", MAIN, *(f"plane{i}" for i in range(3))}
         for text in self.surfaces:
             name, _, which = (part.strip() for part in text.partition("="))
             if not (re.fullmatch(r"[a-z]\w*", name) and which):
                 raise GeometryError(f"surfaces has {text!r}; write a name and its faces, such as 'pad = coloured red'")
-            if name in taken or name in found or re.fullmatch(r"cavity\d*", name):
+            if name in taken or name in patches or re.fullmatch(r"cavity\d*", name):
                 raise GeometryError(f"surfaces has {text!r}; the name {name!r} is taken, so use another")
             faces("surfaces", which)
-            found[name] = which
-        return found
+            patches[name] = which
+        return patches
 
     @property
     def airless(self) -> bool:
@@ -235,14 +235,14 @@ def region_name(text: str) -> str:
 
 def region_names(file: str, texts: Iterable[str]) -> dict[str, str]:
     """Return a file's names by those of their regions; `GeometryError` for two that become one."""
-    found: dict[str, str] = {}
+    region_names: dict[str, str] = {}
     for text in texts:
-        if (other := found.setdefault(region_name(text), text)) != text:
+        if (other := region_names.setdefault(region_name(text), text)) != text:
             raise GeometryError(
                 f"file {file}: {other!r} and {text!r} both become the region {region_name(text)}; names of regions have small "
                 "letters, digits and _: rename one of them in the program that wrote the file"
             )
-    return found
+    return region_names
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -269,11 +269,11 @@ SHADES_PER_COLOUR, SHADE_STEP = 16, 16
 def face_names(path: str | Path) -> dict[str, list[int]]:
     """Return the names that a file gives to faces, and the numbers of the instances that have each; faces without a name are
     left out."""
-    found = defaultdict(list)
+    face_names = defaultdict(list)
     for number, text in FACE.findall(_read(path)):
         if name := _plain(text).strip():
-            found[name].append(int(number))
-    return dict(found)
+            face_names[name].append(int(number))
+    return dict(face_names)
 
 
 def named_surfaces(path: str | Path, name: str) -> list[int]:
@@ -285,14 +285,14 @@ def named_surfaces(path: str | Path, name: str) -> list[int]:
         raise GeometryError(f"{len(wanted)} faces of {path} are named {name!r}; pick them by plane, box or colour")
     marks = {_mark_of_colour(_shades(k)): k for k in range(len(wanted))}
     colours = _colours(_with_marked_faces(_read(path), dict(zip(wanted, marks, strict=True))))
-    found = {
+    named_surfaces = {
         place: marks[_mark_of_colour(colour)]
         for place, colour in enumerate(colours)
         if colour and _mark_of_colour(colour) in marks
     }
-    if set(found.values()) != set(marks.values()):
+    if set(named_surfaces.values()) != set(marks.values()):
         raise GeometryError(f"a face named {name!r} in {path} is lost on import; pick it by plane, box or colour")
-    return list(found)
+    return list(named_surfaces)
 
 
 def solid_names(path: str | Path) -> list[str]:
@@ -320,8 +320,8 @@ def _read(path: str | Path) -> str:
 def _plain(text: str) -> str:
     r"""Return a name without the escapes of ISO 10303-21: ``''``, ``\\``, ``\X\E9``, ``\X2\00E9\X0\``, ``\S\i``."""
 
-    def letter(found: re.Match[str]) -> str:
-        short, two, four, shifted, slash = found.groups()
+    def letter(match: re.Match[str]) -> str:
+        short, two, four, shifted, slash = match.groups()
         if short:
             return chr(int(short, 16))
         if two or four:
@@ -427,9 +427,9 @@ def chosen(
     if choice.colour is not None:
         colours = _colours(_without_placements(_read(file)))
         wanted = np.array(choice.colour)
-        places = [i for i, one in enumerate(colours) if one and np.abs(wanted - one).max() <= SAME_COLOUR]
+        places = [i for i, colour in enumerate(colours) if colour and np.abs(wanted - colour).max() <= SAME_COLOUR]
         if not places:
-            seen = sorted({"#{:02x}{:02x}{:02x}".format(*one) for one in colours if one})
+            seen = sorted({"#{:02x}{:02x}{:02x}".format(*colour) for colour in colours if colour})
             raise GeometryError(f"{field} is {choice.text!r}; {listed('colour', seen)}")
         return _at(places, tags, pieces)
     if choice.box is not None:
@@ -552,9 +552,9 @@ class Boundary(abc.ABC):
         picks nothing, or something that cannot have this role."""
         part, left, roles = self.part, self.every, dict[str, mesh_arrays.Ints]()
 
-        def take(role: str, found: mesh_arrays.Ints) -> None:
+        def take(role: str, reference: mesh_arrays.Ints) -> None:
             nonlocal left
-            roles[role], left = found, left[~np.isin(left, found)]
+            roles[role], left = reference, left[~np.isin(left, reference)]
 
         for i, text in enumerate(part.planes):
             take(f"plane{i}", self._in_cut_plane(text, left))
@@ -598,14 +598,14 @@ class Boundary(abc.ABC):
 
     def _some(self, what: str, field: str, text: str, left: mesh_arrays.Ints) -> mesh_arrays.Ints:
         """Return the faces among ``left`` that a text picks; there must be some."""
-        found = self.chosen(field, text, left)
-        if not len(found):
+        faces_left = self.chosen(field, text, left)
+        if not len(faces_left):
             ends = zip(actuator.AXES, *(1e3 * self.box(self.every)), strict=True)
             spans = ", ".join(f"{name} {low:.4g} to {high:.4g}" for name, low, high in ends)
             raise GeometryError(
                 f"{what}; the part has no such face, or it already belongs to a cut plane or a cavity (it spans {spans} mm)"
             )
-        return found
+        return faces_left
 
     def _in_cut_plane(self, text: str, left: mesh_arrays.Ints) -> mesh_arrays.Ints:
         """Return all faces in the plane of those that a text picks, which must go through the origin."""
@@ -711,8 +711,8 @@ class Solids(Boundary):
     def every(self) -> mesh_arrays.Ints:
         """Surfaces that bound the union of the solids, without those between two of them."""
         volumes = [(3, tag) for tag in self.tags]
-        found = gmsh.model.getBoundary(volumes, combined=len(volumes) > 1, oriented=False)
-        return np.array([abs(tag) for _, tag in found], dtype=np.int64)
+        boundary = gmsh.model.getBoundary(volumes, combined=len(volumes) > 1, oriented=False)
+        return np.array([abs(tag) for _, tag in boundary], dtype=np.int64)
 
     @property
     def volume(self) -> float:
@@ -734,8 +734,8 @@ class Solids(Boundary):
         return [np.array(sorted(shell), dtype=np.int64) for shell in shells([int(tag) for tag in among])]
 
     def chosen(self, field: str, text: str, among: mesh_arrays.Ints) -> mesh_arrays.Ints:
-        found = chosen(field, faces(field, text), among.tolist(), self.near, self.part.file, self.made)
-        return np.array(found, dtype=np.int64)
+        chosen_faces = chosen(field, faces(field, text), among.tolist(), self.near, self.part.file, self.made)
+        return np.array(chosen_faces, dtype=np.int64)
 
     def points(self, faces: mesh_arrays.Ints) -> Array:
         return np.concatenate([np.zeros((0, 3)), *(surface_points(tag) for tag in faces)])
@@ -749,9 +749,11 @@ class Solids(Boundary):
 
     def nearest(self, place: Vector, pieces: list[mesh_arrays.Ints]) -> mesh_arrays.Ints:
         probe = gmsh.model.occ.addPoint(*place)
-        found = min(pieces, key=lambda piece: min(gmsh.model.occ.getDistance(0, probe, 2, tag)[0] for tag in piece))
+        nearest_piece = min(
+            pieces, key=lambda piece: min(gmsh.model.occ.getDistance(0, probe, 2, tag)[0] for tag in piece)
+        )
         gmsh.model.occ.remove([(0, probe)])
-        return found
+        return nearest_piece
 
     def inwards(self, normal: Array, faces: mesh_arrays.Ints) -> bool:
         return bool(normal @ self.centre > 0)
@@ -771,15 +773,15 @@ def glued(part: ImportedActuator) -> Solids:
     gmsh.model.occ.synchronize()
     regions: dict[str, list[int]] = defaultdict(list)
     owner: dict[int, str] = {}
-    for name, found in zip(names, made, strict=False):
-        for _, tag in found:
+    for name, pieces_of_region in zip(names, made, strict=False):
+        for _, tag in pieces_of_region:
             if tag in owner:
                 raise GeometryError(
                     f"file {part.file}: the solids {owner[tag]} and {name} overlap; cut one by the other"
                 )
             owner[tag] = name
             regions[name].append(tag)
-    pieces = tuple(tuple(tag for _, tag in found) for found in made[len(volumes) :])
+    pieces = tuple(tuple(tag for _, tag in tools) for tools in made[len(volumes) :])
     solids = Solids(part, dict(regions), pieces)
     _check_touching(part, solids, owner)
     return solids
@@ -787,12 +789,14 @@ def glued(part: ImportedActuator) -> Solids:
 
 def _names(file: str, volumes: list[tuple[int, int]]) -> list[str]:
     """Return the names of the regions of a file's solids, in the order of the volumes."""
-    found = []
+    region_names_of_parts = []
     for number, (own, volume) in enumerate(zip(solid_names(file), volumes, strict=True), 1):
         label = str(gmsh.model.getEntityName(*volume)).rpartition("/")[2]
-        found.append(next((text for text in (own, label) if not NAMELESS.fullmatch(text)), f"solid {number}"))
-    region_names(file, found)
-    return [region_name(text) for text in found]
+        region_names_of_parts.append(
+            next((text for text in (own, label) if not NAMELESS.fullmatch(text)), f"solid {number}")
+        )
+    region_names(file, region_names_of_parts)
+    return [region_name(text) for text in region_names_of_parts]
 
 
 def _check_touching(part: ImportedActuator, solids: Solids, owner: dict[int, str]) -> None:
@@ -862,9 +866,9 @@ def build_part(part: ImportedActuator) -> None:
     for name, tags in solids.regions.items():
         gmsh.model.addPhysicalGroup(3, tags, name=name)
     every, roles = solids.every, solids.roles()
-    places = {role: np.flatnonzero(np.isin(every, found)) for role, found in roles.items()}
-    for names, found in meshing.disjoint(places, len(every), OUTER).items():
-        gmsh.model.addPhysicalGroup(2, every[found].tolist(), name=names)
+    places = {role: np.flatnonzero(np.isin(every, groups)) for role, groups in roles.items()}
+    for names, groups in meshing.disjoint(places, len(every), OUTER).items():
+        gmsh.model.addPhysicalGroup(2, every[groups].tolist(), name=names)
     gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", part.curvature)
     gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 1)
     gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: min(other, part.cell_size))
@@ -915,11 +919,11 @@ def _gauge(part: ImportedActuator, support: mesh_arrays.Ints) -> Vector:
     if not len(corners):
         raise GeometryError(f"file {part.file} has no corner to follow; split an edge where the motion matters")
     held = np.mean([gmsh.model.occ.getCenterOfMass(2, tag) for tag in support] or [np.zeros(3)], axis=0)
-    found = _corner(part, corners, held)
-    if part.gauge_point and math.dist(found, point("gauge_point", part.gauge_point)) > 1e-4:
-        near = ", ".join(f"{value * 1e3:.6g}" for value in found)
+    gauge = _corner(part, corners, held)
+    if part.gauge_point and math.dist(gauge, point("gauge_point", part.gauge_point)) > 1e-4:
+        near = ", ".join(f"{value * 1e3:.6g}" for value in gauge)
         raise GeometryError(f"gauge_point is {part.gauge_point!r}; it must be a corner, the nearest is at {near} mm")
-    return found
+    return gauge
 
 
 @registry.register_device
@@ -992,15 +996,15 @@ def read_mesh(file: str, unit: float, cell_size: float) -> mesh_arrays.Tetrahedr
     kind = Path(file).suffix.lower()
     if kind not in FORMATS:
         raise GeometryError(f"file is {file!r}; meshes are read from {', '.join(FORMATS)}, drawings from STEP")
-    found = _by_meshio(file, FORMATS[kind])
+    mesh_read = _by_meshio(file, FORMATS[kind])
     if kind == ".stl":
-        return _meshed_solid(file, found, unit, cell_size)
-    cells, blocks = _tetrahedra(file, found)
-    sets = _physical_groups(file, found) if kind == ".msh" else list(found.cell_sets.items())
-    faces, regions = _face_names(found, sets), _region_names(found, sets, blocks)
+        return _meshed_solid(file, mesh_read, unit, cell_size)
+    cells, blocks = _tetrahedra(file, mesh_read)
+    sets = _physical_groups(file, mesh_read) if kind == ".msh" else list(mesh_read.cell_sets.items())
+    faces, regions = _face_names(mesh_read, sets), _region_names(mesh_read, sets, blocks)
     if kind == ".msh":
         cells, regions = _each_once(cells, regions)
-    mesh = mesh_arrays.Tetrahedra.made(unit * np.asarray(found.points, dtype=float)[:, :3], cells, faces, regions)
+    mesh = mesh_arrays.Tetrahedra.made(unit * np.asarray(mesh_read.points, dtype=float)[:, :3], cells, faces, regions)
     if len(bodies := mesh.bodies) > 1:
         places = "; ".join(
             ", ".join(f"{1e3 * x:.4g}" for x in mesh.points[mesh.cells[body]].mean(axis=(0, 1))) for body in bodies[:2]
@@ -1030,11 +1034,11 @@ def _by_meshio(file: str, format_name: str) -> Any:
                 with tempfile.NamedTemporaryFile(suffix=".msh") as plain:
                     plain.write(_without_groups(content))
                     plain.flush()
-                    found = meshio.read(plain.name, format_name)
+                    mesh = meshio.read(plain.name, format_name)
             elif format_name == "abaqus":
-                found = abaqus.Deck(file, content.decode("utf-8", errors="replace")).mesh()
+                mesh = abaqus.Deck(file, content.decode("utf-8", errors="replace")).mesh()
             else:
-                found = meshio.read(file, format_name)
+                mesh = meshio.read(file, format_name)
     except OSError as error:
         raise GeometryError(f"file {file} cannot be read ({errors.reason(error)})") from None
     except GeometryError:
@@ -1044,47 +1048,47 @@ def _by_meshio(file: str, format_name: str) -> Any:
     except Exception as error:  # meshio raises what its readers happen to meet
         words = " ".join(str(error).split())[:200] or "no reason given"
         raise GeometryError(f"file {file} is not a mesh of the format of its extension ({words})") from None
-    if len(found.points) > Path(file).stat().st_size:  # a count in its header that no numbers follow
+    if len(mesh.points) > Path(file).stat().st_size:  # a count in its header that no numbers follow
         raise GeometryError(
             f"file {file} is not a mesh of the format of its extension (it announces more nodes than it has bytes)"
         )
-    if not len(found.points) or not np.isfinite(found.points).all() or np.shape(found.points)[1] != 3:
+    if not len(mesh.points) or not np.isfinite(mesh.points).all() or np.shape(mesh.points)[1] != 3:
         raise GeometryError(f"file {file} has no nodes in three dimensions")
-    return found
+    return mesh
 
 
-def _tetrahedra(file: str, found: Any) -> tuple[mesh_arrays.Ints, list[int]]:
+def _tetrahedra(file: str, mesh: Any) -> tuple[mesh_arrays.Ints, list[int]]:
     """Return all tetrahedra of one order, and the cell blocks that they come from."""
-    kinds = [block.type for block in found.cells]
+    kinds = [block.type for block in mesh.cells]
     if other := sorted({kind for kind in kinds if kind.startswith(OTHER_CELLS)}):
         raise GeometryError(f"file {file} has {', '.join(other)} cells; only tetrahedra of 4 or 10 nodes are supported")
     blocks = [i for i, kind in enumerate(kinds) if kind in ("tetra", "tetra4", "tetra10")]
     if not blocks:
         raise GeometryError(f"file {file} has no tetrahedra; it has {', '.join(sorted(set(kinds))) or 'no cells'}")
-    if len({np.shape(found.cells[i].data)[1] for i in blocks}) > 1:
+    if len({np.shape(mesh.cells[i].data)[1] for i in blocks}) > 1:
         raise GeometryError(f"file {file} mixes tetrahedra of 4 and of 10 nodes; mesh it with one kind")
-    cells = np.concatenate([np.asarray(found.cells[i].data, dtype=np.int64) for i in blocks])
-    if cells.min() < 0 or cells.max() >= len(found.points):
+    cells = np.concatenate([np.asarray(mesh.cells[i].data, dtype=np.int64) for i in blocks])
+    if cells.min() < 0 or cells.max() >= len(mesh.points):
         raise GeometryError(f"file {file} has cells with undefined nodes")
     return cells, blocks
 
 
-def _face_names(found: Any, sets: Sets) -> dict[str, mesh_arrays.Ints]:
+def _face_names(mesh: Any, sets: Sets) -> dict[str, mesh_arrays.Ints]:
     """Return by name the nodes of node sets, and the corners of the triangles of surfaces, sets and physical surfaces."""
-    names = {name: np.asarray(nodes, dtype=np.int64) for name, nodes in found.point_sets.items()}
+    names = {name: np.asarray(nodes, dtype=np.int64) for name, nodes in mesh.point_sets.items()}
     chosen = defaultdict[str, list[mesh_arrays.Ints]](list)
     for name, parts in sets:
         chosen[name] += [
             np.asarray(block.data)[np.asarray(part, dtype=np.int64), :3]
-            for block, part in zip(found.cells, parts, strict=False)
+            for block, part in zip(mesh.cells, parts, strict=False)
             if block.type.startswith("triangle") and part is not None and len(part)
         ]
     return names | {name: np.concatenate(triangles) for name, triangles in chosen.items() if triangles}
 
 
-def _region_names(found: Any, sets: Sets, blocks: list[int]) -> dict[str, mesh_arrays.Ints]:
+def _region_names(mesh: Any, sets: Sets, blocks: list[int]) -> dict[str, mesh_arrays.Ints]:
     """Return the cells by name, counted among the tetrahedra."""
-    starts = dict(zip(blocks, np.cumsum([0] + [len(found.cells[i].data) for i in blocks]).tolist(), strict=False))
+    starts = dict(zip(blocks, np.cumsum([0] + [len(mesh.cells[i].data) for i in blocks]).tolist(), strict=False))
     chosen = defaultdict[str, list[mesh_arrays.Ints]](list)
     for name, parts in sets:
         chosen[name] += [np.asarray(parts[i], dtype=np.int64) + start for i, start in starts.items() if i < len(parts)
@@ -1115,7 +1119,7 @@ def _without_groups(content: bytes) -> bytes:
     return content
 
 
-def _physical_groups(file: str, found: Any) -> Sets:
+def _physical_groups(file: str, mesh: Any) -> Sets:
     """Return the physical groups with a name of a Gmsh file: of each block of cells those in it."""
     content = files.read_file(file, files.MAX_GEOMETRY_BYTES)
     begin, end = _section(content, b"PhysicalNames")
@@ -1123,7 +1127,7 @@ def _physical_groups(file: str, found: Any) -> Sets:
         (int(d), int(number), name.decode("utf-8", "replace")) for d, number, name in GROUP.findall(content[begin:end])
     ]
     try:
-        entities, data = _entities(content), found.cell_data
+        entities, data = _entities(content), mesh.cell_data
     except (ValueError, OverflowError, StopIteration):
         raise GeometryError(
             f"file {file} is not a mesh of the format of its extension (its section $Entities is damaged)"
@@ -1131,7 +1135,7 @@ def _physical_groups(file: str, found: Any) -> Sets:
     sets: Sets = []
     for dimension, number, name in named:
         parts = []
-        for i, block in enumerate(found.cells):
+        for i, block in enumerate(mesh.cells):
             part = np.arange(len(block.data) if block.dim == dimension else 0)
             if entities is None:
                 marks = data["gmsh:physical"][i] if "gmsh:physical" in data else np.zeros(len(block.data))
@@ -1161,15 +1165,15 @@ def _entities(content: bytes) -> dict[tuple[int, int], set[int]] | None:
         at += values.nbytes
         return values.tolist()  # type: ignore[no-any-return]
 
-    found = {}
+    entities = {}
     for dimension, count in enumerate(take("<u8", 4) if end else ()):
         for _ in range(int(count)):
             (tag,) = take("<i4", 1)
             take("<f8", 3 if dimension == 0 and version == b"4.1" else 6)
-            found[dimension, int(tag)] = {abs(int(number)) for number in take("<i4", int(take("<u8", 1)[0]))}
+            entities[dimension, int(tag)] = {abs(int(number)) for number in take("<i4", int(take("<u8", 1)[0]))}
             if dimension:
                 take("<i4", int(take("<u8", 1)[0]))
-    return found
+    return entities
 
 
 def _each_once(
@@ -1181,7 +1185,7 @@ def _each_once(
         return cells, regions
     kept = np.sort(first)
     number = np.searchsorted(kept, first)[same.ravel()]
-    return cells[kept], {name: np.unique(number[found]) for name, found in regions.items()}
+    return cells[kept], {name: np.unique(number[region]) for name, region in regions.items()}
 
 
 def read_surfaces(file: str, unit: float) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
@@ -1192,11 +1196,11 @@ def read_surfaces(file: str, unit: float) -> tuple[NDArray[np.float64], mesh_arr
     return _is_closed(file, _by_meshio(file, "stl"), unit)
 
 
-def _is_closed(file: str, found: Any, unit: float) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
-    triangles = [np.asarray(block.data, dtype=np.int64) for block in found.cells if block.type == "triangle"]
+def _is_closed(file: str, arrays: Any, unit: float) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
+    triangles = [np.asarray(block.data, dtype=np.int64) for block in arrays.cells if block.type == "triangle"]
     if not triangles:
         raise GeometryError(f"file {file} has no triangles")
-    places = unit * np.asarray(found.points, dtype=float)
+    places = unit * np.asarray(arrays.points, dtype=float)
     extent = float(np.abs(places).max()) if np.isfinite(places).all() else math.inf
     if extent > MAX_COORDINATE:
         raise GeometryError(
@@ -1214,9 +1218,9 @@ def _is_closed(file: str, found: Any, unit: float) -> tuple[NDArray[np.float64],
     return points, triangles_of_all
 
 
-def _meshed_solid(file: str, found: Any, unit: float, cell_size: float) -> mesh_arrays.Tetrahedra:
+def _meshed_solid(file: str, arrays: Any, unit: float, cell_size: float) -> mesh_arrays.Tetrahedra:
     """Return the solid between the surfaces of an STL file, meshed."""
-    points, triangles = _is_closed(file, found, unit)
+    points, triangles = _is_closed(file, arrays, unit)
     try:
         nodes, cells = meshing.apart(_fill, points, triangles, cell_size)
     except MeshingError as error:
@@ -1273,9 +1277,9 @@ def _mesh_surfaces(
         gmsh.model.mesh.classifySurfaces(MIN_EDGE_ANGLE, True, anew, math.pi)
         if anew:
             gmsh.model.mesh.createGeometry()
-        found = shells([tag for _, tag in gmsh.model.getEntities(2)])
-        outer = max(found, key=_extent)
-        loops = [gmsh.model.geo.addSurfaceLoop(shell) for shell in [outer, *(s for s in found if s is not outer)]]
+        surfaces = shells([tag for _, tag in gmsh.model.getEntities(2)])
+        outer = max(surfaces, key=_extent)
+        loops = [gmsh.model.geo.addSurfaceLoop(shell) for shell in [outer, *(s for s in surfaces if s is not outer)]]
         solid = gmsh.model.geo.addVolume(loops)
         gmsh.model.geo.synchronize()
         gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 1)

@@ -150,17 +150,17 @@ class Membrane(Revolved):
     @property
     def parts(self) -> list[tuple[float, float, str, float]]:
         """What covers it from the axis outwards: inner and outer radius, face, thickness in m of what is bonded on it."""
-        found: list[tuple[float, float, str, float]] = []
+        parts: list[tuple[float, float, str, float]] = []
         at = self.plate_radius
         if at:
-            found.append((0.0, at, "plate", self.plate_thickness))
+            parts.append((0.0, at, "plate", self.plate_thickness))
         for k, (inner, outer) in enumerate(self.ring_pairs, 1):
-            found += [(at, inner, "top", 0.0), (inner, outer, f"ring{k}", self.ring_thickness)]
+            parts += [(at, inner, "top", 0.0), (inner, outer, f"ring{k}", self.ring_thickness)]
             at = outer
-        found.append((at, self.radius - self.slope, "top", 0.0))
+        parts.append((at, self.radius - self.slope, "top", 0.0))
         if self.clamp_width:
-            found.append((self.radius, self.radius + self.clamp_width, "clamp_top", 0.0))
-        return found
+            parts.append((self.radius, self.radius + self.clamp_width, "clamp_top", 0.0))
+        return parts
 
     @property
     def strips(self) -> list[Strip]:
@@ -168,7 +168,7 @@ class Membrane(Revolved):
         across = self.thickness / self.rows
         largest = min(self.cell_size, revolved.MAX_CELL_ASPECT_RATIO * across)
         first = min(largest, across)
-        found: list[Strip] = []
+        strips: list[Strip] = []
         for inner, outer, part, height in self.parts:
             if inner == 0.0:
                 pieces = _reversed_panel(revolved.graded(outer, first, largest))
@@ -180,30 +180,30 @@ class Membrane(Revolved):
             begin = inner
             for k, (length, cells, growth) in enumerate(pieces, 1):
                 end = outer if k == len(pieces) else begin + length
-                found.append(Strip(begin, end, cells, growth, part, height))
+                strips.append(Strip(begin, end, cells, growth, part, height))
                 begin = end
         if slope := self.slope:
             cells = max(1, math.ceil(slope / across - revolved.ZERO_LENGTH_TOLERANCE))
-            found.append(Strip(self.radius - slope, self.radius, cells, 1.0, "top", 0.0, slope))
-        return found
+            strips.append(Strip(self.radius - slope, self.radius, cells, 1.0, "top", 0.0, slope))
+        return strips
 
     @property
     def panels(self) -> tuple[revolved.Panel, ...]:
         through, edge = self.rows, self.radius + self.clamp_width
-        rim, along, found = "rim" if self.clamp_width else "clamp", self.strips, []
+        rim, along, panels = "rim" if self.clamp_width else "clamp", self.strips, []
         for k, strip in enumerate(along):
             within = "cavity" if strip.inner < self.radius else "clamp"
             ends = ("axis" if strip.inner == 0.0 else "", rim if strip.outer == edge else "")
             above = "" if strip.height else strip.part
-            found.append(_panel("solid", strip, (0.0, self.thickness), (within, above), ends, through))
+            panels.append(_panel("solid", strip, (0.0, self.thickness), (within, above), ends, through))
             if strip.height:
                 span = (self.thickness, self.thickness + strip.height)
                 before = along[k - 1].part if k else "axis"
                 left = "axis" if k == 0 else strip.part if before != strip.part else ""
                 right = strip.part if along[k + 1].part != strip.part else ""
                 cells = max(through, round(strip.height / self.cell_size))
-                found.append(_panel(strip.part, strip, span, ("", strip.part), (left, right), cells))
-        return tuple(found)
+                panels.append(_panel(strip.part, strip, span, ("", strip.part), (left, right), cells))
+        return tuple(panels)
 
     @property
     def rows(self) -> int:

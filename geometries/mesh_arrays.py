@@ -104,11 +104,13 @@ def _cells_and_sides(cells: Ints, corners: Mapping[str, Ints]) -> dict[str, Ints
     """Return the cell and side of the faces of each role, by their corners."""
     sides = np.sort(cells[:, SIDES].reshape(-1, 3), axis=1)
     keys = {tuple(side): place for place, side in enumerate(sides.tolist())}
-    found = {}
+    cells_and_sides = {}
     for name, triangles in corners.items():
-        places = np.array([keys[tuple(one)] for one in np.sort(triangles, axis=1).tolist()], dtype=np.int64)
-        found[name] = np.column_stack([places // 4, places % 4])
-    return found
+        places = np.array(
+            [keys[tuple(corner_triple)] for corner_triple in np.sort(triangles, axis=1).tolist()], dtype=np.int64
+        )
+        cells_and_sides[name] = np.column_stack([places // 4, places % 4])
+    return cells_and_sides
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -162,8 +164,8 @@ class Tetrahedra:
         cells = np.where(heights[:, None] < 0, cells[:, order], cells)
         kept = {}
         for name, nodes in faces.items():
-            found = number[nodes]
-            kept[name] = found[(found >= 0).reshape(len(found), -1).all(axis=1)]
+            cells_read = number[nodes]
+            kept[name] = cells_read[(cells_read >= 0).reshape(len(cells_read), -1).all(axis=1)]
         return cls(points, cells, kept, regions)
 
     @functools.cached_property
@@ -251,9 +253,9 @@ def triangle_tables(width: int) -> tuple[Array, Array, Array]:
     """Return the values and two slopes of the shape functions of a triangle of 3 nodes, or 6 with those inside the edges
     behind the corners, at the points of `RULE`, shape (q, width) each."""
     s, t, r = RULE[:, 1], RULE[:, 2], RULE[:, 0]
-    o, one = np.zeros_like(s), np.ones_like(s)
+    o, ones = np.zeros_like(s), np.ones_like(s)
     if width == 3:
-        return RULE, np.stack([-one, one, o], axis=1), np.stack([-one, o, one], axis=1)
+        return RULE, np.stack([-ones, ones, o], axis=1), np.stack([-ones, o, ones], axis=1)
     value = [r * (2 * r - 1), s * (2 * s - 1), t * (2 * t - 1), 4 * r * s, 4 * s * t, 4 * t * r]
     along = [1 - 4 * r, 4 * s - 1, o, 4 * (r - s), 4 * t, -4 * t]
     across = [1 - 4 * r, o, 4 * t - 1, -4 * s, 4 * s, 4 * (r - t)]

@@ -570,9 +570,11 @@ def _mesher_versions() -> str:
 
 def _forget_old(place: Path) -> None:
     """Take away what is beyond `MOST_KEPT`."""
-    found = sorted(((file.stat().st_mtime, file.stat().st_size, file) for file in place.glob("*.msh")), reverse=True)
+    kept_files = sorted(
+        ((file.stat().st_mtime, file.stat().st_size, file) for file in place.glob("*.msh")), reverse=True
+    )
     total = 0
-    for _, size, file in found:
+    for _, size, file in kept_files:
         total += size
         if total > MOST_KEPT:
             file.unlink(missing_ok=True)
@@ -622,8 +624,10 @@ def load_mesh(path: str | Path, dimension: int | None = None) -> list[tuple[int,
             gmsh.merge(str(alone))
         except Exception as error:  # Gmsh raises bare Exception
             raise MeshFileError(f"{path} is a broken mesh file ({str(error).strip() or 'no reason given'})") from None
-    if dimension not in (None, found := gmsh.model.getDimension()):
-        raise MeshFileError(f"{path} is the mesh of another device: its cells have {found} dimensions, not {dimension}")
+    if dimension not in (None, top_dimension := gmsh.model.getDimension()):
+        raise MeshFileError(
+            f"{path} is the mesh of another device: its cells have {top_dimension} dimensions, not {dimension}"
+        )
     return named_groups()
 
 
@@ -639,8 +643,8 @@ def disjoint(groups: Mapping[str, NDArray[np.int64]], count: int, rest: str) -> 
         inside[members, column] = True
     kinds, kind = np.unique(inside, axis=0, return_inverse=True)
     names = [JOINT.join(itertools.compress(groups, row)) or rest for row in kinds]
-    found = {name: np.flatnonzero(kind.ravel() == k) for k, name in enumerate(names)}
-    return dict(reversed(found.items()))  # in the order of the groups, the rest last
+    groups_by_name = {name: np.flatnonzero(kind.ravel() == k) for k, name in enumerate(names)}
+    return dict(reversed(groups_by_name.items()))  # in the order of the groups, the rest last
 
 
 def straight_edges() -> int:
@@ -776,8 +780,8 @@ def bond(layers: Mapping[str, Sequence[Entity]], role_of: Callable[[int], str]) 
     _, parts = gmsh.model.occ.fragment([every[0][0]], [solid for solid, _ in every[1:]])
     gmsh.model.occ.synchronize()
     regions: dict[str, list[int]] = defaultdict(list)
-    for (_, name), found in zip(every, parts, strict=True):
-        regions[name] += [tag for _, tag in found]
+    for (_, name), part in zip(every, parts, strict=True):
+        regions[name] += [tag for _, tag in part]
     name_groups(3, regions)
     solids = [(3, tag) for tags in regions.values() for tag in tags]
     roles: dict[str, list[int]] = defaultdict(list)
@@ -818,8 +822,8 @@ def place_of(tag: int) -> NDArray[np.float64]:
 
 def corners_of(tag: int, dimension: int = 2) -> NDArray[np.float64]:
     """Return the corner points of a face or a curve of the CAD model, shape (n, 3)."""
-    found = gmsh.model.getBoundary([(dimension, tag)], combined=False, oriented=False, recursive=True)
-    return np.array([place_of(point) for _, point in found])
+    boundary = gmsh.model.getBoundary([(dimension, tag)], combined=False, oriented=False, recursive=True)
+    return np.array([place_of(point) for _, point in boundary])
 
 
 def name_groups(dimension: int, groups: Mapping[str, list[int]]) -> None:

@@ -80,7 +80,7 @@ class Revolved(actuator.Wedged):
     def carried(self, other: Self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the points of the boundary at the same share of the same edge of the other's outline; see
         `Actuator.carried`."""
-        if type(other) is not type(self) or [one.role for one in self.edges] != [one.role for one in other.edges]:
+        if type(other) is not type(self) or [edge.role for edge in self.edges] != [edge.role for edge in other.edges]:
             raise GeometryError(
                 f"points can only be mapped between devices whose outlines have the same edges; this {type(self).__name__} has "
                 f"{len(self.edges)} and the other {type(other).__name__} {len(other.edges)}, or others"
@@ -314,7 +314,7 @@ def rectangle(low: Place, high: Place, cells: tuple[int, int], roles: tuple[str,
     (left, down), (right, up) = low, high
     corners = (low, (right, down), high, (left, up))
     ends = (*corners[1:], corners[0])
-    a, b, c, d = (Side(*one) for one in zip(corners, ends, (*cells, *cells), roles, strict=True))
+    a, b, c, d = (Side(*side_data) for side_data in zip(corners, ends, (*cells, *cells), roles, strict=True))
     return Panel("solid", (a, b, c, d))
 
 
@@ -327,15 +327,15 @@ def chained(sides: Iterable[Side]) -> list[Side]:
     """Return the sides that make one line, in its order and direction: from the axis at the top outwards."""
     left = list(sides)
     at = max((place for side in left for place in (side.start, side.end)), key=lambda place: (-place[0], place[1]))
-    found: list[Side] = []
+    ordered: list[Side] = []
     while left:
         met = [side for side in left if at in (side.start, side.end)]
         if not met:
             break
         left.remove(met[0])
-        found.append(met[0] if met[0].start == at else met[0].reversed)
-        at = found[-1].end
-    return found
+        ordered.append(met[0] if met[0].start == at else met[0].reversed)
+        at = ordered[-1].end
+    return ordered
 
 
 def graded(length: float, first: float, largest: float) -> list[tuple[float, int, float]]:
@@ -368,14 +368,16 @@ HALF_TURN = math.pi * (1.0 - 1e-6)
 def whole_edges(sides: Iterable[Side], corners: Sequence[Place]) -> list[Side]:
     """Return sides of an outline, in any order and either way round, put together in order and direction: from the axis at
     the top outwards, and back along the axis. At corners edges end even if they go on: points of the device's own."""
-    found, count = list(sides), math.inf
-    while len(found) < count:  # a side may join two that were found apart
-        count, left, found = len(found), found, []
+    merged, count = list(sides), math.inf
+    while len(merged) < count:  # a side may join two that were found apart
+        count, left, merged = len(merged), merged, []
         for side in left:
-            joined = ((at, _joined_side(one, side, corners)) for at, one in enumerate(found) if one.role == side.role)
-            place, whole = next(((at, whole) for at, whole in joined if whole), (len(found), side))
-            found[place : place + 1] = [whole]
-    return chained(sorted(found, key=lambda side: side.role == AXIS))
+            joined = (
+                (at, _joined_side(other, side, corners)) for at, other in enumerate(merged) if other.role == side.role
+            )
+            place, whole = next(((at, whole) for at, whole in joined if whole), (len(merged), side))
+            merged[place : place + 1] = [whole]
+    return chained(sorted(merged, key=lambda side: side.role == AXIS))
 
 
 def _joined_side(first: Side, second: Side, corners: Sequence[Place]) -> Side | None:
@@ -393,15 +395,15 @@ def _is_corner(place: Place, corners: Sequence[Place]) -> bool:
     return any(math.dist(place, corner) <= SAME_LINE_TOLERANCE * max(map(abs, corner)) for corner in corners)
 
 
-def _in_one(one: Side, two: Side) -> bool:
+def _in_one(side: Side, two: Side) -> bool:
     """Return whether a side that begins where the other ends goes on along the same line or arc."""
-    if one.centre is not None and two.centre is not None:
-        apart = np.abs(np.subtract((*one.centre, *one.axes), (*two.centre, *two.axes))).max()
-        same = apart < SAME_LINE_TOLERANCE * max(one.axes)
-        return bool(same and abs(one.turn + two.turn) < HALF_TURN and one.turn * two.turn > 0.0)
-    if one.centre is not None or two.centre is not None:
+    if side.centre is not None and two.centre is not None:
+        apart = np.abs(np.subtract((*side.centre, *side.axes), (*two.centre, *two.axes))).max()
+        same = apart < SAME_LINE_TOLERANCE * max(side.axes)
+        return bool(same and abs(side.turn + two.turn) < HALF_TURN and side.turn * two.turn > 0.0)
+    if side.centre is not None or two.centre is not None:
         return False
-    a, b = np.subtract(one.end, one.start), np.subtract(two.end, two.start)
+    a, b = np.subtract(side.end, side.start), np.subtract(two.end, two.start)
     size = float(np.linalg.norm(a) * np.linalg.norm(b))
     return bool(abs(a[0] * b[1] - a[1] * b[0]) < SAME_LINE_TOLERANCE * size and a @ b > 0.0)
 

@@ -362,7 +362,7 @@ def pairs(lines: list[Channel]) -> list[tuple[int, int, Channel, Channel, float]
     image."""
     middle = [(1, 1, lines[0], lines[0], 2.0 * lines[0].angle)] if lines[0].angle > 0.0 else []
     couples = enumerate(itertools.pairwise(lines), 1)
-    return middle + [(k, k + 1, one, other, other.angle - one.angle) for k, (one, other) in couples]
+    return middle + [(k, k + 1, line, other, other.angle - line.angle) for k, (line, other) in couples]
 
 
 def _channel(slab: SeminarActuator, number: int, angle: float) -> Channel | None:
@@ -501,10 +501,10 @@ def check_seminar(slab: SeminarActuator) -> None:
         given = f"{name} is {_mm(bore)}; with offset {_mm(slab.offset)} in thickness {_mm(slab.thickness)} it"
         _check_wall(slab, left, given, f"the {'top' if slab.offset > 0.0 else 'bottom'} face")
     _check_manifold(slab)
-    found = [_check_channel(slab, number, line) for number, line in enumerate(half_fan(slab), 1)]
-    _check_sides(slab, found)
-    _check_neighbours(slab, found)
-    _check_fillet(slab, found)
+    channels = [_check_channel(slab, number, line) for number, line in enumerate(half_fan(slab), 1)]
+    _check_sides(slab, channels)
+    _check_neighbours(slab, channels)
+    _check_fillet(slab, channels)
     if not 3.0 <= slab.around <= 64.0:
         slab.reject("around", "it must be between 3 and 64 cells around a channel")
     slab.check_most("cell_size", 1.0, "thickness")
@@ -578,13 +578,13 @@ def _check_lists(slab: SeminarActuator) -> None:
 def _bores(slab: SeminarActuator) -> list[tuple[float, str]]:
     """Return every radius of the channels that was given, and the name it was given by."""
     pairs = (("bores", "channel_bore"), ("end_bores", "end_bore"))
-    found = {
+    bores = {
         name: bore
         for number in range(half_count(slab), 0, -1)
         for bore, name in (own(slab, *pair, number) for pair in pairs)
     }
-    found |= {f"middle_bores[{number}]": bore for number, bore in enumerate(slab.middle_bores, 1)}
-    return [(bore, name) for name, bore in found.items()]
+    bores |= {f"middle_bores[{number}]": bore for number, bore in enumerate(slab.middle_bores, 1)}
+    return [(bore, name) for name, bore in bores.items()]
 
 
 def _check_manifold(slab: SeminarActuator) -> None:
@@ -600,27 +600,27 @@ def _check_manifold(slab: SeminarActuator) -> None:
     _check_wall(slab, gap, f"manifold_bore is {_mm(bore)}; with {_spread_text(slab)} the manifold", "the base")
 
 
-def _check_channel(slab: SeminarActuator, number: int, found: Channel | None) -> Channel:
+def _check_channel(slab: SeminarActuator, number: int, channel: Channel | None) -> Channel:
     """Return the channel, unless it is so short that nothing of it is left outside the manifold."""
     end_bore, name = own(slab, "end_bores", "end_bore", number)
-    if found is None or found.end - found.start < slab.manifold_bore + end_bore:
+    if channel is None or channel.end - channel.start < slab.manifold_bore + end_bore:
         far = f"reaches[{number}] {_mm(slab.reaches[number - 1])}" if slab.reaches else f"edge {_mm(slab.edge)}"
         at = math.degrees(half_angles(slab)[number - 1])
         slab.reject(
             "manifold_radius",
             f"with {far} and {name} {_mm(end_bore)} no length is left for channel {number}, at {at:.3g} deg",
         )
-    return found
+    return channel
 
 
-def _check_sides(slab: SeminarActuator, found: list[Channel]) -> None:
+def _check_sides(slab: SeminarActuator, channels: list[Channel]) -> None:
     """Solid between the network and the slab's sides, along every centre line."""
     if slab.edge < slab.least_wall:
         raise GeometryError(f"edge is {_mm(slab.edge)}; least_wall requires {_mm(slab.least_wall)}")
-    arc, bore = [0.5 * spread(slab) * k / WALL_SAMPLES for k in range(ARC_SAMPLES + 1)], slab.manifold_bore
+    arc, bore = [0.5 * spread(slab) * k / WALL_SAMPLES for k in range(WALL_SAMPLES + 1)], slab.manifold_bore
     given = f"manifold_bore is {_mm(bore)}; with {_spread_text(slab)} it"
     _check_wall(slab, min(_wall(slab, slab.manifold_radius, angle, bore) for angle in arc), given, "the slab's side")
-    for number, line in enumerate(found, 1):
+    for number, line in enumerate(channels, 1):
         end_bore, name = own(slab, "end_bores", "end_bore", number)
         given = f"{name} is {_mm(end_bore)}; with {_spread_text(slab)} channel {number}"
         if slab.reaches:
@@ -639,14 +639,14 @@ def _wall(slab: SeminarActuator, along: float, angle: float, radius: float) -> f
     return edge_distance(slab, along * math.cos(angle), along * math.sin(angle)) - radius
 
 
-def _check_neighbours(slab: SeminarActuator, found: list[Channel]) -> None:
+def _check_neighbours(slab: SeminarActuator, channels: list[Channel]) -> None:
     """Solid between neighbouring channels, outside of the manifold that joins them."""
     begin = slab.manifold_radius + slab.manifold_bore
-    for first, second, one, other, pitch in pairs(found):
-        end = min(one.end, other.end)
+    for first, second, channel, other, pitch in pairs(channels):
+        end = min(channel.end, other.end)
         for k in range(WALL_SAMPLES + 1):
             along = begin + (end - begin) * k / WALL_SAMPLES
-            left = 2.0 * along * math.sin(0.5 * pitch) - one.radius(along) - other.radius(along)
+            left = 2.0 * along * math.sin(0.5 * pitch) - channel.radius(along) - other.radius(along)
             if left < slab.least_wall * (1 - 1e-9):
                 mouth, name = own(slab, "bores", "channel_bore", second)
                 how = "break into each other" if left <= 0.0 else f"are {_mm(left)} apart"
@@ -656,12 +656,12 @@ def _check_neighbours(slab: SeminarActuator, found: list[Channel]) -> None:
                 )
 
 
-def _check_fillet(slab: SeminarActuator, found: list[Channel]) -> None:
+def _check_fillet(slab: SeminarActuator, channels: list[Channel]) -> None:
     """The rounding must fit on the bores, and two of them between neighbouring channels."""
-    limits = [(line.bore, number) for number, line in enumerate(found, 1)]
-    for _, second, one, other, pitch in pairs(found):
+    limits = [(line.bore, number) for number, line in enumerate(channels, 1)]
+    for _, second, channel, other, pitch in pairs(channels):
         # Two roundings side by side on the manifold's wall, with a fifth of one to spare.
-        room = slab.manifold_radius * math.sin(0.5 * pitch) - 0.5 * (one.bore + other.bore)
+        room = slab.manifold_radius * math.sin(0.5 * pitch) - 0.5 * (channel.bore + other.bore)
         limits.append((room / 1.1, second))
     limit, number = min(limits)
     if slab.fillet > limit:
@@ -708,13 +708,13 @@ def _sections(slab: SeminarActuator, count: int) -> dict[str, float]:
             bores |= {f"channel {k} {place}": own(slab, several, common, k)[0] for k in range(1, count + 1)}
         elif common:
             bores[f"the channels {place}"] = getattr(slab, common)
-    found = {f"width of {name}": 2.0 * bore for name, bore in bores.items()}
+    sections = {f"width of {name}": 2.0 * bore for name, bore in bores.items()}
     for face, sign in (("top", 1.0), ("bottom", -1.0)):
-        found |= {
+        sections |= {
             f"solid between {name} and the {face}": 0.5 * slab.thickness - sign * slab.offset - bore
             for name, bore in bores.items()
         }
-    return found
+    return sections
 
 
 def _sides(slab: SeminarActuator, lines: list[Channel]) -> dict[str, float]:
@@ -722,66 +722,70 @@ def _sides(slab: SeminarActuator, lines: list[Channel]) -> dict[str, float]:
     radius, bore, half, last = slab.manifold_radius, slab.manifold_bore, 0.5 * spread(slab), lines[-1]
     normal, _ = side(slab)
     nearest = min(math.atan2(normal[1], normal[0]), half)  # there the arc's distance is flat, so this is smooth
-    found = {
+    sides = {
         "solid between the manifold and the base": radius * math.cos(half) - bore,
         "solid between the manifold and the side": _wall(slab, radius, nearest, bore),
         f"solid between the end of channel {len(lines)} and the base": last.centre * math.cos(half) - last.cap,
     }
     if not slab.reaches:
-        found["solid between the channels' ends and the side"] = slab.edge
+        sides["solid between the channels' ends and the side"] = slab.edge
     for number, line in enumerate(lines, 1):
         if slab.reaches:
             wall = _wall(slab, line.centre, line.angle, line.cap)
-            found[f"solid between the end of channel {number} and the side"] = wall
+            sides[f"solid between the end of channel {number} and the side"] = wall
         if slab.middle_bores:
             middle = line.cones[0].end
             wall = _wall(slab, middle, line.angle, line.radius(middle))
-            found[f"solid between the middle of channel {number} and the side"] = wall
-    return found
+            sides[f"solid between the middle of channel {number} and the side"] = wall
+    return sides
 
 
 def _neighbours(slab: SeminarActuator, lines: list[Channel]) -> dict[str, float]:
     """Return the solid between neighbouring channels, at the manifold and wherever a cone of either ends."""
-    found = {}
-    for first, second, one, other, pitch in pairs(lines):
+    neighbours = {}
+    for first, second, first_line, other, pitch in pairs(lines):
         places = {"at the manifold": (slab.manifold_radius + slab.manifold_bore, 0)}
-        for number, line in {first: one, second: other}.items():
+        for number, line in {first: first_line, second: other}.items():
             places |= {
                 f"{'at the end' if k == len(line.cones) - 1 else 'half way'} of channel {number}": (cone.end, k)
                 for k, cone in enumerate(line.cones)
             }
         for place, (along, k) in places.items():
-            radii = [cone.bore + cone.slope * (along - cone.start) for cone in (one.cones[k], other.cones[k])]
+            radii = [cone.bore + cone.slope * (along - cone.start) for cone in (first_line.cones[k], other.cones[k])]
             apart = 2.0 * along * math.sin(0.5 * pitch)
-            found[f"solid between channels {first} and {second} {place}"] = apart - sum(radii)
-    return found
+            neighbours[f"solid between channels {first} and {second} {place}"] = apart - sum(radii)
+    return neighbours
 
 
 def _wall_excesses(slab: SeminarActuator, lines: list[Channel]) -> dict[str, float]:
     """Return what the shape needs beyond walls: 0 is enough."""
     radius, bore, fillet = slab.manifold_radius, slab.manifold_bore, slab.fillet
     half, shorter = 0.5 * spread(slab), {"length": slab.length, "width": slab.base_width}
-    found = {f"room for the thickness in the {name}": 0.5 * size - slab.thickness for name, size in shorter.items()}
-    found |= {
+    wall_excesses = {
+        f"room for the thickness in the {name}": 0.5 * size - slab.thickness for name, size in shorter.items()
+    }
+    wall_excesses |= {
         "room for a cell in the thickness": slab.thickness - slab.cell_size,
         "room for the manifold's bore in its radius": radius - 2.0 * bore,
         "room for a wider fan": radius * (math.radians(0.5 * MAX_SPREAD) - half),
         "room for a narrower fan": radius * (half - math.radians(0.5 * MIN_SPREAD)),
     }
     if slab.tip_radius:
-        found |= {f"room for tip_radius in the {name}": 0.4 * size - slab.tip_radius for name, size in shorter.items()}
+        wall_excesses |= {
+            f"room for tip_radius in the {name}": 0.4 * size - slab.tip_radius for name, size in shorter.items()
+        }
     for number, line in enumerate(lines, 1):
         end_bore = own(slab, "end_bores", "end_bore", number)[0]
-        found[f"straight length of channel {number}"] = line.end - line.start - bore - end_bore
+        wall_excesses[f"straight length of channel {number}"] = line.end - line.start - bore - end_bore
     for number, line in enumerate(lines if slab.bores else lines[:1], 1):
         name = f"channel {number}" if slab.bores else "the channels"
-        found[f"room for {name} in the manifold's bore"] = LARGEST_BORE_RATIO * bore - line.bore
+        wall_excesses[f"room for {name} in the manifold's bore"] = LARGEST_BORE_RATIO * bore - line.bore
         if fillet:
-            found[f"room for the fillet in {name}"] = line.bore - fillet
-    for first, second, one, other, pitch in pairs(lines) if fillet else ():
-        room = 2.0 * radius * math.sin(0.5 * pitch) - one.bore - other.bore
-        found[f"room for two fillets between channels {first} and {second}"] = room - 2.2 * fillet
-    return found
+            wall_excesses[f"room for the fillet in {name}"] = line.bore - fillet
+    for first, second, first_line, other, pitch in pairs(lines) if fillet else ():
+        room = 2.0 * radius * math.sin(0.5 * pitch) - first_line.bore - other.bore
+        wall_excesses[f"room for two fillets between channels {first} and {second}"] = room - 2.2 * fillet
+    return wall_excesses
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -910,22 +914,22 @@ def _creases(slab: SeminarActuator, air: list[meshing.Entity]) -> list[int]:
     for wall in walls:
         for _, curve in model.getBoundary([(2, wall)], combined=False, oriented=False):
             owners[curve].append(wall)
-    found = []
+    creases = []
     for curve, pair in owners.items():
         if len(set(pair)) != 2:
             continue  # a seam of one wall, or the rim of the cut
         low, high = (bound[0] for bound in model.getParametrizationBounds(1, curve))
         at = model.getValue(1, curve, [0.5 * (low + high)])
-        one, other = (np.array(model.getNormal(wall, model.getParametrization(2, wall, at))) for wall in pair)
+        normal, other = (np.array(model.getNormal(wall, model.getParametrization(2, wall, at))) for wall in pair)
         turn = max(-half, min(math.atan2(at[1], at[0]), half))
         away = math.dist(at, (radius * math.cos(turn), radius * math.sin(turn), meshing.MM_PER_M * slab.offset))
         # Two cones of one channel meet at an angle too, which stays.
         if (
             away < 1.001 * meshing.MM_PER_M * slab.manifold_bore
-            and math.acos(min(1.0, abs(float(one @ other)))) > MIN_CREASE_ANGLE
+            and math.acos(min(1.0, abs(float(normal @ other)))) > MIN_CREASE_ANGLE
         ):
-            found.append(curve)
-    return sorted(found)
+            creases.append(curve)
+    return sorted(creases)
 
 
 def _manifold(slab: SeminarActuator, begin: float) -> list[meshing.Entity]:
@@ -1060,7 +1064,7 @@ def arc_map(
 
     def carry(turn: Array) -> Array:
         piece = np.clip(np.searchsorted(0.5 * (angles[:-1] + angles[1:]), turn), 0, len(angles) - 1)
-        found = goals[piece] + slopes[piece] * (turn - angles[piece])
+        angles_on_other = goals[piece] + slopes[piece] * (turn - angles[piece])
         gap = np.clip(np.searchsorted(angles, turn, side="right") - 1, 0, len(angles) - 2)
         share = (turn - starts[gap]) / span[gap]
         between = (share > 0.0) & (share < 1.0)
@@ -1071,7 +1075,7 @@ def arc_map(
             + first[gap] * s * (1.0 - s) ** 2
             - last[gap] * s**2 * (1.0 - s)
         )
-        return np.where(between, cubic, found)
+        return np.where(between, cubic, angles_on_other)
 
     return carry
 
@@ -1207,12 +1211,12 @@ class Junction:
 
     def level(self, points: Array) -> tuple[Array, Array]:
         """Return the level of the wall with its rounding, shape (n,), and its gradient, shape (n, 3)."""
-        first, one = tube_level(self.slab, points)
+        first, level_one = tube_level(self.slab, points)
         second, other = self.cone_level(points)
         along, _, direction = self.local(points)
         # Behind the arc's centre line the prolonged cone is no wall.
         nearer = (first < second) | (along < self.line.start)
-        level, normal = np.where(nearer, first, second), np.where(nearer[:, None], one, other)
+        level, normal = np.where(nearer, first, second), np.where(nearer[:, None], level_one, other)
         fillet = self.slab.fillet
         if fillet == 0.0:
             return level, normal
@@ -1223,20 +1227,20 @@ class Junction:
             return level, normal
         centre = self.nearest(points[close])
         by_tube, by_cone = self.shares(centre, points[close] - centre)[:, :2].T
-        first, second, one, other = first[close], second[close], one[close], other[close]
+        first, second, level_one, other = first[close], second[close], level_one[close], other[close]
         inwards, away = unit(centre - points[close])
         # Beyond a touching line the wall itself is nearest, beyond both the nearer one.
         on_tube = (by_cone < 0.0) & ((by_tube >= 0.0) | (first < second))
         on_cone = (by_tube < 0.0) & ~on_tube
         level[close] = np.where(on_tube, first, np.where(on_cone, second, fillet - away))
-        normal[close] = np.where(on_tube[:, None], one, np.where(on_cone[:, None], other, inwards))
+        normal[close] = np.where(on_tube[:, None], level_one, np.where(on_cone[:, None], other, inwards))
         return level, normal
 
     def frame(self, centre: Array) -> Array:
         """Return the outward from the solid at both walls' gradients and along the rim: columns, shape (n, 3, 3)."""
-        _, one = tube_level(self.slab, centre)
+        _, level_one = tube_level(self.slab, centre)
         _, other = self.cone_level(centre)
-        return np.stack([-one, -other, unit(np.cross(one, other))[0]], axis=2)
+        return np.stack([-level_one, -other, unit(np.cross(level_one, other))[0]], axis=2)
 
     def shares(self, centre: Array, vectors: Array) -> Array:
         """Return the components of vectors in the `frame` at places on the rim, shape (n, 3)."""
@@ -1256,9 +1260,9 @@ MAX_SEARCH_STEPS, MIN_CURVATURE_RATIO = 40, 0.1
 """Most steps of that search, and the least curvature it takes the squared distance to have, in that of a straight rim's."""
 
 
-def dot(one: Array, other: Array) -> Array:
+def dot(left: Array, other: Array) -> Array:
     """Return the products of rows, shape (n,)."""
-    return np.asarray((one * other).sum(axis=1))
+    return np.asarray((left * other).sum(axis=1))
 
 
 def unit(vectors: Array) -> tuple[Array, Array]:
@@ -1267,9 +1271,9 @@ def unit(vectors: Array) -> tuple[Array, Array]:
     if lengths.all():
         return vectors / lengths[:, None], lengths
     none = lengths == 0.0
-    found = vectors / np.where(none, 1.0, lengths)[:, None]
-    found[none, 0] = 1.0
-    return found, lengths
+    units = vectors / np.where(none, 1.0, lengths)[:, None]
+    units[none, 0] = 1.0
+    return units, lengths
 
 
 def tube_level(slab: SeminarActuator, points: Array) -> tuple[Array, Array]:
@@ -1314,7 +1318,7 @@ class _Pair:
 
 def _pairs(slab: SeminarActuator, other: SeminarActuator) -> list[_Pair]:
     lines, its_lines = half_fan(slab), half_fan(other)
-    found: list[_Pair] = []
+    pairs: list[_Pair] = []
     for number, (line, its_line) in enumerate(zip(lines, its_lines, strict=True)):
         assert line is not None and its_line is not None  # checked by the constructor
         gaps = [
@@ -1327,8 +1331,8 @@ def _pairs(slab: SeminarActuator, other: SeminarActuator) -> list[_Pair]:
         outer = inner + min(
             CREASE_BLEND_LENGTH * slab.manifold_bore, 0.95 * gap - inner, max(0.5 * room, 0.1 * line.bore)
         )
-        found.append(_Pair(Junction(slab, line), Junction(other, its_line), inner, outer))
-    return found
+        pairs.append(_Pair(Junction(slab, line), Junction(other, its_line), inner, outer))
+    return pairs
 
 
 def _adjacent_walls(lines: list[Channel | None], number: int) -> list[tuple[float, float]]:
@@ -1345,12 +1349,14 @@ def carry_network(slab: SeminarActuator, other: SeminarActuator, points: Array) 
     tube = _tube_map(slab, other, [(pair.one.line, pair.two.line) for pair in pairs])(points)
     levels = np.array([_channel_level(pair.one, points) for pair in pairs])
     nearest = levels.argmin(axis=0)
-    near, found = np.minimum(first, levels.min(axis=0)), tube.copy()
+    near, moved_points = np.minimum(first, levels.min(axis=0)), tube.copy()
     for number, pair in enumerate(pairs):
         mine = np.flatnonzero(nearest == number)
         if len(mine):
-            found[mine], near[mine] = _nearest_places(pair, points[mine], tube[mine], first[mine], levels[number, mine])
-    return near, found
+            moved_points[mine], near[mine] = _nearest_places(
+                pair, points[mine], tube[mine], first[mine], levels[number, mine]
+            )
+    return near, moved_points
 
 
 def _nearest_places(pair: _Pair, points: Array, tube: Array, first: Array, second: Array) -> tuple[Array, Array]:
@@ -1358,12 +1364,12 @@ def _nearest_places(pair: _Pair, points: Array, tube: Array, first: Array, secon
     manifold's motion takes them, are in m, shape (n, 3); ``first`` and ``second`` levels of the manifold and of the channel,
     shape (n,)."""
     slab = pair.one.slab
-    one, two = np.maximum(first, 0.0) ** 2, np.maximum(second, 0.0) ** 2
-    by_tube = np.where(one + two > 0.0, two / np.maximum(one + two, 1e-300), 0.5)[:, None]
+    square, two = np.maximum(first, 0.0) ** 2, np.maximum(second, 0.0) ** 2
+    by_tube = np.where(square + two > 0.0, two / np.maximum(square + two, 1e-300), 0.5)[:, None]
     # Inside one's air the other's wall is the boundary.
     by_tube = np.where((first < 0.0)[:, None] & (first < second)[:, None], 1.0, by_tube)
     by_tube = np.where((second < 0.0)[:, None] & (second <= first)[:, None], 0.0, by_tube)
-    found = by_tube * tube + (1.0 - by_tube) * _channel_map(pair, points)
+    moved_points = by_tube * tube + (1.0 - by_tube) * _channel_map(pair, points)
     near = np.minimum(first, second)
     along, _, _ = pair.one.local(points)
     crease = np.hypot(np.maximum(first, 0.0), np.maximum(second, 0.0))
@@ -1373,7 +1379,7 @@ def _nearest_places(pair: _Pair, points: Array, tube: Array, first: Array, secon
     zone = np.flatnonzero(weight > 0.0)
     if len(zone):
         some = points[zone]
-        moved = weight[zone, None] * _crease_map(pair, some) + (1.0 - weight[zone, None]) * found[zone]
+        moved = weight[zone, None] * _crease_map(pair, some) + (1.0 - weight[zone, None]) * moved_points[zone]
         target, _ = pair.one.level(some)
         if slab.fillet == 0.0:
             moved = _onto_wall(pair, moved, first[zone], second[zone])
@@ -1385,8 +1391,8 @@ def _nearest_places(pair: _Pair, points: Array, tube: Array, first: Array, secon
                 f"the channel at {math.degrees(pair.two.line.angle):.3g} deg becomes so short that its end meets the crease at "
                 "the manifold, where the mesh cannot follow; make a new mesh"
             )
-        found[zone], near[zone] = moved, target
-    return found, near
+        moved_points[zone], near[zone] = moved, target
+    return moved_points, near
 
 
 def _onto_rounding(pair: _Pair, points: Array, target: Array) -> Array:
@@ -1404,8 +1410,8 @@ def _onto_wall(pair: _Pair, points: Array, first: Array, second: Array) -> Array
     """Return the points moved until the level of the nearer of two walls that meet in a sharp crease is what it was."""
     nearer = first < second
     for _ in range(4):
-        (one, normal), (two, its_normal) = tube_level(pair.two.slab, points), pair.two.cone_level(points)
-        gap = np.where(nearer, one - first, two - second)
+        (level_one, normal), (two, its_normal) = tube_level(pair.two.slab, points), pair.two.cone_level(points)
+        gap = np.where(nearer, level_one - first, two - second)
         points = points - gap[:, None] * np.where(nearer[:, None], normal, its_normal)
     return points
 
@@ -1438,9 +1444,9 @@ def _stretched_places(along: Array, length: Array, its_length: Array, *, rigid: 
     share, ratio = along / length, its_length / length
     first = 1.0 if rigid else ratio
     inner = np.where((share > 0.0) & (share < 1.0), share * (1.0 - share), 0.0)
-    found = its_length * (ratio * share**2 + first * inner) / (ratio + (first - ratio) * inner)
-    found = np.where(share < 0.0, first * along, found)
-    return np.where(share > 1.0, its_length + ratio * (along - length), found)
+    moved = its_length * (ratio * share**2 + first * inner) / (ratio + (first - ratio) * inner)
+    moved = np.where(share < 0.0, first * along, moved)
+    return np.where(share > 1.0, its_length + ratio * (along - length), moved)
 
 
 def _channel_map(pair: _Pair, points: Array) -> Array:
@@ -1516,9 +1522,9 @@ def carried(slab: SeminarActuator, other: SeminarActuator, points: Array) -> Arr
     # On a face nothing of the network's motion is left, on a wall nothing of the faces'.
     share = near / np.maximum(near + away, 1e-300)
     share = (share**2 * (3.0 - 2.0 * share))[:, None]
-    found = (1.0 - share) * result + share * outer
-    found[:, 1] = np.where(np.abs(points[:, 1]) < 1e-10 * slab.length, 0.0, np.copysign(found[:, 1], points[:, 1]))
-    return found
+    moved = (1.0 - share) * result + share * outer
+    moved[:, 1] = np.where(np.abs(points[:, 1]) < 1e-10 * slab.length, 0.0, np.copysign(moved[:, 1], points[:, 1]))
+    return moved
 
 
 def _lengths(slab: SeminarActuator, other: SeminarActuator) -> Callable[[Array], Array]:
@@ -1548,7 +1554,9 @@ def _prism_outline(slab: SeminarActuator, other: SeminarActuator, points: Array)
     wide, its_wide = 0.5 * slab.base_width, 0.5 * other.base_width
     to = _lengths(slab, other)(x)
     width, its_width = wide + (edge - wide) * (x / corner), its_wide + (its_edge - its_wide) * (to / its_corner)
-    found = np.column_stack([to, y * its_width / np.maximum(width, 1e-300), z * (other.thickness / slab.thickness)])
+    prism_outline = np.column_stack(
+        [to, y * its_width / np.maximum(width, 1e-300), z * (other.thickness / slab.thickness)]
+    )
     if slab.tip_radius:
         middle, its_middle = slab.length - slab.tip_radius, other.length - other.tip_radius
         bend = math.atan2(its_edge, its_corner - its_middle) / math.atan2(edge, corner - middle)
@@ -1556,12 +1564,12 @@ def _prism_outline(slab: SeminarActuator, other: SeminarActuator, points: Array)
         growth = other.tip_radius / slab.tip_radius
         ratio = growth * np.where(turn > 1e-7, np.sin(bend * turn) / np.sin(np.maximum(turn, 1e-7)), bend)
         round_ = (x > corner)[:, None]
-        found = np.where(
+        prism_outline = np.where(
             round_,
-            np.column_stack([its_middle + other.tip_radius * np.cos(bend * turn), y * ratio, found[:, 2]]),
-            found,
+            np.column_stack([its_middle + other.tip_radius * np.cos(bend * turn), y * ratio, prism_outline[:, 2]]),
+            prism_outline,
         )
-    return found
+    return prism_outline
 
 
 def _to_faces(slab: SeminarActuator, points: Array) -> Array:

@@ -339,7 +339,7 @@ def _at_focal(body: lensfunpy.Camera, glass: lensfunpy.Lens, focal: float, width
         raise CameraError(
             "lensfun gives no distortion for this lens at this focal length; calibrate it from chessboards"
         )
-    powers = _radial_fit(ideal, np.array([found[0, 0] for found in maps], dtype=float), centre, unit)
+    powers = _radial_fit(ideal, np.array([nearest_entry[0, 0] for nearest_entry in maps], dtype=float), centre, unit)
     pixel = math.hypot(width, height) * body.crop_factor / FULL_FRAME_DIAGONAL  # px per mm on the sensor
     matrix = np.array([[focal * pixel, 0, (width - 1) / 2], [0, focal * pixel, (height - 1) / 2], [0, 0, 1]])
     coefficients = np.concatenate([[unit], centre, powers])
@@ -367,15 +367,16 @@ def _find(maker: str, camera: str, lens: str, database: Path | str | None) -> tu
         raise CameraError(f"lensfun does not have the camera {maker} {camera}; check its name or calibrate it")
     # The search is by likeness; a lens with other numbers in its name (focal lengths, stops) is another lens.
     alike = [
-        found
-        for found in known.find_lenses(bodies[0], None, lens)
-        if set(_numbers(lens)) <= set(_numbers(found.model)) or set(_numbers(found.model)) == set(_numbers(lens))
+        known_lens
+        for known_lens in known.find_lenses(bodies[0], None, lens)
+        if set(_numbers(lens)) <= set(_numbers(known_lens.model))
+        or set(_numbers(known_lens.model)) == set(_numbers(lens))
     ]
     if not alike:
         raise CameraError(
             f"lensfun does not have the lens {lens} for the {bodies[0].model}; check its name or calibrate"
         )
-    exact = [found for found in alike if _plain(found.model) == _plain(lens)]
+    exact = [known_lens for known_lens in alike if _plain(known_lens.model) == _plain(lens)]
     return bodies[0], (exact or alike)[0]
 
 
@@ -419,7 +420,7 @@ def _number(value: object) -> float | None:
 
 
 def _numbers(name: str) -> list[float]:
-    return [float(found) for found in re.findall(r"\d+(?:\.\d+)?", name)]
+    return [float(digits) for digits in re.findall(r"\d+(?:\.\d+)?", name)]
 
 
 def _plain(name: str) -> str:

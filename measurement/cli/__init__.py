@@ -88,10 +88,10 @@ def numbers(text: str, count: int, option: str) -> tuple[float, ...]:
 
 def pattern(text: str) -> tuple[int, int]:
     """Return the inner corners in a row and in a column, from "9x6"."""
-    found = re.fullmatch(r"([0-9]{1,4})x([0-9]{1,4})", text.strip())
-    if not found:
+    match = re.fullmatch(r"([0-9]{1,4})x([0-9]{1,4})", text.strip())
+    if not match:
         raise SetupError(f"{units.brief(text)} is not a pattern; write the inner corners like 9x6")
-    return int(found[1]), int(found[2])
+    return int(match[1]), int(match[2])
 
 
 def length(text: str) -> float:
@@ -102,9 +102,11 @@ def length(text: str) -> float:
 def per_metre(text: str) -> float:
     """Return the pixels per metre from "75px/mm"."""
     # A pixel is a count here; Pint's own pixel is a unit of its own.
-    found = len(text) <= units.MAX_CHARACTERS and re.fullmatch(r"\s*([^a-z]+?)\s*(?:px|pixels?)?\s*/\s*(\w+)\s*", text)
+    text_match = len(text) <= units.MAX_CHARACTERS and re.fullmatch(
+        r"\s*([^a-z]+?)\s*(?:px|pixels?)?\s*/\s*(\w+)\s*", text
+    )
     try:
-        return units.quantity(f"{found[1]} {found[2]}^-1" if found else text, "1/m")
+        return units.quantity(f"{text_match[1]} {text_match[2]}^-1" if text_match else text, "1/m")
     except units.UnitError as error:
         why = f" ({error})" if isinstance(error, units.DecimalCommaError) else ""
         raise SetupError(

@@ -181,9 +181,9 @@ def _dusty_stations(variance: Array, width: Array, good: Mask) -> Mask:
     much."""
     usual = np.median(variance[good]) if good.any() else np.inf
     local = median_filter(width, WINDOW_STATIONS, mode="mirror") if len(width) >= WINDOW_STATIONS else np.median(width)
-    found = (variance > LARGEST_RESIDUAL_RATIO**2 * usual) | (np.abs(np.log(width / local)) > 0.35)
+    is_spoilt = (variance > LARGEST_RESIDUAL_RATIO**2 * usual) | (np.abs(np.log(width / local)) > 0.35)
     # It reaches into the stations beside those in which it is plain.
-    return np.asarray(binary_propagation(found, mask=found | (variance > NEIGHBOUR_RATIO**2 * usual)))
+    return np.asarray(binary_propagation(is_spoilt, mask=is_spoilt | (variance > NEIGHBOUR_RATIO**2 * usual)))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -397,7 +397,7 @@ def _edge_offset(px: Array, normal: Array, width: Array) -> Array:
 
 def _curvature(lines: list[BridgedLine]) -> float:
     """Return the greatest curvature of the smoothed edge in 1/px, but for single corners."""
-    found = [np.zeros(1)]
+    curvatures = [np.zeros(1)]
     for line in lines:
         if len(line.px) > 4 * SMOOTHING_POINTS:
             # Over two spans of points noise bends nothing any more.
@@ -409,8 +409,8 @@ def _curvature(lines: list[BridgedLine]) -> float:
             chord = far - near
             length = np.maximum(np.linalg.norm(chord, axis=1), 1e-9)
             sagitta = np.abs(chord[:, 0] * (here - near)[:, 1] - chord[:, 1] * (here - near)[:, 0]) / length
-            found.append(8.0 * sagitta / length**2)
-    return float(np.percentile(np.concatenate(found), 90))
+            curvatures.append(8.0 * sagitta / length**2)
+    return float(np.percentile(np.concatenate(curvatures), 90))
 
 
 def _bridge(before: BridgedLine, after: BridgedLine, usual: float, bend: float, longest: float) -> BridgedLine | None:
@@ -483,12 +483,12 @@ def widest_patch(edge: Edge, scale: float) -> tuple[float, float]:
     def slopes(c: Array) -> Array:
         return np.asarray(0.5 * square * terms / expected(c)[:, None])
 
-    found, rest = np.eye(terms.shape[1])[0], np.median(width) - width
+    coefficients, rest = np.eye(terms.shape[1])[0], np.median(width) - width
     for _ in range(WIDTH_FITS):
         # Of an edge out of focus the first fit leaves most; what a patch leaves is much only beside what the rest does.
         usual = robust.deviation(rest) + 1e-3
-        found = least_squares(missed, found, jac=slopes, loss="cauchy", f_scale=usual).x
-        rest = -missed(found)
+        coefficients = least_squares(missed, coefficients, jac=slopes, loss="cauchy", f_scale=usual).x
+        rest = -missed(coefficients)
     spacing = float(np.median(np.linalg.norm(np.diff(edge.px, axis=0), axis=1))) * scale
     count = min(max(MIN_WINDOW_POINTS, round(WIDTH_WINDOW / spacing)), len(rest) // 3)
     smooth = np.median(np.lib.stride_tricks.sliding_window_view(rest, count), axis=1)
@@ -572,10 +572,10 @@ class Traced:
         if not self.setup.masks:
             return np.zeros(shape, dtype=bool)
         places = np.moveaxis(np.indices(shape)[::-1], 0, -1).reshape(-1, 2)
-        found = self.masked(self.view.enlarged(places.astype(np.float64), shape)).reshape(shape)
-        if found.all():
+        is_masked = self.masked(self.view.enlarged(places.astype(np.float64), shape)).reshape(shape)
+        if is_masked.all():
             raise pictures.Unmeasurable("the masks cover everything; give setup --mask smaller ones")
-        return found
+        return is_masked
 
     @functools.cached_property
     def coarse(self) -> CoarseShadow:
@@ -633,10 +633,10 @@ class Traced:
 
     def masked(self, px: Array) -> npt.NDArray[np.bool_]:
         """Return which pixels (n, 2) lie in one of the setup's masks."""
-        found = np.zeros(len(px), dtype=bool)
+        is_masked = np.zeros(len(px), dtype=bool)
         for x0, y0, x1, y1 in self.setup.masks:
-            found |= ((px >= [x0, y0]) & (px <= [x1, y1])).all(axis=1)
-        return found
+            is_masked |= ((px >= [x0, y0]) & (px <= [x1, y1])).all(axis=1)
+        return is_masked
 
     @property
     def touched(self) -> bool:

@@ -675,7 +675,7 @@ def _place_error(terms: Array) -> float:
 def _mean_profile(z: Array, residual: Array, clean: Mask) -> tuple[Array, Array, Array]:
     """Return the places (m,) in widths, the median profile there and its standard error."""
     bins = np.floor((z + PROFILE_REACH) / (2.0 * PROFILE_REACH) * PROFILE_BINS).astype(np.int64)
-    found = []
+    mean_bins = []
     for number in range(PROFILE_BINS):
         chosen = clean & (bins == number)
         if chosen.sum() < MIN_SAMPLES_PER_BIN:
@@ -685,8 +685,10 @@ def _mean_profile(z: Array, residual: Array, clean: Mask) -> tuple[Array, Array,
         own = residual[chosen]
         middle, at = float(np.median(own)), float(z[chosen].mean())
         # The median of n normal values errs by 1.25 sigma / sqrt(n).
-        found.append((at, ndtr(at) + middle, 1.25 * deviation(own - middle) / np.sqrt(len(own) / CORRELATED_SAMPLES)))
-    return tuple(np.array(found).reshape(-1, 3).T)  # type: ignore[return-value]
+        mean_bins.append(
+            (at, ndtr(at) + middle, 1.25 * deviation(own - middle) / np.sqrt(len(own) / CORRELATED_SAMPLES))
+        )
+    return tuple(np.array(mean_bins).reshape(-1, 3).T)  # type: ignore[return-value]
 
 
 DEPTH_PARAMETER = 9

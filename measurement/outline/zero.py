@@ -221,12 +221,12 @@ def _surface(points: Array, normals: Array, level: Mask) -> Mask:
     highest = level & (piece == long[int(np.argmax(heights))])
     direction, middle = _best_pair(points[highest])
     off = (points - middle) @ np.array([-direction[1], direction[0]])
-    found = highest.copy()
+    is_level = highest.copy()
     for number in np.flatnonzero(sizes):
         mine = level & (piece == number)
         if np.median(off[mine]) > -STRAIGHT_TOLERANCE:
-            found |= mine
-    return np.asarray(found)
+            is_level |= mine
+    return np.asarray(is_level)
 
 
 def _best_pair(points: Array) -> tuple[Array, Array]:
@@ -240,8 +240,8 @@ def _best_pair(points: Array) -> tuple[Array, Array]:
     normal = np.column_stack([-direction[:, 1], direction[:, 0]])
     offset = np.einsum("mi,mni->mn", normal, points[None, :, :] - points[pairs[:, 0]][:, None, :])
     best = int(np.argmax((np.abs(offset) < STRAIGHT_TOLERANCE / 2).sum(axis=1)))
-    found = direction[best] if direction[best, 0] > 0.0 else -direction[best]
-    return found, points[pairs[best, 0]]
+    best_direction = direction[best] if direction[best, 0] > 0.0 else -direction[best]
+    return best_direction, points[pairs[best, 0]]
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -108,7 +108,7 @@ def calibrate(
         grays, camera = [view.gray for view in views], itertools.repeat(solution.camera(size, ""))
         with ThreadPoolExecutor(processes.cores()) as pool:
             straight = pool.map(straightened_corners, grays, corners, camera, map(corner_reach, corners))
-            corners = [(each(), found)[1] for found in straight]
+            corners = [(each(), photo_corners)[1] for photo_corners in straight]
         solution = _solve(corners, board, size)
     return Calibration(
         camera=calibrated_from(corners, board, size),
@@ -278,12 +278,12 @@ def straightened_corners(gray: NDArray[np.uint8], corners: Points, camera: Camer
         starts, steps = camera.undistort(seen), np.zeros_like(seen)
         for number, (middle, lens) in enumerate(zip(middles, fit @ ideal, strict=True)):
             steps[number] = _corner_step(slopes, middle - first, seen[number] - first, starts[number], lens, reach)
-        found = camera.distort(starts + steps)
-        found = np.where(np.isfinite(found), found, seen)
+        corrected = camera.distort(starts + steps)
+        corrected = np.where(np.isfinite(corrected), corrected, seen)
         # A corner that runs away stays where it was: its window holds no corner.
-        found = np.where(np.linalg.norm(found - corners, axis=1)[:, None] < 0.5 * reach, found, seen)
-        moved = float(np.abs(found - seen).max())
-        seen = found
+        corrected = np.where(np.linalg.norm(corrected - corners, axis=1)[:, None] < 0.5 * reach, corrected, seen)
+        moved = float(np.abs(corrected - seen).max())
+        seen = corrected
         if moved < CORNER_TOLERANCE_PX:
             break
     return seen
@@ -382,13 +382,13 @@ def _board_corners(gray: NDArray[np.uint8], pattern: tuple[int, int]) -> NDArray
             size = (round(gray.shape[1] / scale), round(gray.shape[0] / scale))
             small = gray if side == longest else cv2.resize(gray, size, interpolation=cv2.INTER_AREA)
             # Without CALIB_CB_ACCURACY, which searches four times the pixels for a precision that comes later here.
-            found, corners = cv2.findChessboardCornersSB(small, pattern, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
-            if found and (small is gray or corner_reach(corners.reshape(-1, 2)) >= MIN_WINDOW_PX):
+            is_whole, corners = cv2.findChessboardCornersSB(small, pattern, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
+            if is_whole and (small is gray or corner_reach(corners.reshape(-1, 2)) >= MIN_WINDOW_PX):
                 scales = np.array(gray.shape[::-1]) / small.shape[::-1]
                 return np.asarray((corners.reshape(-1, 2).astype(float) + 0.5) * scales - 0.5)
     known = cv2.CALIB_CB_ADAPTIVE_THRESH + cv2.CALIB_CB_NORMALIZE_IMAGE + cv2.CALIB_CB_FAST_CHECK
-    found, corners = cv2.findChessboardCorners(gray, pattern, flags=known)
-    return corners.reshape(-1, 2).astype(float) if found else None
+    is_whole, corners = cv2.findChessboardCorners(gray, pattern, flags=known)
+    return corners.reshape(-1, 2).astype(float) if is_whole else None
 
 
 def find_charuco(

@@ -96,19 +96,19 @@ def find_grid(
     lattice = count_lines(find_lines(gray, seen_by), seen_by)
     px, indices, sigma = measure_crossings(gray, seen_by, lattice)
     px, indices, sigma, plane = _without_outliers(px, indices, sigma, seen_by)
-    found = checked(px, indices, sigma, plane)
+    grid_points = checked(px, indices, sigma, plane)
     _check_square(plane, seen_by)
-    return counted_from(found, seen_by, pitch, origin)
+    return counted_from(grid_points, seen_by, pitch, origin)
 
 
 def counted_from(
-    found: GridPoints, camera: Camera, pitch: float, origin: tuple[float, float] | None = None
+    points: GridPoints, camera: Camera, pitch: float, origin: tuple[float, float] | None = None
 ) -> GridPoints:
     """Return the same points counted from the crossing nearest to a pixel, the picture's middle unless given."""
     middle = ((camera.width - 1) / 2, (camera.height - 1) / 2) if origin is None else origin
     # The origin need not be measured itself: dust on it must not move it to its neighbour.
-    first = np.rint(found.plane(camera, 1.0).to_metres(camera.undistort(middle))[0]).astype(int)
-    return dataclasses.replace(found, indices=found.indices - first, pitch=pitch)
+    first = np.rint(points.plane(camera, 1.0).to_metres(camera.undistort(middle))[0]).astype(int)
+    return dataclasses.replace(points, indices=points.indices - first, pitch=pitch)
 
 
 def gray_bytes(image: ArrayLike) -> NDArray[np.uint8]:
@@ -251,8 +251,10 @@ def find_lines(gray: NDArray[np.uint8], camera: Camera) -> list[Line]:
         tries.append(_straight_lines((ideal[known] - middle) / factor, normals[known], depth[known], max(light.shape)))
     # A narrow blur does not reach across a wide line, and a wide one washes thin lines out: the narrowest that shows
     # nearly as much as any is taken.
-    shown = [sum(line.strength for line in found) for found in tries]
-    lines = next(found for found, strength in zip(tries, shown, strict=True) if strength >= 0.8 * max(shown))
+    shown = [sum(line.strength for line in lines_of_try) for lines_of_try in tries]
+    lines = next(
+        lines_of_try for lines_of_try, strength in zip(tries, shown, strict=True) if strength >= 0.8 * max(shown)
+    )
     if not lines:
         raise GridError("no grid was found: the picture shows no long dark lines (too blurred, too faint or not there)")
     return [
@@ -606,7 +608,7 @@ def _measure(
     # Eight pixels over the line are enough to find its centre, and their means hold all the light there is.
     factor = max(1, int(half * spacing / 8.0))
     light = LineLight.of(gray, factor, camera)
-    found, numbers, errors = [], [], []
+    places, numbers, errors = [], [], []
     for node, pitch in zip(nodes, pitches, strict=True):
         fits = []
         for axis in (0, 1):
@@ -625,10 +627,10 @@ def _measure(
             continue
         point, error = _cross(fits)
         if np.isfinite(point).all() and error < 0.02 * spacing:
-            found.append(point)
+            places.append(point)
             numbers.append(node)
             errors.append(error)
-    return np.array(found).reshape(-1, 2), np.array(numbers, dtype=int).reshape(-1, 2), np.array(errors)
+    return np.array(places).reshape(-1, 2), np.array(numbers, dtype=int).reshape(-1, 2), np.array(errors)
 
 
 def _cross(fits: list[tuple[Arms, float, float, float]]) -> tuple[Points, float]:
@@ -659,7 +661,7 @@ def count_lines(lines: list[Line], camera: Camera) -> setup.Plane:
     middles = np.array([(line.middle - centre) / scale for line in lines])
     weights = np.array([float(line.support) for line in lines])
     free = np.ones(len(lines), dtype=bool)
-    first, one = _pencil(rows, middles, weights, free)
+    first, weight = _pencil(rows, middles, weights, free)
     crossing = (
         free & ~first & (np.abs(rows[:, :2] @ _mean_direction(rows[first], weights[first])) > np.sin(np.radians(20.0)))
     )
@@ -669,7 +671,7 @@ def count_lines(lines: list[Line], camera: Camera) -> setup.Plane:
             f"no grid was found: {int(first.sum())} and {int(second.sum())} lines cross, but 3 and 2 are the fewest"
         )
     places, numbers = [], []
-    for members, across in ((first, other), (second, one)):
+    for members, across in ((first, other), (second, weight)):
         # With both vanishing points taken to infinity and the picture's centre to the origin, a line of the grid lies at
         # one number, and the numbers of a family are equally spaced.
         at = -rows[members, 2] / (rows[members] @ across)

@@ -124,11 +124,11 @@ def look_at_grid(view: View, pitch: float, is_lit: npt.NDArray[np.bool_], reach:
         places.append(target[clear])
         shifts.append(centre[clear])
         inks.append(0.5 * (ink[half:] + ink[: half + 1][::-1]))
-        offsets.append({line: float(np.median(found)) for line, found in lines.items() if len(found) >= 3})
+        offsets.append({line: float(np.median(cuts)) for line, cuts in lines.items() if len(cuts) >= 3})
     shift = np.concatenate(shifts)
     return GridLook(
         pitch, len(shift) / expected if expected else 0.0, np.concatenate(places), shift,
-        np.repeat([0, 1], [len(one) for one in shifts]), np.array(inks), across[half:], (offsets[0], offsets[1]),
+        np.repeat([0, 1], [len(along) for along in shifts]), np.array(inks), across[half:], (offsets[0], offsets[1]),
     )  # fmt: skip
 
 
@@ -279,8 +279,8 @@ class LineShape:
             least_squares(missed, np.clip(np.log(np.maximum(start, 1e-9)), low + 1e-6, high - 1e-6), bounds=(low, high))
             for start in starts
         ]
-        found = dict(zip(seen, lines(min(fits, key=lambda fit: float(fit.cost)).x), strict=True))
-        return found.get(0), found.get(1)
+        shape_by_line = dict(zip(seen, lines(min(fits, key=lambda fit: float(fit.cost)).x), strict=True))
+        return shape_by_line.get(0), shape_by_line.get(1)
 
     def through(self, off: Array) -> Array:
         """Return the share of light that the blurred line lets through at signed distances from its middle in m."""
@@ -390,20 +390,20 @@ def _pieces_of(looks: list[GridLook]) -> tuple[Array, Array, Array]:
     whole = [_affine(looks[0], axis) for axis in (0, 1)]
     for look in looks:
         every = np.ones(len(look.shift), dtype=bool)
-        found = [
+        medians = [
             _medians(look, axis, look.shift - look.affine_terms(every) @ movement)
             for axis, movement in enumerate(whole)
             if movement is not None
         ]
-        if not sum(len(part[1]) for part in found):
+        if not sum(len(part[1]) for part in medians):
             continue
-        scatter = robust.deviation(np.concatenate([part[2] for part in found]))
+        scatter = robust.deviation(np.concatenate([part[2] for part in medians]))
         # The median of n values has pi/2 times the variance of their mean; values about their own median scatter less.
         # A shadow's faint lines are read less well than the lit screen's, so each look has an error of its own.
         error = scatter * np.sqrt(np.pi / 2.0 / STATIONS_PER_PIECE) * 1.25
-        places += [place for place, _, _ in found]
-        offs += [off for _, off, _ in found]
-        errors += [np.full(len(off), error) for _, off, _ in found]
+        places += [place for place, _, _ in medians]
+        offs += [off for _, off, _ in medians]
+        errors += [np.full(len(off), error) for _, off, _ in medians]
     return np.concatenate(places), np.concatenate(offs), np.concatenate(errors)
 
 

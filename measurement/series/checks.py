@@ -233,12 +233,12 @@ def answers(stage: str, evidence: Evidence) -> Iterator[Doubt]:
 def doubts(stage: str, evidence: Evidence) -> tuple[str, ...]:
     """Return what the checks of a stage have against a photograph, one sentence each; `Unmeasurable` if one of them
     rejects it, although it is not to be used anyway, or leaves nothing to measure."""
-    found = []
+    doubts = []
     for doubt in answers(stage, evidence):
         if doubt.lasting or (doubt.rejects and not evidence.traced.anyway):
             raise pictures.Unmeasurable(str(doubt))
-        found.append(str(doubt))
-    return tuple(found)
+        doubts.append(str(doubt))
+    return tuple(doubts)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -665,14 +665,14 @@ def clear_top(e: Evidence) -> Iterator[Doubt]:
 @register_check(OUTLINE)
 def zero_plane(e: Evidence) -> Iterator[Doubt]:
     """Is the zero plane's photograph free of doubt, and stored as this one?"""
-    found = [f"of the zero plane's photograph: {doubt}" for doubt in e.zero.doubts]
+    remarks = [f"of the zero plane's photograph: {doubt}" for doubt in e.zero.doubts]
     if e.zero.tone and e.zero.tone != e.traced.tone:
-        found.append(
+        remarks.append(
             f"it seems to store light as {e.traced.tone} but the zero plane's photograph as {e.zero.tone}; "
             "choose one with --tone"
         )
-    if found:
-        yield Doubt("; ".join(found))
+    if remarks:
+        yield Doubt("; ".join(remarks))
 
 
 LONGEST_DENT = 1e-3
@@ -722,16 +722,16 @@ def whole(e: Evidence) -> Iterator[Doubt]:
         verdict = "; ".join([words.format(longest), *e.traced.doubts])
         yield Doubt(verdict, f"remove what hides it and photograph it again, {OR_MASK}", rejects=True)
     highest = float(e.placed[e.kept[0] : e.kept[-1] + 1, 1].max())
-    found = []
+    doubts_of_whole = []
     for at in np.flatnonzero(lengths > TOP_GAP):
         part = slice(seen[at], seen[at + 1] + 1)
         reach = float((e.placed[part, 1] + 2.0 * e.error[part]).max())
         if highest > 3.0 * ON_SURFACE and reach > highest:
-            found.append(f"{words.format(lengths[at] * 1e3)}, and its highest place may lie in it")
+            doubts_of_whole.append(f"{words.format(lengths[at] * 1e3)}, and its highest place may lie in it")
         elif lengths[at] > MAX_TRUSTED_GAP and not masked[at]:
-            found.append(words.format(lengths[at] * 1e3))
-    if found:
-        yield Doubt("; ".join(found), f"remove what hides the edge there, {OR_MASK}")
+            doubts_of_whole.append(words.format(lengths[at] * 1e3))
+    if doubts_of_whole:
+        yield Doubt("; ".join(doubts_of_whole), f"remove what hides the edge there, {OR_MASK}")
 
 
 MOST_OVERHANG = 0.01

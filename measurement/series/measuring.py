@@ -123,14 +123,14 @@ def zero_of(traced: edge.Traced, raised: edge.Traced | None = None) -> ZeroLine:
     evidence = Evidence(traced, line)
     bow, lift = evidence.bow, traced.lift
     left = 0.0 if bow is None else bow.level_error
-    found = (*traced.doubts, *doubts(ZERO, evidence))
+    all_doubts = (*traced.doubts, *doubts(ZERO, evidence))
     if bow is not None and bow.by_depth(lift):
         # The lift goes with the body's chord along the light, so that the bow shows its mean too, which the shape underrates:
         # the middle between both is taken, and half of their difference as its error.
         more = 0.5 * max(0.0, bow.mean - lift)
         line = dataclasses.replace(line, origin=line.origin - more * line.normal)
         left, lift = float(np.hypot(bow.error, more)), lift + more
-    return dataclasses.replace(line, doubts=found, level_error=float(np.hypot(hidden, left)), lift=lift)
+    return dataclasses.replace(line, doubts=all_doubts, level_error=float(np.hypot(hidden, left)), lift=lift)
 
 
 def outline_of(traced: edge.Traced, zero: ZeroLine, pressure: float, pressure_error: float, source: str) -> Outline:

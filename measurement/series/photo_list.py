@@ -481,21 +481,21 @@ def likeness(first: Sample, second: Sample, others: Sequence[Sample]) -> float:
     still = _unchanged_places([first, second, *others])
     if still.sum() < 1000:
         return np.nan
-    one, two, *rest = (sample.fine[still].astype(np.float64) for sample in (first, second, *others))
+    light, two, *rest = (sample.fine[still].astype(np.float64) for sample in (first, second, *others))
     if len(rest) == 1:
-        return _correlation(one, two) - max(_correlation(one, rest[0]), _correlation(two, rest[0]))
+        return _correlation(light, two) - max(_correlation(light, rest[0]), _correlation(two, rest[0]))
     half = len(rest) // 2
     left, right = np.mean(rest[:half], axis=0), np.mean(rest[half:], axis=0)
-    found = []
+    grids = []
     for pattern, instrument in ((left, right), (right, left)):
         shared = float(pattern @ instrument)
         if not shared > 0.0:
-            found.append(_correlation(one, two))
+            grids.append(_correlation(light, two))
             continue
-        rest_one = one - float(one @ instrument) / shared * pattern
+        rest_one = light - float(light @ instrument) / shared * pattern
         rest_two = two - float(two @ pattern) / shared * instrument
-        found.append(_correlation(rest_one, rest_two))
-    return float(np.mean(found))
+        grids.append(_correlation(rest_one, rest_two))
+    return float(np.mean(grids))
 
 
 def is_copy(first: Sample, second: Sample, others: Sequence[Sample]) -> bool:
@@ -508,8 +508,8 @@ def is_copy(first: Sample, second: Sample, others: Sequence[Sample]) -> bool:
         return False
     # A camera that was nudged between photographs makes those before it alike, and those after it.
     usual = [
-        likeness(one, other, [rest for rest in others if rest is not other])
-        for one in (first, second)
+        likeness(sample, other, [rest for rest in others if rest is not other])
+        for sample in (first, second)
         for other in others
         if len(others) > 2
     ]
@@ -523,7 +523,7 @@ def copies(outlines: Mapping[int, Outline], samples: Mapping[int, pictures.Pixel
     usable = [k for k in outlines if k in samples]
     kept = functools.cache(lambda k: prepared(samples[k]))
     near = {(i, j) for i in usable for j in usable if i != j and _same_outline(outlines[i], outlines[j])}
-    found: dict[int, str] = {}
+    copies: dict[int, str] = {}
     for i, j in sorted(near):
         if i > j:
             continue
@@ -534,11 +534,11 @@ def copies(outlines: Mapping[int, Outline], samples: Mapping[int, pictures.Pixel
         if is_copy(kept(i), kept(j), [kept(k) for k in rest[:MOST_OTHERS]]):
             first, second = outlines[i], outlines[j]
             if first.pressure != second.pressure:
-                found.setdefault(i, _two_pressures(second.source))
-                found.setdefault(j, _two_pressures(first.source))
+                copies.setdefault(i, _two_pressures(second.source))
+                copies.setdefault(j, _two_pressures(first.source))
             else:
-                found.setdefault(j, f"it is a copy of {first.source}, saved again: {SAME_NOISE}, so it counts once")
-    return found
+                copies.setdefault(j, f"it is a copy of {first.source}, saved again: {SAME_NOISE}, so it counts once")
+    return copies
 
 
 SAME_NOISE = "it has the same noise, which two exposures never have"
@@ -548,14 +548,17 @@ def _two_pressures(other: str) -> str:
     return f"it and {other} are copies of one photograph: {SAME_NOISE}; one of their different pressures is wrong"
 
 
-def _same_outline(one: Outline, two: Outline) -> bool:
-    if abs(one.height - two.height) > SAME_OUTLINE_TOLERANCE:
+def _same_outline(outline: Outline, two: Outline) -> bool:
+    if abs(outline.height - two.height) > SAME_OUTLINE_TOLERANCE:
         return False
-    left, right = max(one.x[0], two.x[0]), min(one.x[-1], two.x[-1])
-    inside = (one.x >= left) & (one.x <= right)
+    left, right = max(outline.x[0], two.x[0]), min(outline.x[-1], two.x[-1])
+    inside = (outline.x >= left) & (outline.x <= right)
     if inside.sum() < 10:
         return False
-    return float(np.median(np.abs(one.z[inside] - np.interp(one.x[inside], two.x, two.z)))) <= SAME_OUTLINE_TOLERANCE
+    return (
+        float(np.median(np.abs(outline.z[inside] - np.interp(outline.x[inside], two.x, two.z))))
+        <= SAME_OUTLINE_TOLERANCE
+    )
 
 
 def _unchanged_places(samples: Sequence[Sample]) -> npt.NDArray[np.bool_]:
@@ -571,9 +574,9 @@ def _unchanged_places(samples: Sequence[Sample]) -> npt.NDArray[np.bool_]:
     return np.stack([cv2.dilate(patch.astype(np.uint8), kernel) == 0 for patch in moving]).ravel()
 
 
-def _correlation(one: npt.NDArray[np.float64], two: npt.NDArray[np.float64]) -> float:
-    size = float(one @ one) * float(two @ two)
-    return float(one @ two) / float(np.sqrt(size)) if size > 0.0 else 0.0
+def _correlation(light: npt.NDArray[np.float64], two: npt.NDArray[np.float64]) -> float:
+    size = float(light @ light) * float(two @ two)
+    return float(light @ two) / float(np.sqrt(size)) if size > 0.0 else 0.0
 
 
 def same_pictures(photographs: Sequence[Photograph]) -> dict[Path, str]:
@@ -585,12 +588,12 @@ def same_pictures(photographs: Sequence[Photograph]) -> dict[Path, str]:
             alike.setdefault(files.file_digest(photo.file), []).append(photo)
         except (OSError, ValueError):
             continue  # a file that cannot be read is rejected with its own reason
-    found: dict[Path, str] = {}
+    same_pictures: dict[Path, str] = {}
     for group in alike.values():
         one_pressure = len({photo.pressure for photo in group}) == 1
         for photo in group[1:] if one_pressure else group:
             others = group[:1] if one_pressure else [other for other in group if other is not photo]
             names = " and ".join(other.file.name for other in others)
             wrong = "and counts once" if one_pressure else "listed at another pressure: one of the two is wrong"
-            found[photo.file] = f"it is the same picture as {names}, {wrong}"
-    return found
+            same_pictures[photo.file] = f"it is the same picture as {names}, {wrong}"
+    return same_pictures

@@ -62,7 +62,9 @@ class Run:
     def later_in_hold(self) -> Mask:
         """Photographs that are not the first of their hold: the silicone has crept since, at the same pressure."""
         began = [outline.history[: reached(outline.history) + 1] for outline in self.outlines.values()]
-        return np.array([bool(one) and one in began[:k] for k, one in enumerate(began)], dtype=bool)
+        return np.array(
+            [bool(photograph) and photograph in began[:k] for k, photograph in enumerate(began)], dtype=bool
+        )
 
     @property
     def course(self) -> Course:
@@ -143,7 +145,7 @@ def _course_is_known(run: Run) -> bool:
 
 def _suction_photographs(run: Run) -> dict[int, str]:
     """Return the photographs at a pressure below zero: suction draws a surface in, where its shadow cannot show it."""
-    found = {}
+    suction_photographs = {}
     for k in np.nonzero(run.pressures < -CLEAR_ERRORS * run.pressure_errors)[0]:
         risen = run.heights[k] > CLEAR_ERRORS * run.height_errors[k] + zero.ON_SURFACE
         why = (
@@ -151,8 +153,8 @@ def _suction_photographs(run: Run) -> dict[int, str]:
             if risen
             else "and suction draws the surface in, which a shadow from the side cannot show"
         )
-        found[int(k)] = f"its pressure is negative ({run.pressures[k]:.0f} Pa), {why}"
-    return found
+        suction_photographs[int(k)] = f"its pressure is negative ({run.pressures[k]:.0f} Pa), {why}"
+    return suction_photographs
 
 
 def _risen_zeros(run: Run) -> dict[int, str]:
@@ -248,7 +250,7 @@ def _odd_sentences(run: Run, odd: Mask) -> dict[int, str]:
         return {}
     course = run[~odd].course
     numbers = np.nonzero(odd)[0]
-    found = {}
+    odd_sentences = {}
     for k in numbers:
         pressure, height = float(run.pressures[k]), float(run.heights[k])
         expected, spread, _ = course.at(np.array([height]), run.pressure_errors[[k]])
@@ -260,8 +262,8 @@ def _odd_sentences(run: Run, odd: Mask) -> dict[int, str]:
             if at
             else f"its pressure is outside the range of the other photographs, from which the expectation is {there}"
         )
-        found[int(k)] = why + _cause(run, course, int(k), numbers)
-    return found
+        odd_sentences[int(k)] = why + _cause(run, course, int(k), numbers)
+    return odd_sentences
 
 
 def _cause(run: Run, course: Course, k: int, odd: npt.NDArray[np.int64]) -> str:
@@ -452,13 +454,13 @@ def _prior(v: Array, u: Array, diagonal: bool = False) -> Array:
     """Return the covariances (m, k, n) of the course at v (k,) and u (n,), or its variances (m, k) at v; one per model."""
     product = v * v if diagonal else v[:, None] * u
     first, second = (v, v) if diagonal else (v[:, None], u[None, :])
-    found = []
+    covariances = []
     for times in INTEGRATION_ORDERS:
         # Noise that is integrated three times leaves a parabola open, not only a line.
         known = LINE_DEVIATION**2 * (1.0 + product) + (PARABOLA_DEVIATION**2 * product**2 if times > 2 else 0.0)
         kernel = _integrated_covariance(first, second, times)
-        found += [known + rough**2 * kernel for rough in ROUGHNESS_GRID for _ in SCATTER_GRID]
-    return np.stack(found)
+        covariances += [known + rough**2 * kernel for rough in ROUGHNESS_GRID for _ in SCATTER_GRID]
+    return np.stack(covariances)
 
 
 def _integrated_covariance(v: Array, u: Array, times: int) -> Array:

@@ -280,7 +280,7 @@ class Photographs:
     @property
     def shadows(self) -> list[ListedPhotograph]:
         """All photographs but that of the grid."""
-        return [one for one in self.listed.values() if one.file.name != self.grid]
+        return [photograph for photograph in self.listed.values() if photograph.file.name != self.grid]
 
     @property
     def measured(self) -> dict[str, dict[str, str]]:
@@ -305,7 +305,9 @@ class Photographs:
 
     def write_list(self) -> None:
         """Write ``photos.csv`` of the photographs with a pressure, with all columns that their rows have."""
-        rows = [{**one.row, "file": f"{PHOTOGRAPHS}/{one.file.name}"} for one in self.shadows if one.pressure]
+        rows = [
+            {**shadow.row, "file": f"{PHOTOGRAPHS}/{shadow.file.name}"} for shadow in self.shadows if shadow.pressure
+        ]
         text = io.StringIO()
         names = ("file", "pressure", *(name for name in COLUMNS[1:] if any(row[name] for row in rows)))
         table = csv.DictWriter(text, names, extrasaction="ignore", lineterminator="\n")
@@ -313,9 +315,9 @@ class Photographs:
         table.writerows(rows)
         files.write_text(self.project / PHOTOS, text.getvalue())
 
-    def pressure_of(self, one: ListedPhotograph) -> float:
+    def pressure_of(self, photograph: ListedPhotograph) -> float:
         """Return the pressure in Pa as typed; NaN where there is none. ColumnError if it cannot be read."""
-        return self.column.read(one.pressure)[0] if one.pressure else math.nan
+        return self.column.read(photograph.pressure)[0] if photograph.pressure else math.nan
 
     @property
     def column(self) -> Column:

@@ -240,12 +240,12 @@ class DevicePage(forms.TabPage):
         solved = device == base and abs(wanted - linear.pressure) <= 1e-3 * cm
         self.reading.set_text(f"{wanted / cm:.4g} cm")
         mark = "" if solved else "  (linear)"
-        found = linear.at(wanted, changes)
+        answer = linear.at(wanted, changes)
         labels = [("pressure", f"{wanted / cm:.4g} cm ({wanted / 1e3:.4g} kPa)")]
         labels += [
             (f"rise of the {name.removesuffix('_mm')}" if name.endswith("_mm") else "added volume",
              f"{value:.4g} {name.rpartition('_')[2]}{mark}")
-            for name, value in found.items()
+            for name, value in answer.items()
         ]  # fmt: skip
         self._table(labels)
         self.about.set_text(
@@ -324,7 +324,7 @@ class DevicePage(forms.TabPage):
         probes = [(name, f"{row.shown(name):.4g}{bands.get(name, '')} mm")
                   for name in row if name in self.project.case.actuator.probes]  # fmt: skip
         unit = units.column_unit(self.project.case.cm)
-        found = [
+        figures = [
             ("pressure", f"{row.shown('pressure'):.4g} {unit} ({row['pressure'] / 1e3:.4g} kPa)"),
             *((f"rise of the {name}", text) for name, text in probes),
             ("added volume", row.told("added_volume")),
@@ -334,8 +334,8 @@ class DevicePage(forms.TabPage):
         assert self.answer is not None
         if self.answer.breaks_at:
             share = (row["max_stretch"] - 1.0) / (self.answer.breaks_at - 1.0)
-            found.append(("of the least strain at break", f"{share:.0%}: {self.answer.breaks}"))
-        return found
+            figures.append(("of the least strain at break", f"{share:.0%}: {self.answer.breaks}"))
+        return figures
 
     def _draw(self, section: replies.Section, pressure: float) -> None:
         text = f"section at {pressure:.4g} cm, von Mises stress from 0 to {self.tops:.3g} kPa"

@@ -187,7 +187,7 @@ def job_panel(bench: Bench, output: str, title: str, command: Callable[[], Comma
         if job is None:
             return
         text = jobs.log(job)
-        lines = [one for one in text.splitlines() if one.strip()]
+        lines = [text_line for text_line in text.splitlines() if text_line.strip()]
         state.set_text(job.state)
         line.set_text(page_words(lines[-1]) if lines else "")
         whole.set_content(f"$ {job.command}\n{text}")
@@ -349,8 +349,8 @@ def section_svg(section: replies.Section, box: Array, top: float, colours: list[
 
 def _paths(curves: Array, end: str = "") -> str:
     """Return curves of k points each, shape (n, k, 2), as the path of an SVG, whose y points downwards."""
-    one = "M" + "L".join(["%.3f %.3f"] * curves.shape[1]) + end
-    return one * len(curves) % tuple((curves * (1.0, -1.0)).ravel().tolist())
+    path = "M" + "L".join(["%.3f %.3f"] * curves.shape[1]) + end
+    return path * len(curves) % tuple((curves * (1.0, -1.0)).ravel().tolist())
 
 
 def _scale_bar(wide: float, foot: float) -> str:

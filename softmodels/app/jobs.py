@@ -101,7 +101,7 @@ class Jobs:
 
     def start(self, words: list[str], output: str, *, resumable: bool = False) -> Job:
         """Start a command, once those before it have ended."""
-        job = Job(1 + max((one.number for one in self.all), default=0), words, output, resumable)
+        job = Job(1 + max((started.number for started in self.all), default=0), words, output, resumable)
         self.all.append(job)
         self._launch(job)
         return job

@@ -105,22 +105,22 @@ class MaterialPage(forms.TabPage):
         """Show the answer of the last fit."""
         self.answer.clear()
         try:
-            found = files.read_json(self.project / FIT / "fit.json")
-            law = next(one for one in found["laws"] if one["law"] == found["chosen"])
+            report = files.read_json(self.project / FIT / "fit.json")
+            law = next(fitted_law for fitted_law in report["laws"] if fitted_law["law"] == report["chosen"])
         except (OSError, ValueError, KeyError, StopIteration):
             return
         with self.answer:
             with ui.grid(columns="auto auto auto").classes("gap-x-6 gap-y-0"):
-                for one in law["parameters"]:
-                    ends, unit = one["interval_95"], one["unit"]
+                for parameter in law["parameters"]:
+                    ends, unit = parameter["interval_95"], parameter["unit"]
                     value, *between = (
-                        units.readable(float(f"{end:.4g}"), unit) for end in (one["value"], *(ends or ()))
+                        units.readable(float(f"{end:.4g}"), unit) for end in (parameter["value"], *(ends or ()))
                     )
-                    about = "fixed" if one["fixed"] else f"95 %: {' to '.join(between)}" if between else ""
-                    ui.label(one["name"].replace("_", " ")).classes("quiet")
-                    ui.label(value).props(f'data-name="fitted-{one["name"]}"')
+                    about = "fixed" if parameter["fixed"] else f"95 %: {' to '.join(between)}" if between else ""
+                    ui.label(parameter["name"].replace("_", " ")).classes("quiet")
+                    ui.label(value).props(f'data-name="fitted-{parameter["name"]}"')
                     ui.label(about)
-            ui.label(forms.page_words(found["verdict"])).classes("text-sm")
+            ui.label(forms.page_words(report["verdict"])).classes("text-sm")
             ui.button("Use it for the device", on_click=self._use).props('outline data-name="use-material"')
 
     def _use(self) -> None:

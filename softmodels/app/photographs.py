@@ -127,28 +127,30 @@ class PhotographsPage(forms.TabPage):
         unit = units.column_unit(self.project.case.cm)
         self.liquid.set_text(f"Pressures in {unit} (the liquid is set beside the device's pressures), or in kPa")
         self.boards.set_text(f"{count} photographs of the board" if count else "")
-        shown = {one.file.name: one for one in self.photos.shadows}
+        shown = {shadow.file.name: shadow for shadow in self.photos.shadows}
         for name in [name for name in self.rows if name not in shown]:
             self.rows.pop(name)[0].delete()
-        for name, one in shown.items():
+        for name, photograph in shown.items():
             if name not in self.rows:
                 with self.listing, ui.row().classes("w-full items-center no-wrap gap-2") as row:
                     ui.button(name, on_click=lambda _, name=name: self._choose(name)).props(
                         "flat dense no-caps align=left"
                     ).classes("grow truncate")
-                    box = ui.input(value=one.pressure, placeholder="12.5 cm").props("dense").classes("w-24")
+                    box = ui.input(value=photograph.pressure, placeholder="12.5 cm").props("dense").classes("w-24")
                     box.props(f'aria-label="pressure of {_attribute(name)}"')
-                    box.on("change", lambda _, one=one, box=box: self._pressure(one, str(box.value)))
+                    box.on(
+                        "change", lambda _, photograph=photograph, box=box: self._pressure(photograph, str(box.value))
+                    )
                     icon = ui.icon("hourglass_empty")
                     with icon:
                         tooltip = ui.tooltip("")
                 self.rows[name] = row, box, icon, tooltip
             _, box, icon, tooltip = self.rows[name]
-            name_of_icon, colour = _mark(one)
+            name_of_icon, colour = _mark(photograph)
             icon.set_name(name_of_icon)
-            box.set_value(one.pressure)
+            box.set_value(photograph.pressure)
             icon.props(f"color={colour}")
-            tooltip.set_text(forms.page_words(one.doubts) or "edge found")
+            tooltip.set_text(forms.page_words(photograph.doubts) or "edge found")
 
     async def _boards(self, event: MultiUploadEventArguments) -> None:
         await self.keep(event, BOARDS, PHOTOGRAPH)
@@ -242,33 +244,33 @@ class PhotographsPage(forms.TabPage):
         self.about.set_text("; ".join(words))
         self._doubt(one)
 
-    def _doubt(self, one: ListedPhotograph) -> None:
+    def _doubt(self, photograph: ListedPhotograph) -> None:
         """Show what speaks against a photograph, which handle may cure it, and whether it shall be used anyway."""
-        doubts = forms.page_words(one.doubts)
-        verdict = "refused" if one.why else "not trusted, used anyway" if one.anyway else "not trusted"
+        doubts = forms.page_words(photograph.doubts)
+        verdict = "refused" if photograph.why else "not trusted, used anyway" if photograph.anyway else "not trusted"
         self.doubt_words.set_text(f"{verdict}: {doubts}" if doubts else "")
-        self.doubt.set_visibility(bool(doubts) or one.anyway)
-        self.anyway.set_value(one.anyway)
+        self.doubt.set_visibility(bool(doubts) or photograph.anyway)
+        self.anyway.set_value(photograph.anyway)
         for name, control in self.cures.items():
             control.classes("cures") if name in doubts else control.classes(remove="cures")
 
     def _draw(self) -> None:
-        one = self.photos.listed.get(self.shown)
-        if one is None or one.preview is None:
+        photograph = self.photos.listed.get(self.shown)
+        if photograph is None or photograph.preview is None:
             return
         scale = self.scale
         drawn: list[str] = []
-        if one.file.name == self.photos.grid and self.photos.plane is not None:
+        if photograph.file.name == self.photos.grid and self.photos.plane is not None:
             crossings = self.photos.plane.crossings / scale
             drawn += [f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4"/>' for x, y in crossings]
-        if one.traced is not None:
-            edge, (inner, outer) = one.traced.edge, one.traced.band
+        if photograph.traced is not None:
+            edge, (inner, outer) = photograph.traced.edge, photograph.traced.band
             for part in _parts(edge):
                 band = points_text(np.concatenate([inner[part], outer[part][::-1]]), scale)
                 drawn += [f'<polygon class="band" points="{band}"/>',
                           f'<polyline class="traced" points="{points_text(edge[part], scale)}"/>']  # fmt: skip
-            if one.traced.zero is not None and self.handles.zero is None:
-                drawn.append(f'<polyline class="zero" points="{points_text(one.traced.zero, scale)}"/>')
+            if photograph.traced.zero is not None and self.handles.zero is None:
+                drawn.append(f'<polyline class="zero" points="{points_text(photograph.traced.zero, scale)}"/>')
         handles = self.handles
         if handles.zero is not None:
             drawn.append(f'<polyline class="zero" points="{points_text(np.array(handles.zero), scale)}"/>')
@@ -315,11 +317,11 @@ class PhotographsPage(forms.TabPage):
         await self._move(handles)
 
     def _preview(self) -> replies.Preview | None:
-        one = self.photos.listed.get(self.shown)
+        photograph = self.photos.listed.get(self.shown)
         if not self.photos.setup:
             self.say("find the grid first")
             return None
-        return None if one is None else one.preview
+        return None if photograph is None else photograph.preview
 
     async def _move(self, handles: replies.Handles) -> None:
         handles.settle()
@@ -376,12 +378,12 @@ def _attribute(name: str) -> str:
     return name.replace('"', "").replace("\\", "")
 
 
-def _mark(one: ListedPhotograph) -> tuple[str, str]:
-    if one.why:
+def _mark(photograph: ListedPhotograph) -> tuple[str, str]:
+    if photograph.why:
         return "block", "negative"
-    if one.traced is None:
+    if photograph.traced is None:
         return "hourglass_empty", "grey"
-    return ("help", "warning") if one.traced.doubts else ("check_circle", "positive")
+    return ("help", "warning") if photograph.traced.doubts else ("check_circle", "positive")
 
 
 def picture_of(preview: replies.Preview) -> tuple[str, float]:

@@ -105,11 +105,11 @@ class Handles:
     @property
     def corners(self) -> dict[tuple[str, int, int], tuple[float, float]]:
         """The points that can be dragged: by what they belong to, its number, and theirs."""
-        found = {("zero", 0, k): (x, y) for k, (x, y) in enumerate(self.zero or [])}
+        corners = {("zero", 0, k): (x, y) for k, (x, y) in enumerate(self.zero or [])}
         for name, number, box in (("roi", 0, self.roi), *(("mask", n, mask) for n, mask in enumerate(self.masks))):
             if box is not None:
-                found |= {(name, number, 0): (box[0], box[1]), (name, number, 1): (box[2], box[3])}
-        return found
+                corners |= {(name, number, 0): (box[0], box[1]), (name, number, 1): (box[2], box[3])}
+        return corners
 
     def drag(self, corner: tuple[str, int, int], x: float, y: float) -> None:
         """Put a point elsewhere."""

@@ -52,40 +52,40 @@ def trace(file: str, setup: str, pressure: float, tone: str, anyway: bool) -> re
     the one at 0 shows the undeformed surface, if the text of the setup does not have it. An edge may be used ``anyway``, in
     spite of doubts."""
     known = Setup.from_toml(setup)
-    found = measuring.trace_image(pictures.read_pixels(Path(file)), known, tone, anyway=anyway)
-    line, doubts, errors = None, found.doubts, found.own_error
+    traced = measuring.trace_image(pictures.read_pixels(Path(file)), known, tone, anyway=anyway)
+    line, doubts, errors = None, traced.doubts, traced.own_error
     height = error = None
     if pressure == 0.0 and known.zero is None:
-        line = measuring.zero_of(found)
+        line = measuring.zero_of(traced)
         doubts = line.doubts
     elif known.zero is not None:
         line = zero.ZeroLine.through(known.zero)
-        outline = measuring.outline_of(found, line, pressure, 0.0, Path(file).name)
+        outline = measuring.outline_of(traced, line, pressure, 0.0, Path(file).name)
         height, error, doubts, errors = (
             outline.height,
             outline.height_error,
             outline.reasons,
-            Evidence(found, line).error,
+            Evidence(traced, line).error,
         )
     seen = (
-        BAND_WIDTH_PX * max(1.0, max(known.camera.width, known.camera.height) / replies.PREVIEW_SIDE_PX) * found.scale
+        BAND_WIDTH_PX * max(1.0, max(known.camera.width, known.camera.height) / replies.PREVIEW_SIDE_PX) * traced.scale
     )
-    usual = float(np.median(errors[~found.line.bridged]))
+    usual = float(np.median(errors[~traced.line.bridged]))
     enlarged = next((times for times in ENLARGEMENTS if times * usual >= seen), ENLARGEMENTS[-1])
-    wide = enlarged * errors[:, None] * found.normals
-    band = np.stack([known.to_pixels(found.points + wide), known.to_pixels(found.points - wide)])
+    wide = enlarged * errors[:, None] * traced.normals
+    band = np.stack([known.to_pixels(traced.points + wide), known.to_pixels(traced.points - wide)])
     ends = None
     if line is not None:
-        along = found.points @ line.direction
+        along = traced.points @ line.direction
         ends = known.to_pixels(line.origin + np.outer([np.nanmin(along), np.nanmax(along)], line.direction))
-    return replies.Traced(found.line.px, band, enlarged, doubts, ends, height, error)
+    return replies.Traced(traced.line.px, band, enlarged, doubts, ends, height, error)
 
 
 def moved(setup: str, handles: replies.Handles) -> str:
     """Return a setup's text with a zero line, region of interest and masks where their handles are."""
     known = Setup.from_toml(setup)
     line = None if handles.zero is None else known.to_metres(handles.zero)
-    roi, *masks = (None if one is None else tuple(one) for one in (handles.roi, *handles.masks))
+    roi, *masks = (None if region is None else tuple(region) for region in (handles.roi, *handles.masks))
     return dataclasses.replace(known, zero=line, roi=roi, masks=tuple(masks)).to_toml()  # type: ignore[arg-type]
 
 
@@ -124,12 +124,12 @@ def overlay(listing: str, setup: str, outline: str, curve: Array, axial: bool = 
         return float(np.sqrt(np.mean((measured.z[seen] - simulated[seen]) ** 2))) if seen.any() else np.inf
 
     apex, top = float(measured.x[np.argmax(measured.z)]), float(upper[np.argmax(upper[:, 1]), 0])
-    found = []
+    edges = []
     for side in (1.0,) if axial else (1.0, -1.0):
         middle, reach = (apex, upper[-1, 0] / 4) if axial else (apex - side * top, upper[-1, 0] / 4)
         best = minimize_scalar(difference, bounds=(middle - reach, middle + reach), args=(side,), method="bounded")
-        found.append((float(best.fun), side, float(best.x)))
-    rms, side, axis = min(found)
+        edges.append((float(best.fun), side, float(best.x)))
+    rms, side, axis = min(edges)
     both = np.concatenate([curve[::-1] * [-1.0, 1.0], curve]) if axial else curve * [side, 1.0]
     both = both + np.array([axis, 0.0])
     placed = line.origin + both[:, :1] * line.direction + both[:, 1:] * line.normal

@@ -450,15 +450,15 @@ class _Maker:
 
     def _carry(self, lid: list[Solid], cores: list[Solid]) -> list[Solid]:
         """Put cores on the lid."""
-        found = merged([*lid, *cores])
-        if len(found) > 1:
-            loose = min(found, key=lambda solid: float(self.occ.getMass(*solid)))
+        carrier = merged([*lid, *cores])
+        if len(carrier) > 1:
+            loose = min(carrier, key=lambda solid: float(self.occ.getMass(*solid)))
             place = self.frame.drawn(np.array(self.occ.getCenterOfMass(*loose))).round(3)
             raise MouldError(
                 f"a core of the {self.pour.name} around {', '.join(f'{value + 0.0:.4g}' for value in place)} mm does not "
                 f"stand on the lid; choose another plane (--split)"
             )
-        return found
+        return carrier
 
     def _peg(self, cores: list[Solid], lid: list[Solid]) -> list[Solid]:
         """Give the lost core a peg that stands in the lid."""
@@ -512,11 +512,11 @@ class _Maker:
             self._add("frame", frame, DOWN)
         elif pour.sideways is not None:
             axis, middle = self._split
-            one, other = (_copies_in_box(cup, *self._side(far, axis, middle, way)) for way in (-1, 1))
+            half, other = (_copies_in_box(cup, *self._side(far, axis, middle, way)) for way in (-1, 1))
             self.occ.remove(cup, recursive=True)
-            one, other = self._doweled(one, other, axis, middle)
+            half, other = self._doweled(half, other, axis, middle)
             along = np.eye(3)[axis]
-            self._add("cup left", one, -along)
+            self._add("cup left", half, -along)
             self._add("cup right", other, along)
         else:
             self._add("cup" if pour.lid else "tray", cup, UP)
@@ -527,7 +527,7 @@ class _Maker:
         return low, high
 
     def _doweled(
-        self, one: list[Solid], other: list[Solid], axis: int, middle: float
+        self, solids: list[Solid], other: list[Solid], axis: int, middle: float
     ) -> tuple[list[Solid], list[Solid]]:
         """Put dowels between the two halves of a cup, two at the bottom and one at the top."""
         workshop, across = self.workshop, 1 - axis
@@ -546,7 +546,7 @@ class _Maker:
             dowels.append((3, int(self.occ.addCone(*at, *(length * along), root, tip))))
             sockets.append((3, int(self.occ.addCone(*at, *((length + gap) * along), root + gap, tip + gap))))
         self.openings += sockets
-        return merged([*one, *dowels]), list(self.occ.cut(other, sockets, removeTool=False)[0])
+        return merged([*solids, *dowels]), list(self.occ.cut(other, sockets, removeTool=False)[0])
 
     def _inlet(self, ends: tuple[Vector, Vector]) -> Inlet | None:
         """Return the inlet if it runs through this piece."""
@@ -609,8 +609,8 @@ class _Maker:
         occ, workshop = self.occ, self.workshop
         around = (3, occ.addCylinder(*begin, *along, radius + MM_PER_M * LEAST_SILICONE))
         inside = occ.intersect(occ.copy([around]), [self.envelope], removeTool=False)[0]
-        found = sum(occ.getMass(*solid) for solid in inside)
-        if found < (1.0 - POINT_TOLERANCE) * occ.getMass(*around):
+        volume = sum(occ.getMass(*solid) for solid in inside)
+        if volume < (1.0 - POINT_TOLERANCE) * occ.getMass(*around):
             raise MouldError(
                 f"tube is {schema.shown(workshop.tube, 'm')}; it would leave less than {schema.shown(LEAST_SILICONE, 'm')} of "
                 f"silicone around it"
@@ -723,18 +723,18 @@ def hole_places(
         places, room = _places(_edge(cast, heights[1]), line)
     free = places[room >= 0.5 * MM_PER_M * workshop.vent + MM_PER_M * workshop.least_gap]
     apart = 0.5 * MM_PER_M * (workshop.pour + workshop.vent) + MM_PER_M * workshop.least_wall
-    found = [pour]
+    hole_places = [pour]
     for _ in range(workshop.vents):
-        beside = found[1:] if heights[1] != heights[0] and len(found) > 1 else found
+        beside = hole_places[1:] if heights[1] != heights[0] and len(hole_places) > 1 else hole_places
         distance, _ = cKDTree(np.array(beside)).query(free)
         if not len(free) or distance.max() < apart:
             if fewer:
                 break
             raise MouldError(
-                f"vents is {workshop.vents}; the bonding face has room for {len(found) - 1} beside the cores"
+                f"vents is {workshop.vents}; the bonding face has room for {len(hole_places) - 1} beside the cores"
             )
-        found.append(free[distance.argmax()])
-    return found
+        hole_places.append(free[distance.argmax()])
+    return hole_places
 
 
 def _edge(cast: list[Solid], level: float) -> Array:

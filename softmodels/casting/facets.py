@@ -136,8 +136,8 @@ def _turns(meshed: dict[int, Cells], points: Array) -> dict[int, float]:
     meets: dict[int, dict[int, float]] = {surface: {} for surface in meshed}
     for pair in owners.values():
         if len(pair) == 2 and pair[0][0] != pair[1][0]:
-            (one, way), (other, back) = pair
-            meets[one][other] = meets[other][one] = -way * back
+            (start, way), (other, back) = pair
+            meets[start][other] = meets[other][start] = -way * back
     begin = next(iter(meshed))
     turns, queue = {begin: 1.0}, [begin]
     while queue:
@@ -161,14 +161,14 @@ def _normals(surface: int, corners: Cells) -> Array:
     values = np.reshape(gmsh.model.getNormal(surface, at), (-1, 3))
     index = np.full(int(tags.max()) + 1, -1)
     index[tags.astype(int)] = np.arange(len(tags))
-    found = values[index[corners]]
+    corner_normals = values[index[corners]]
     a, b, c = np.moveaxis(places.reshape(-1, 3)[index[corners]], 1, 0)
     flat = np.cross(b - a, c - a)
     flat /= np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-300)
-    flat *= np.sign(np.einsum("ikj,ij->i", found, flat))[:, None]
+    flat *= np.sign(np.einsum("ikj,ij->i", corner_normals, flat))[:, None]
     # At a pole the surface parametrisation has no valid normal; use the triangle's.
-    lost = np.einsum("ikj,ij->ik", found, flat) < LEAST_COSINE
-    return np.asarray(np.where(lost[:, :, None], flat[:, None], found))
+    lost = np.einsum("ikj,ij->ik", corner_normals, flat) < LEAST_COSINE
+    return np.asarray(np.where(lost[:, :, None], flat[:, None], corner_normals))
 
 
 def _distance(surface: int, chord: float) -> float:
@@ -212,9 +212,9 @@ def _off_sphere(on: Array, looked: Array) -> Array:
     side."""
     middle = on.mean(axis=0)
     rows = np.column_stack([2.0 * (on - middle), np.ones(len(on))])
-    found = np.linalg.lstsq(rows, ((on - middle) ** 2).sum(axis=1), rcond=None)[0]
-    radius = math.sqrt(found[3] + found[:3] @ found[:3])
-    return np.asarray(np.abs(np.linalg.norm(looked - middle - found[:3], axis=1) - radius))
+    solution = np.linalg.lstsq(rows, ((on - middle) ** 2).sum(axis=1), rcond=None)[0]
+    radius = math.sqrt(solution[3] + solution[:3] @ solution[:3])
+    return np.asarray(np.abs(np.linalg.norm(looked - middle - solution[:3], axis=1) - radius))
 
 
 def _volume(turns: dict[int, float], middle: Array, count: int) -> tuple[float, Array]:
@@ -343,23 +343,23 @@ def arranged(bodies: Sequence[tuple[str, Facets]], workshop: settings.Workshop) 
         if y > x or x > wide - 2.0 * PLATE_GAP:
             flat = moved(flat, QUARTER, np.array([y, 0.0, 0.0])) if x <= deep - 2.0 * PLATE_GAP or y > x else flat
         laid.append((name, flat))
-    laid.sort(key=lambda one: -float(one[1].points[:, 1].max()))
-    found, plate, x, y, row = list[PlacedBody](), 1, PLATE_GAP, PLATE_GAP, 0.0
+    laid.sort(key=lambda body: -float(body[1].points[:, 1].max()))
+    placed, plate, x, y, row = list[PlacedBody](), 1, PLATE_GAP, PLATE_GAP, 0.0
     for name, flat in laid:
         width, depth = (float(value) for value in flat.points[:, :2].max(axis=0))
         if x > PLATE_GAP and x + width > wide - PLATE_GAP:
             x, y, row = PLATE_GAP, y + row + PLATE_GAP, 0.0
         if y > PLATE_GAP and y + depth > deep - PLATE_GAP:
             plate, x, y, row = plate + 1, PLATE_GAP, PLATE_GAP, 0.0
-        found.append(PlacedBody(name, plate, moved(flat, np.eye(3), np.array([x, y, 0.0]))))
+        placed.append(PlacedBody(name, plate, moved(flat, np.eye(3), np.array([x, y, 0.0]))))
         x, row = x + width + PLATE_GAP, max(row, depth)
-    return found
+    return placed
 
 
 def too_large(placed: Sequence[PlacedBody], workshop: settings.Workshop) -> list[str]:
     """Return the names of the bodies that are larger than a plate."""
     size = MM_PER_M * np.array([workshop.bed_width, workshop.bed_depth])
-    return [one.name for one in placed if (one.facets.points[:, :2].max(axis=0) > size).any()]
+    return [body.name for body in placed if (body.facets.points[:, :2].max(axis=0) > size).any()]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -379,10 +379,10 @@ class PrintEstimate:
 def print_estimate(placed: Sequence[PlacedBody], workshop: settings.Workshop) -> PrintEstimate:
     """Return what the bodies on their plates take on a printer that cures a layer at a time."""
     times = []
-    for _, group in itertools.groupby(placed, lambda one: one.plate):
-        height = max(float(one.facets.points[:, 2].max()) for one in group) / MM_PER_M
+    for _, group in itertools.groupby(placed, lambda body: body.plate):
+        height = max(float(body.facets.points[:, 2].max()) for body in group) / MM_PER_M
         times.append(math.ceil(height / workshop.layer) * workshop.layer_time)
-    return PrintEstimate(sum(one.facets.volume for one in placed) / MM_PER_M**3, tuple(times))
+    return PrintEstimate(sum(body.facets.volume for body in placed) / MM_PER_M**3, tuple(times))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -418,5 +418,5 @@ def coupon_solids(workshop: settings.Workshop) -> dict[str, Solid]:
 
 def plate_names(placed: Sequence[PlacedBody]) -> list[str]:
     """Return the names of the plates' files without ending, in their order."""
-    count = max(one.plate for one in placed)
+    count = max(body.plate for body in placed)
     return ["plate"] if count == 1 else [f"plate-{k}" for k in range(1, count + 1)]

@@ -100,7 +100,7 @@ def write_bodies(folder: Path, asked: settings.MouldRequest, made: make.Mould) -
         write_bytes(folder / f"{body.stem}.stl", stl_bytes(body.facets))
     placed = printed(asked, made)
     for plate, name in enumerate(plate_names(placed), 1):
-        on_it = {one.name: one.facets for one in placed if one.plate == plate}
+        on_it = {placed_body.name: placed_body.facets for placed_body in placed if placed_body.plate == plate}
         write_bytes(folder / f"{name}.3mf", three_mf_bytes(on_it))
         write_bytes(folder / f"{name}.stl", stl_bytes(*on_it.values()))
     write_bytes(folder / "device.step", made.device)
@@ -237,13 +237,13 @@ def _made_into(folder: str | Path | None, asked: settings.MouldRequest) -> make.
     output = names.place("folder", folder, "a folder")
     own = commands.ResultFolder(output, output, "mould", {"silicone": asked.silicone, "workshop": asked.workshop})
     try:
-        found = make.made(asked.device, asked.workshop)
+        mould = make.made(asked.device, asked.workshop)
         with own.writing() as inside:
-            write_bodies(inside, asked, found)
-            write_sheet(inside, asked, found)
+            write_bodies(inside, asked, mould)
+            write_sheet(inside, asked, mould)
     finally:
         own.leave()
-    return found
+    return mould
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -358,12 +358,12 @@ def _amounts(asked: settings.MouldRequest, made: make.Mould) -> SheetTable:
 def _prints(asked: settings.MouldRequest, made: make.Mould) -> SheetTable:
     """Return the resin of all bodies, and the printer's time for each plate."""
     workshop, placed = asked.workshop, printed(asked, made)
-    found = print_estimate(placed, workshop)
+    prints = print_estimate(placed, workshop)
     rows = [
-        ("resin", f"{found.resin * ML_PER_M3:.1f} ml, {1e3 * found.mass:.0f} g", "without supports and what the wash takes"),
+        ("resin", f"{prints.resin * ML_PER_M3:.1f} ml, {1e3 * prints.mass:.0f} g", "without supports and what the wash takes"),
         *((f"plate {k}, {name}.stl", _time(time),
            f"layers of {schema.shown(workshop.layer, 'm')}, {schema.shown(workshop.layer_time, 's')} each")
-          for k, (name, time) in enumerate(zip(plate_names(placed), found.times, strict=True), 1)),
+          for k, (name, time) in enumerate(zip(plate_names(placed), prints.times, strict=True), 1)),
     ]  # fmt: skip
     rows += [
         (name, "larger than the plate", "print it on a larger one, or in pieces")
@@ -408,20 +408,20 @@ def _thread_steps(made: make.Mould) -> list[str]:
     wound = made.wound
     if wound is None:
         return []
-    found = []
+    steps = []
     for lay in wound.lays:
         length = f"{lay.length(wound.radius, wound.end - wound.begin):.2f} m in all"
         if lay.threads:
             hand = "right" if lay.angle > 0.0 else "left"
             threads = f"{lay.threads} thread{'s side by side, each' if lay.threads > 1 else ','} one turn every"
-            found.append(
+            steps.append(
                 f"at {abs(lay.angle):g} deg, {hand}-handed: {threads} {schema.shown(_brief(lay.advance), 'm')}, {length}"
             )
         else:
-            found.append(f"rings every {schema.shown(_brief(lay.spacing), 'm')}, {length}")
+            steps.append(f"rings every {schema.shown(_brief(lay.spacing), 'm')}, {length}")
     return [
         f"Wind thread of {schema.shown(wound.width, 'm')} into the grooves without stretching the tube "
-        f"({'; '.join(found)}). Hold its "
+        f"({'; '.join(steps)}). Hold its "
         "ends with a drop of silicone, then brush a thin coat of silicone over all of it."
     ]
 
@@ -557,14 +557,14 @@ def _checks(asked: settings.MouldRequest, made: make.Mould) -> SheetTable:
 
 
 def _checked_body(body: make.MouldBody) -> Row:
-    found = body.checked
-    assert found is not None
+    checks = body.checked
+    assert checks is not None
     return (
-        body.name, "yes" if body.facets.open_edges == 0 else "no", f"{found.wall * MM_PER_M:.2f}",
-        f"{found.gap * MM_PER_M:.2f}" if math.isfinite(found.gap) else "",
-        f"{max(found.lean, 0.0) + 0.0:.2f}", "" if math.isnan(found.own_lean) else f"{found.own_lean:.2f}",
-        f"{found.fins[0].slenderness:.3g} ({found.fins[0].allowed:g} allowed)" if found.fins else "",
-        f"{found.chord * 1e6:.0f}",
+        body.name, "yes" if body.facets.open_edges == 0 else "no", f"{checks.wall * MM_PER_M:.2f}",
+        f"{checks.gap * MM_PER_M:.2f}" if math.isfinite(checks.gap) else "",
+        f"{max(checks.lean, 0.0) + 0.0:.2f}", "" if math.isnan(checks.own_lean) else f"{checks.own_lean:.2f}",
+        f"{checks.fins[0].slenderness:.3g} ({checks.fins[0].allowed:g} allowed)" if checks.fins else "",
+        f"{checks.chord * 1e6:.0f}",
     )  # fmt: skip
 
 
@@ -604,7 +604,9 @@ def sheet_page(sheet: BenchSheet, pictures: Mapping[str, pages.Picture], made: m
     """Return the sheet as a page, with pictures by the names of their files."""
     first, steps, plates = ([pictures[name]] if name in pictures else [] for name in (EXPLODED, STEPS, PLATES))
     others = [picture for name, picture in pictures.items() if name not in (EXPLODED, STEPS, PLATES)]
-    of_casts = [pages.Table(one.rows, one.head) for one in (sheet.amounts, sheet.walls, sheet.checks, sheet.prints)]
+    of_casts = [
+        pages.Table(table.rows, table.head) for table in (sheet.amounts, sheet.walls, sheet.checks, sheet.prints)
+    ]
     return Page(
         sheet.title, " ".join(sheet.about[:2]),
         [

@@ -111,8 +111,8 @@ class Mould(cards.ResultCard):
     @property
     def notes(self) -> list[str]:
         """What may go wrong with the printed bodies, sentences with the remedy."""
-        found = [(body, fin) for body in self.bodies if body.checked for fin in body.checked.fins if fin.slender]
-        return [fin.told(body.name, self.scale) for body, fin in found]
+        fins = [(body, fin) for body in self.bodies if body.checked for fin in body.checked.fins if fin.slender]
+        return [fin.told(body.name, self.scale) for body, fin in fins]
 
     @property
     def cast_volume(self) -> float:
@@ -182,28 +182,32 @@ def _make_pieces(device: Actuator, recipe: actuator.Recipe, workshop: settings.W
         where = face_namer(device, drawn[0].tools.frame)
         channels = [check_core(cavity, math.nan, workshop, where) / workshop.scale for cavity in cavities]
         inside = np.concatenate([np.zeros((0, 3)), *(cavity.points for cavity in cavities)]) @ drawn[0].tools.frame.turn
-        pieces = [_piece(device, one, inside, workshop) for one in drawn]
-        waxes = [_piece(LostCore(one.file("cast")), one, np.zeros((0, 3)), workshop) for one in molten]
+        pieces = [_piece(device, drawn_piece, inside, workshop) for drawn_piece in drawn]
+        waxes = [
+            _piece(LostCore(drawn_piece.file("cast")), drawn_piece, np.zeros((0, 3)), workshop)
+            for drawn_piece in molten
+        ]
         shrunk = workshop.scale**-3 / MM_PER_M**3
         plug, grooved = (
-            sum(volumes) * shrunk for volumes in zip(*((one.plug, one.tools.grooved) for one in drawn), strict=True)
+            sum(volumes) * shrunk
+            for volumes in zip(*((drawn_piece.plug, drawn_piece.tools.grooved) for drawn_piece in drawn), strict=True)
         )
         casts = tuple(piece.cast for piece in pieces)
         silicone = min(
-            thicknesses(cast.facets, _flanks(cast.facets, one.tools))[0][0]
-            for cast, one in zip(casts, drawn, strict=True)
+            thicknesses(cast.facets, _flanks(cast.facets, drawn_piece.tools))[0][0]
+            for cast, drawn_piece in zip(casts, drawn, strict=True)
         )
         channels = [width for width in (*channels, *(piece.channel for piece in pieces)) if math.isfinite(width)]
-        first = {one.tools.pour.name.removesuffix(" core"): one.tools.pour for one in molten}
-        pours = [pour for one in recipe.pours for pour in (first.get(one.name), one) if pour]
+        first = {drawn_piece.tools.pour.name.removesuffix(" core"): drawn_piece.tools.pour for drawn_piece in molten}
+        pours = [pour for part in recipe.pours for pour in (first.get(part.name), part) if pour]
         return Mould(
             dataclasses.replace(recipe, pours=tuple(pours)),
             tuple(body for piece in (*waxes, *pieces) for body in piece.bodies), _extras(drawn, workshop), casts,
             tuple(piece.cast for piece in waxes), _bonded_step(drawn, Path(place)),
-            max(one.differs for one in (*drawn, *molten)),
+            max(drawn_piece.differs for drawn_piece in (*drawn, *molten)),
             max((piece.balance for piece in (*pieces, *waxes)), key=abs),
             sum(cast.facets.volume for cast in casts) * shrunk + plug + grooved, plug, grooved,
-            next((one.tools.wound for one in drawn), None), silicone / MM_PER_M / workshop.scale,
+            next((drawn_piece.tools.wound for drawn_piece in drawn), None), silicone / MM_PER_M / workshop.scale,
             min(channels, default=math.nan), workshop.scale,
         )  # fmt: skip
 
@@ -254,11 +258,11 @@ def _extras(drawn: Sequence[_DrawnPiece], workshop: settings.Workshop) -> tuple[
         _write_steps(facets.coupon_solids(workshop), own)
     files = {"bonding jig": drawn[0].file("jig 0")} if drawn[0].counts["jig"] else {}
     files |= {name: own.file(name) for name in ("coupon", "coupon pin")}
-    found = [MouldBody(name, "", file.read_bytes(), facets.facets_of(file, chord), (0.0, 0.0, 0.0), None)
+    extras = [MouldBody(name, "", file.read_bytes(), facets.facets_of(file, chord), (0.0, 0.0, 0.0), None)
              for name, file in files.items()]  # fmt: skip
-    if leaks := [body.name for body in found if body.facets.open_edges]:
+    if leaks := [body.name for body in extras if body.facets.open_edges]:
         raise MeshingError(f"the {leaks[0]} is not watertight; change a length slightly")
-    return tuple(found)
+    return tuple(extras)
 
 
 def _draw(
@@ -285,10 +289,10 @@ def _draw(
         named = {body.name: body.solid for body in tools.bodies} | {"cast": void[0]}
         named |= {f"{kind} {k}": solid for kind, solids in several.items() for k, solid in enumerate(solids)}
         plug = sum(gmsh.model.occ.getMass(*solid) for solid in tools.plugs)
-        found = _DrawnPiece(tools, folder, {kind: len(solids) for kind, solids in several.items()}, differs,
+        drawn_piece = _DrawnPiece(tools, folder, {kind: len(solids) for kind, solids in several.items()}, differs,
                        *_block_volumes(tools), plug)  # fmt: skip
-        _write_steps(named, found)
-    return found
+        _write_steps(named, drawn_piece)
+    return drawn_piece
 
 
 def _piece(device: Actuator | LostCore, drawn: _DrawnPiece, inside: Array, workshop: settings.Workshop) -> _Piece:
@@ -297,7 +301,7 @@ def _piece(device: Actuator | LostCore, drawn: _DrawnPiece, inside: Array, works
     named = {body.name: facets.facets_of(drawn.file(body.name), chord) for body in tools.bodies}
     surfaces = Surfaces(tools, named, facets.facets_of(drawn.file("cast"), CAST_CHORD))
     where = face_namer(device, tools.frame)
-    found = {name: check_body(name, surfaces, workshop, where) for name in named}
+    checks = {name: check_body(name, surfaces, workshop, where) for name in named}
     overlap = overlaps(surfaces)
     rest = balance(drawn, surfaces)
     if abs(rest) > VOLUME_TOLERANCE:
@@ -306,7 +310,7 @@ def _piece(device: Actuator | LostCore, drawn: _DrawnPiece, inside: Array, works
         )
     bodies = [
         MouldBody(body.name, tools.pour.name, drawn.file(body.name).read_bytes(), named[body.name], _triple(body.pull),
-                  dataclasses.replace(found[body.name], overlap=overlap[body.name] / MM_PER_M))
+                  dataclasses.replace(checks[body.name], overlap=overlap[body.name] / MM_PER_M))
         for body in tools.bodies
     ]  # fmt: skip
     cores = [] if len(inside) else drawn.surfaces("core", chord)
@@ -328,20 +332,21 @@ def _triple(vector: Array) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _difference(one: list[Solid], other: list[Solid], size: float) -> float:
+def _difference(solid_list: list[Solid], other: list[Solid], size: float) -> float:
     """Return how far two bodies differ in volume, centre and moments of inertia, as shares of the volume and of the size.
 
     Not the volume of what is left of one without the other: the CAD kernel fails on bodies whose faces all coincide.
     """
-    occ, found = gmsh.model.occ, []
-    for solids in (one, other):
+    occ, differences = gmsh.model.occ, []
+    for solids in (solid_list, other):
         mass = np.array([occ.getMass(*solid) for solid in solids])
         centre = np.array([occ.getCenterOfMass(*solid) for solid in solids])
         inertia = np.array([occ.getMatrixOfInertia(*solid) for solid in solids])
-        found.append((mass.sum(), mass @ centre, inertia.sum(axis=0)))
-    whole = found[1][0]
+        differences.append((mass.sum(), mass @ centre, inertia.sum(axis=0)))
+    whole = differences[1][0]
     return max(
-        float(np.abs(np.asarray(a) - b).max()) / (whole * size**k) for k, (a, b) in enumerate(zip(*found, strict=True))
+        float(np.abs(np.asarray(a) - b).max()) / (whole * size**k)
+        for k, (a, b) in enumerate(zip(*differences, strict=True))
     )
 
 
@@ -526,14 +531,14 @@ class Surfaces:
     cast: Facets
 
 
-def check_body(name: str, found: Surfaces, workshop: settings.Workshop, named: Name) -> BodyChecks:
+def check_body(name: str, surfaces: Surfaces, workshop: settings.Workshop, named: Name) -> BodyChecks:
     """Check a body: `MouldError` for an undercut, or a wall or gap too fine for the printer, `MeshingError` if it is not
     watertight, or its STL strays."""
-    facets = found.bodies[name]
+    facets = surfaces.bodies[name]
     if facets.open_edges:
         raise MeshingError(f"the {name} is not watertight ({facets.open_edges} open edges); change a length slightly")
-    lean, own = _least_draft(name, found, workshop, named)
-    wall, gap = thicknesses(facets, _flanks(facets, found.made))
+    lean, own = _least_draft(name, surfaces, workshop, named)
+    wall, gap = thicknesses(facets, _flanks(facets, surfaces.made))
     allowed = 2.0 * facets.chord
     for what, (value, place), limit, field in (
         ("thin", wall, workshop.least_wall, "least_wall"), ("wide", gap, workshop.least_gap, "least_gap"),
@@ -550,21 +555,23 @@ def check_body(name: str, found: Surfaces, workshop: settings.Workshop, named: N
             f"the STL of the {name} differs from its STEP by {differs:.2g} of the volume; use a smaller chord"
         )
     angles = np.degrees(np.arcsin(np.clip([lean, own], -1.0, 1.0)))
-    fins = tuple(dataclasses.replace(fin, where=named(fin.place)) if fin.slender else fin for fin in _fins(name, found))
+    fins = tuple(
+        dataclasses.replace(fin, where=named(fin.place)) if fin.slender else fin for fin in _fins(name, surfaces)
+    )
     return BodyChecks(
         float(angles[0]), float(angles[1]), wall[0] / MM_PER_M, gap[0] / MM_PER_M,
         facets.chord / MM_PER_M, differs, math.nan, fins,
     )  # fmt: skip
 
 
-def _fins(name: str, found: Surfaces) -> list[Fin]:
+def _fins(name: str, surfaces: Surfaces) -> list[Fin]:
     """Return the fins of a body: where a ray into it from a face that forms the part leaves through another one, by the pairs
     of these faces; one of those alike, the most slender first."""
-    facets = found.bodies[name]
-    pull = next(body.pull for body in found.made.bodies if body.name == name)
+    facets = surfaces.bodies[name]
+    pull = next(body.pull for body in surfaces.made.bodies if body.name == name)
     if not pull.any():
         return []
-    formed = _forming_faces(facets, found.cast) & ~_release_faces(facets, found.made)
+    formed = _forming_faces(facets, surfaces.cast) & ~_release_faces(facets, surfaces.made)
     corners, normals = facets.corners, _flat_normals(facets)
     pieces, own, areas = _spread(corners, formed & np.any(normals, axis=1))
     pairs: dict[tuple[int, int], list[tuple[int, float]]] = {}
@@ -642,8 +649,8 @@ def _spread(corners: Array, chosen: npt.NDArray[np.bool_]) -> tuple[Array, facet
     for k in np.flatnonzero((area > 0.0) & (longest > step)):
         n = int(np.ceil(longest[k] / step))
         grid = np.indices((n, n)).reshape(2, -1).T
-        one, other = grid[grid.sum(axis=1) < n], grid[grid.sum(axis=1) < n - 1]
-        shares = np.vstack([one[:, None] + [(0, 0), (1, 0), (0, 1)], other[:, None] + [(1, 0), (1, 1), (0, 1)]]) / n
+        lower, other = grid[grid.sum(axis=1) < n], grid[grid.sum(axis=1) < n - 1]
+        shares = np.vstack([lower[:, None] + [(0, 0), (1, 0), (0, 1)], other[:, None] + [(1, 0), (1, 1), (0, 1)]]) / n
         pieces.append(a[k] + shares[..., :1] * (b[k] - a[k]) + shares[..., 1:] * (c[k] - a[k]))
         own.append(np.full(len(shares), k))
     every = max(1, sum(map(len, own)) // (2 * FIN_RAYS))
@@ -660,7 +667,7 @@ def _flanks(facets: Facets, made: Tooling) -> npt.NDArray[np.bool_] | None:
     outer, inner = scale * made.wound.radius, scale * (made.wound.radius - made.wound.depth)
     radius = np.linalg.norm(facets.corners[:, :, :2], axis=2)
     between = ((radius > inner - near) & (radius < outer + near)).all(axis=1)
-    on_one = [(np.abs(radius - one) < near).all(axis=1) for one in (outer, inner)]
+    on_one = [(np.abs(radius - cylinder) < near).all(axis=1) for cylinder in (outer, inner)]
     return np.asarray(between & ~on_one[0] & ~on_one[1])
 
 
@@ -681,15 +688,15 @@ def _area(facets: Facets) -> float:
     return 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
 
 
-def _least_draft(name: str, found: Surfaces, workshop: settings.Workshop, named: Name) -> tuple[float, float]:
+def _least_draft(name: str, surfaces: Surfaces, workshop: settings.Workshop, named: Name) -> tuple[float, float]:
     """Return the least sine of the lean of the part's faces along the body's pull, and of the pins and holes along theirs;
     `MouldError` for a face that hangs over, `MeshingError` for a pin, a socket or a hole with less than the draft."""
-    facets, made = found.bodies[name], found.made
+    facets, made = surfaces.bodies[name], surfaces.made
     pull = next(body.pull for body in made.bodies if body.name == name)
     if not pull.any():
         return 1.0, math.nan
     lean = -facets.normals @ pull
-    own, formed = _release_faces(facets, made), _forming_faces(facets, found.cast)
+    own, formed = _release_faces(facets, made), _forming_faces(facets, surfaces.cast)
     least_own = float(np.abs(facets.normals[own, :, 2]).min(initial=1.0)) if own.any() else math.nan
     if least_own < math.sin(math.radians(workshop.draft)) - 1e-4:
         raise MeshingError(
@@ -767,7 +774,7 @@ def thicknesses(
     chosen = np.flatnonzero(np.any(flat, axis=1) & ~skipped)
     if len(chosen) > MOST_RAYS:
         chosen = chosen[np.linspace(0, len(chosen) - 1, MOST_RAYS).astype(int)]
-    found = []
+    lengths = []
     for way in (-1.0, 1.0):
         best, place = math.inf, np.zeros(3)
         for k in chosen:
@@ -777,8 +784,8 @@ def thicknesses(
                 continue
             if flat[k] @ flat[cell] < MAX_FACING_COSINE and distance < best:
                 best, place = distance, begin
-        found.append((best, place))
-    return found[0], found[1]
+        lengths.append((best, place))
+    return lengths[0], lengths[1]
 
 
 def _ray_caster(facets: Facets) -> Callable[[Array, Array], tuple[int, float]]:
@@ -809,22 +816,22 @@ def manifold_of(facets: Facets) -> Manifold:
     )  # it takes no frozen ones
 
 
-def common_thickness(one: Manifold, other: Manifold) -> float:
+def common_thickness(manifold: Manifold, other: Manifold) -> float:
     """Return the thickness in mm of the thickest piece that two polyhedra have in common: its volume over half its area."""
-    pieces = (one ^ other).decompose()
+    pieces = (manifold ^ other).decompose()
     return max(
         (2.0 * piece.volume() / piece.surface_area() for piece in pieces if piece.surface_area() > 0.0), default=0.0
     )
 
 
-def overlaps(found: Surfaces) -> dict[str, float]:
+def overlaps(surfaces: Surfaces) -> dict[str, float]:
     """Return for each body how thick its overlap is with others in place, and with others and the cast on its way out, mm; an
     error if that is more than the triangles' distance from the exact faces."""
     from manifold3d import Manifold, OpType
 
-    made, solids = found.made, {name: manifold_of(facets) for name, facets in found.bodies.items()}
-    piece = manifold_of(found.cast)
-    allowed = found.cast.chord + max(facets.chord for facets in found.bodies.values()) + 1e-6
+    made, solids = surfaces.made, {name: manifold_of(facets) for name, facets in surfaces.bodies.items()}
+    piece = manifold_of(surfaces.cast)
+    allowed = surfaces.cast.chord + max(facets.chord for facets in surfaces.bodies.values()) + 1e-6
     height, worst = float(made.high[2] - made.low[2]), {}
     for k, body in enumerate(made.bodies):
         others = [other for other in made.bodies[k + 1 :] if body.pull.any() or other.pull.any()]
@@ -856,13 +863,13 @@ def _block_volumes(made: Tooling) -> tuple[float, float]:
     return inside + sum(occ.getMass(*solid) for solid in made.target), beyond
 
 
-def balance(drawn: _DrawnPiece, found: Surfaces) -> float:
+def balance(drawn: _DrawnPiece, surfaces: Surfaces) -> float:
     """Return what the block has more than bodies, openings and the piece, as a share of the block.
 
     The bodies' volumes are integrals over their faces as meshed from the STEP files, the others are the CAD kernel's.
     """
-    block = float(np.prod(found.made.high - found.made.low))
-    bodies = sum(facets.volume for facets in found.bodies.values())
+    block = float(np.prod(surfaces.made.high - surfaces.made.low))
+    bodies = sum(facets.volume for facets in surfaces.bodies.values())
     return (block - (bodies - drawn.beyond) - drawn.taken) / block
 
 

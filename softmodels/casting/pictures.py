@@ -70,11 +70,11 @@ def _exploded_surfaces(made: make.Mould, pour: actuator.Pour) -> list[tuple[Face
     bodies, cast = made.of(pour)
     turn = standing(pour)
     places = shifts(bodies, cast)
-    found = [(cast.facets, np.zeros(3), LOST_CORE_COLOUR if pour.wax else SILICONE_COLOUR)]
-    found += [
+    layers = [(cast.facets, np.zeros(3), LOST_CORE_COLOUR if pour.wax else SILICONE_COLOUR)]
+    layers += [
         (body.facets, places[body.name], PRINTED_COLOUR if any(body.pull) else LOST_CORE_COLOUR) for body in bodies
     ]
-    return [(moved(facets, turn, turn @ shift), colour) for facets, shift, colour in found]
+    return [(moved(facets, turn, turn @ shift), colour) for facets, shift, colour in layers]
 
 
 def standing(pour: actuator.Pour) -> Array:
@@ -85,15 +85,15 @@ def standing(pour: actuator.Pour) -> Array:
 def shifts(bodies: Sequence[make.MouldBody], cast: make.MouldBody) -> dict[str, Array]:
     """Return by how much each body of a piece is moved along its pull, in mm, to stand clear of the others."""
     size = float(np.linalg.norm(np.ptp(cast.facets.points, axis=0)))
-    found, stacked = {}, [cast.facets.points]
+    shifts, stacked = {}, [cast.facets.points]
     lost = [body for body in bodies if not any(body.pull)]
     for body in [*lost, *reversed([body for body in bodies if any(body.pull)])]:
         pull = np.array(body.pull) if any(body.pull) else np.array([0.0, 0.0, -1.0])
         before = np.concatenate(stacked)
         needed = float((before @ pull).max() - (body.facets.points @ pull).min())
-        found[body.name] = (max(0.0, needed) + EXPLODED_GAP * size) * pull
-        stacked.append(body.facets.points + found[body.name])
-    return found
+        shifts[body.name] = (max(0.0, needed) + EXPLODED_GAP * size) * pull
+        stacked.append(body.facets.points + shifts[body.name])
+    return shifts
 
 
 def _layers(facets: Facets, colour: str, opacity: float = 1.0) -> list[offscreen.Layer]:
@@ -111,16 +111,16 @@ def _layers(facets: Facets, colour: str, opacity: float = 1.0) -> list[offscreen
 def sharp_edges(facets: Facets, view: Array | None = None) -> grid.Cells:
     """Return the edges between faces that meet at an angle, as pairs of vertices, shape (k, 2); with a direction of view also
     the outline of curved faces."""
-    pairs, one, other = _neighbours(facets)
+    pairs, start, other = _neighbours(facets)
     normals = np.concatenate([facets.normals[:, side].mean(axis=1) for side in TRIANGLE_SIDES])
     face = np.tile(facets.face, 3)
-    cosine = np.einsum("ij,ij->i", normals[one], normals[other])
-    drawn = (face[one] != face[other]) & (cosine < MAX_EDGE_COSINE)
+    cosine = np.einsum("ij,ij->i", normals[start], normals[other])
+    drawn = (face[start] != face[other]) & (cosine < MAX_EDGE_COSINE)
     if view is not None:
         a, b, c = np.moveaxis(facets.corners, 1, 0)
         towards = np.tile(np.cross(b - a, c - a) @ view, 3)
-        drawn |= (towards[one] > 0.0) != (towards[other] > 0.0)
-    return np.asarray(pairs[one][drawn])
+        drawn |= (towards[start] > 0.0) != (towards[other] > 0.0)
+    return np.asarray(pairs[start][drawn])
 
 
 TRIANGLE_SIDES: tuple[tuple[int, int], ...] = ((0, 1), (1, 2), (2, 0))
@@ -227,13 +227,13 @@ def _filled_cup(bodies: Sequence[make.MouldBody], cast: make.MouldBody, stays: M
 
 def _casts_apart(made: make.Mould) -> list[tuple[Facets, str, float]]:
     """Return the pieces in the device's own place, apart across their bonds."""
-    found = []
+    casts_apart = []
     for pour in (pour for pour in made.recipe.pours if not pour.wax):
         _, cast = made.of(pour)
         turn, up = bodies.rotation_up(pour.up).T, np.array(pour.up)
         size = float(np.linalg.norm(np.ptp(cast.facets.points, axis=0)))
-        found.append((moved(cast.facets, turn, 0.12 * size * up), SILICONE_COLOUR, 1.0))
-    return found
+        casts_apart.append((moved(cast.facets, turn, 0.12 * size * up), SILICONE_COLOUR, 1.0))
+    return casts_apart
 
 
 def _rendered(group: Sequence[tuple[Facets, str, float]]) -> offscreen.Image:
@@ -276,21 +276,21 @@ def _view(axes: Axes, edges: Array, points: Array) -> None:
 
 def plates_picture(placed: Sequence[PlacedBody], size: tuple[float, float]) -> Figure:
     """Draw the plates from above, each body as the outline of its edges with its name; a plate's width and depth are in mm."""
-    count = max(one.plate for one in placed)
+    count = max(body.plate for body in placed)
     figure = Figure((8.0, 8.0 * size[1] / size[0] * count), layout="constrained")
     rows = figure.subplots(count, 1, squeeze=False)[:, 0]
     for k, axes in enumerate(rows, 1):
         axes.add_patch(Rectangle((0, 0), *size, fill=False, edgecolor=style.EDGE))
-        for one in placed:
-            if one.plate == k:
-                axes.add_collection(LineCollection(list(one.facets.points[sharp_edges(one.facets)][:, :, :2]),
+        for body in placed:
+            if body.plate == k:
+                axes.add_collection(LineCollection(list(body.facets.points[sharp_edges(body.facets)][:, :, :2]),
                 colors=style.EDGE,
                                                    linewidths=0.4))  # fmt: skip
-                (x, y, _), (X, Y, _) = one.facets.points.min(axis=0), one.facets.points.max(axis=0)
-                if X - x < 1.2 * len(one.name):
-                    axes.text(0.5 * (x + X), Y + 1.0, one.name, fontsize=6, rotation=90, ha="center")
+                (x, y, _), (X, Y, _) = body.facets.points.min(axis=0), body.facets.points.max(axis=0)
+                if X - x < 1.2 * len(body.name):
+                    axes.text(0.5 * (x + X), Y + 1.0, body.name, fontsize=6, rotation=90, ha="center")
                 else:
-                    axes.text(x, y - 0.5, one.name, fontsize=6, va="top")
+                    axes.text(x, y - 0.5, body.name, fontsize=6, va="top")
         axes.set(xlim=(-2, size[0] + 2), ylim=(-2, size[1] + 2), aspect="equal")
         axes.set_axis_off()
     return figure
@@ -303,8 +303,8 @@ def draw_all(folder: Path, made: make.Mould) -> list[tuple[str, str]]:
     """Write the rendered pictures; return their names and descriptions, the exploded view first."""
     exploded_picture(made).savefig(folder / EXPLODED, dpi=style.DPI)
     steps_picture(made).savefig(folder / STEPS, dpi=style.DPI)
-    found = [(EXPLODED, "Exploded view of the mould along the pull"), (STEPS, "The steps of the work")]
+    pictures = [(EXPLODED, "Exploded view of the mould along the pull"), (STEPS, "The steps of the work")]
     for body in made.bodies:
         body_picture(body).savefig(folder / f"{body.stem}.png", dpi=style.DPI)
-        found.append((f"{body.stem}.png", f"The {body.name}"))
-    return found
+        pictures.append((f"{body.stem}.png", f"The {body.name}"))
+    return pictures

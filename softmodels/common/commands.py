@@ -370,9 +370,9 @@ class LazyGroup(CommandGroup):
         if cmd_name not in self.commands and cmd_name in self.module_of:
             with stoppable(self.program, self.speaks):
                 module = importlib.import_module(self.module_of[cmd_name])
-            for found in vars(module).values():
-                if isinstance(found, click.Command) and found.name == cmd_name:
-                    self.add_command(found)
+            for command in vars(module).values():
+                if isinstance(command, click.Command) and command.name == cmd_name:
+                    self.add_command(command)
         return super().get_command(ctx, cmd_name)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -573,12 +573,12 @@ def command_line() -> str:
 
 def _libraries() -> dict[str, str]:
     """Return the versions of DOLFINx and PETSc if they were used; nothing is imported for it."""
-    found = {}
+    libraries = {}
     if (dolfinx := sys.modules.get("dolfinx")) is not None:
-        found["DOLFINx"] = str(getattr(dolfinx, "__version__", "unknown"))
+        libraries["DOLFINx"] = str(getattr(dolfinx, "__version__", "unknown"))
     if (PETSc := sys.modules.get("petsc4py.PETSc")) is not None:
-        found["PETSc"] = ".".join(map(str, PETSc.Sys.getVersion()))
-    return found
+        libraries["PETSc"] = ".".join(map(str, PETSc.Sys.getVersion()))
+    return libraries
 
 
 @dataclasses.dataclass(frozen=True)

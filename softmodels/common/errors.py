@@ -112,8 +112,8 @@ def spoken(sentence: str) -> str:
     return _MORE.sub(lambda m: f'{m[1]} or "{m[2]}"' if m[2] in _choices else m[0], said)
 
 
-def _argument(found: re.Match[str]) -> str:
-    name, value = found["name"], found["value"]
+def _argument(match: re.Match[str]) -> str:
+    name, value = match["name"], match["value"]
     if value is None:
         return _arguments.get(name, name.replace("-", "_"))
     if (known := _arguments.get(f"{name} {value}")) is not None:
@@ -145,8 +145,8 @@ def meant(name: object, known: Iterable[str]) -> str:
 
 def _nearest(name: str, known: Iterable[str]) -> list[str]:
     """Return the names nearest to another one, at most two; letters' case and an option's dashes do not count."""
-    names = {str(one).lower().lstrip("-"): str(one) for one in known}
-    return [names[one] for one in difflib.get_close_matches(name.lower().lstrip("-"), names, 2, 0.6)]
+    names = {str(name_known).lower().lstrip("-"): str(name_known) for name_known in known}
+    return [names[name_known] for name_known in difflib.get_close_matches(name.lower().lstrip("-"), names, 2, 0.6)]
 
 
 MOST_BESIDE = 1000

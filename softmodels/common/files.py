@@ -130,10 +130,10 @@ HIDDEN_NAME = ".softmodels"
 """What the names of files and folders begin with that a folder's record, lock and preparation have."""
 
 
-def is_same(one: Path, other: Path) -> bool:
+def is_same(path: Path, other: Path) -> bool:
     """Return whether two names are of one file, which may be reached in several ways."""
     try:
-        return one.samefile(other)
+        return path.samefile(other)
     except OSError:
         return False
 
@@ -249,8 +249,8 @@ def replace_hdf5(path: Path, fill: Callable[[h5py.File], object]) -> None:
 
 def hdf5_reason(error: BaseException) -> str:
     """Return the operating system's error in a long HDF5 message, or the message's first line."""
-    found = re.search(r"error message = '([^']+)'", str(error))
-    return found[1] if found else str(error).strip().splitlines()[0]
+    match = re.search(r"error message = '([^']+)'", str(error))
+    return match[1] if match else str(error).strip().splitlines()[0]
 
 
 def csv_text(head: Iterable[str], rows: Iterable[Mapping[str, object] | Sequence[object]]) -> str:

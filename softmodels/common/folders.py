@@ -306,16 +306,16 @@ class Record:
     def read(cls, path: Path) -> Record | None:
         """Return the record in a file; None if there is none or it is not readable."""
         try:
-            found = {"format": 0, **read_json(path)}
-            if found["format"] < 2:  # what is in a folder stood beside its name
-                found["files"] = [*found["files"], *_is_inside(found.get("inside", {}))]
-                found |= (
-                    {"incoming": [*given, *_is_inside(given)]} if (given := found.get("incoming")) is not None else {}
+            record = {"format": 0, **read_json(path)}
+            if record["format"] < 2:  # what is in a folder stood beside its name
+                record["files"] = [*record["files"], *_is_inside(record.get("inside", {}))]
+                record |= (
+                    {"incoming": [*given, *_is_inside(given)]} if (given := record.get("incoming")) is not None else {}
                 )
             kinds = {"files": list, "about": dict, "incoming": list, "incoming_about": dict}
-            if not all(isinstance(found.get(name, kind()), kind) for name, kind in kinds.items()):
+            if not all(isinstance(record.get(name, kind()), kind) for name, kind in kinds.items()):
                 return None
-            known = {field.name: found[field.name] for field in dataclasses.fields(cls) if field.name in found}
+            known = {field.name: record[field.name] for field in dataclasses.fields(cls) if field.name in record}
             known |= {name: tuple(known[name]) for name in ("files", "incoming") if name in known}
             own = all(map(is_inside, (*known["files"], *known.get("incoming", ()))))
             return cls(**known) if own and "about" in known else None

@@ -176,7 +176,7 @@ def several(name: str, value: object, kinds: type | tuple[type, ...], wanted: st
         return (value,)
     if isinstance(value, str | bytes | dict) or not isinstance(value, Iterable):
         raise wrong(name, value, f"{wanted}, or a list of such")
-    return tuple(one_of(f"{name}[{number}]", one, kinds, wanted) for number, one in enumerate(value))
+    return tuple(one_of(f"{name}[{number}]", entry_given, kinds, wanted) for number, entry_given in enumerate(value))
 
 
 def span(name: str, value: object) -> tuple[float, float] | None:

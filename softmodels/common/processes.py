@@ -255,11 +255,11 @@ class Worker:
         try:
             self.start()
             self._line.send_bytes(order)
-            found: Answer = self._line.recv()
+            answer: Answer = self._line.recv()
         except (EOFError, OSError):
             self.stop()
             raise DiedError(PROCESS_ENDED_TEXT) from None
-        return found
+        return answer
 
     def answer(self, function: str, task: object, closed: Callable[[], bool] = bool) -> Answer:
         """Return the answer to a task, which is given to a new process once more if the first one dies before all is closed."""

@@ -172,27 +172,27 @@ def pick[Found](
 ) -> tuple[Worksheet, Found] | None:
     """Return the sheet that has a table, and what ``table`` makes of it; None if there is none. `UserFileError` if several
     have one, or the text is no table with any separator."""
-    found: list[tuple[Worksheet, Found]] = []
+    tables: list[tuple[Worksheet, Found]] = []
     trouble: csv.Error | None = None
     for sheet in sheets:
         try:
-            one = table(sheet)
+            cells = table(sheet)
         except csv.Error as error:
             trouble = error
             continue
-        if one is not None:
-            found.append((sheet, one))
+        if cells is not None:
+            tables.append((sheet, cells))
             if not sheet.name:
                 break
-    if len(found) > 1:
+    if len(tables) > 1:
         raise files.UserFileError(
             path,
-            f"there is a table on each of {named([sheet for sheet, _ in found])}; save the right sheet as CSV, "
+            f"there is a table on each of {named([sheet for sheet, _ in tables])}; save the right sheet as CSV, "
             "or as a separate workbook",
         )
-    if not found and trouble is not None:
+    if not tables and trouble is not None:
         raise files.UserFileError(path, f"it is not a table ({trouble})")
-    return found[0] if found else None
+    return tables[0] if tables else None
 
 
 def named(sheets: Sequence[Worksheet]) -> str:
@@ -299,7 +299,7 @@ def _read_workbook(data: bytes, values: bool) -> dict[str, tuple[Cells, list[tup
     import openpyxl
     from openpyxl.cell.read_only import EMPTY_CELL
 
-    found: dict[str, tuple[Cells, list[tuple[int, int]]]] = {}
+    sheets: dict[str, tuple[Cells, list[tuple[int, int]]]] = {}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # about styles and other things that are not read
         book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=values, keep_links=False)
@@ -322,9 +322,9 @@ def _read_workbook(data: bytes, values: bool) -> dict[str, tuple[Cells, list[tup
                         cells.setdefault(cell.row, {})[cell.column] = _shown_text(cell, values)
                     elif cell.data_type == "n":  # a formula with an empty text for its value is "str"
                         empty.append((cell.row, cell.column))
-            found[sheet.title] = cells, empty
+            sheets[sheet.title] = cells, empty
         book.close()
-    return found
+    return sheets
 
 
 def _shown_text(cell: Any, values: bool) -> str:

@@ -230,14 +230,14 @@ def _split(text: str, what: str, hint: str = "") -> tuple[float, str]:
     shown = text.strip()
     if len(shown) > MAX_CHARACTERS:
         raise UnitError(f"{brief(shown)} is not {what}{hint}")
-    found = re.fullmatch(rf"({_NUMBER})\s*(.*)", shown, re.DOTALL)
-    if found is None or (found[2] and not _UNIT.fullmatch(found[2])):
+    match = re.fullmatch(rf"({_NUMBER})\s*(.*)", shown, re.DOTALL)
+    if match is None or (match[2] and not _UNIT.fullmatch(match[2])):
         kind = DecimalCommaError if _DECIMAL_COMMA.match(shown) else UnitError
         raise kind(_reason(shown, what, hint))
-    read = float(found[1])
+    read = float(match[1])
     if not math.isfinite(read):
         raise UnitError(f"{brief(shown)} is not a finite number")
-    return read, found[2]
+    return read, match[2]
 
 
 def _reason(shown: str, what: str, hint: str) -> str:

@@ -129,8 +129,8 @@ def chain_of(model: ReducedModel) -> Chain:
     shares = model.pressures / top
     sampled = np.union1d(shares, np.linspace(shares.min(), 1.0, FIT_SAMPLES))
     poses = [model(share * top) for share in sampled]
-    places = np.array([one.position - model.base for one in poses]) @ axes
-    turned = [axes.T @ one.rotation @ axes for one in poses]
+    places = np.array([pose.position - model.base for pose in poses]) @ axes
+    turned = [axes.T @ pose.rotation @ axes for pose in poses]
     out = float(np.abs(places[:, 2]).max())
     stiffness = _stiffness(model, axes, hinges)
     if out > PLANE_TOLERANCE * model.length and not (stiffness["side"] and stiffness["twist"]):
@@ -138,16 +138,16 @@ def chain_of(model: ReducedModel) -> Chain:
             f"the tip leaves the plane of bending by {1e3 * out:.3g} mm, and its stiffness across that is not known; reduce a "
             f"model of the whole device, or write a table (.csv, .json)"
         )
-    count, found = 6 if out > PLANE_TOLERANCE * model.length else 3, []
+    count, links = 6 if out > PLANE_TOLERANCE * model.length else 3, []
     for place, R, angle in zip(places, turned, np.interp(sampled, shares, model.turns @ normal), strict=True):
         if not hinges:
-            found.append([0.0, 0.0, place[0] - model.length])
+            links.append([0.0, 0.0, place[0] - model.length])
             continue
         # Away from zero: the derivatives are by differences in proportion.
         guess = [angle + 0.01, 0.01, float(np.linalg.norm(place)) - 0.99 * model.length, 0.01, 0.01, 0.01][:count]
         solved = least_squares(_tip_error, guess, xtol=1e-14, gtol=1e-14, args=(place, R, model.length))
-        found.append(solved.x)
-    advances, quartics = _fitted_coefficients(sampled, np.array(found))
+        links.append(solved.x)
+    advances, quartics = _fitted_coefficients(sampled, np.array(links))
     misses = np.array([
         _tip_error(quartics @ at ** np.arange(5), place, R, model.length)
         for at, place, R in zip(_advance(advances, sampled), places, turned, strict=True)
@@ -176,8 +176,8 @@ def _fitted_coefficients(shares: Array, numbers: Array) -> tuple[Array, Array]:
 
     def solved(inner: Array, of: Array) -> tuple[Array, Array]:
         terms = _advance(advances(inner), shares)[:, None] ** powers
-        found = np.linalg.lstsq(terms, of, rcond=None)[0]
-        return found, (terms @ found - of).ravel()
+        coefficients = np.linalg.lstsq(terms, of, rcond=None)[0]
+        return coefficients, (terms @ coefficients - of).ravel()
 
     inner = least_squares(lambda inner: solved(inner, scaled)[1], np.zeros(3 * len(ADVANCES))).x
     quartics = np.zeros((numbers.shape[1], 5))
@@ -293,7 +293,7 @@ def _springs(root: ElementTree.Element, chain: Chain) -> None:
     first, *others = DRIVER_TURN * chain.advances
     ties = [
         (ADVANCES[0], "pressure", first),
-        *zip(ADVANCES[1:], ADVANCES, [one * of_turn for one in others], strict=False),
+        *zip(ADVANCES[1:], ADVANCES, [other * of_turn for other in others], strict=False),
     ]
     for name, quartic in zip(numbers, chain.quartics, strict=True):
         ties.append((name, ADVANCES[-1], quartic * of_turn / numbers[name]))
@@ -318,14 +318,14 @@ LOADS = (*(f"f{axis}" for axis in actuator.AXES), *(f"m{axis}" for axis in actua
 
 def columns(model: ReducedModel) -> dict[str, Callable[[reduction.TipState], float]]:
     """Return the columns of the table by their heads, which end in the unit."""
-    found: dict[str, Callable[[reduction.TipState], float]] = {"pressure_Pa": lambda one: one.pressure}
+    columns: dict[str, Callable[[reduction.TipState], float]] = {"pressure_Pa": lambda state: state.pressure}
     device = model.case.actuator
     for k, ratio in enumerate(device.ratios, 1):
         if len(device.ratios) > 1:
-            found[f"pressure_cavity{k}_Pa"] = lambda one, ratio=ratio: ratio * one.pressure  # type: ignore[misc]
-    found |= {f"tip_{axis}_m": lambda one, i=i: one.position[i] for i, axis in enumerate(actuator.AXES)}  # type: ignore[misc]
-    found |= {f"tip_q{axis}_1": lambda one, i=i: float(_quaternion(one)[i]) for i, axis in enumerate("wxyz")}  # type: ignore[misc]
-    found |= {"added_volume_m3": lambda one: one.volume, "volume_rate_m3_per_Pa": lambda one: one.volume_rate}
+            columns[f"pressure_cavity{k}_Pa"] = lambda state, ratio=ratio: ratio * state.pressure  # type: ignore[misc]
+    columns |= {f"tip_{axis}_m": lambda state, i=i: state.position[i] for i, axis in enumerate(actuator.AXES)}  # type: ignore[misc]
+    columns |= {f"tip_q{axis}_1": lambda state, i=i: float(_quaternion(state)[i]) for i, axis in enumerate("wxyz")}  # type: ignore[misc]
+    columns |= {"added_volume_m3": lambda state: state.volume, "volume_rate_m3_per_Pa": lambda state: state.volume_rate}
     for i, motion in enumerate(MOTIONS):
         unit = "m" if i < 3 else "rad"
         for k in range(len(device.ratios)):
@@ -334,30 +334,30 @@ def columns(model: ReducedModel) -> dict[str, Callable[[reduction.TipState], flo
                 if len(device.ratios) > 1
                 else f"rate_{motion}_{unit}_per_Pa"
             )
-            found[head] = lambda one, i=i, k=k: one.jacobian[i, k]  # type: ignore[misc]
+            columns[head] = lambda state, i=i, k=k: state.jacobian[i, k]  # type: ignore[misc]
     for i, motion in enumerate(MOTIONS):
         for j, load in enumerate(LOADS[: i + 1]):
             unit = f"{'m' if i < 3 else 'rad'}_per_{'N' if j < 3 else 'Nm'}"
-            found[f"compliance_{motion}_{load}_{unit}"] = lambda one, i=i, j=j: one.compliance[i, j]  # type: ignore[misc]
+            columns[f"compliance_{motion}_{load}_{unit}"] = lambda state, i=i, j=j: state.compliance[i, j]  # type: ignore[misc]
     for i, load in enumerate(LOADS):
         unit = "N_per_Pa" if i < 3 else "Nm_per_Pa"
-        found[f"blocked_{load}_{unit}"] = lambda one, i=i: model.blocked(one)[i]  # type: ignore[misc,assignment]
-    found["effective_area_m2"] = model.effective_area
+        columns[f"blocked_{load}_{unit}"] = lambda state, i=i: model.blocked(state)[i]  # type: ignore[misc,assignment]
+    columns["effective_area_m2"] = model.effective_area
     for i, name in enumerate(("curvature_per_m", "arc_length_m", "bending_direction_rad")):
-        found[name] = lambda one, i=i: model.constant_curvature(one)[i]  # type: ignore[misc]
-    found["max_stretch_1"] = lambda one: one.stretch
+        columns[name] = lambda state, i=i: model.constant_curvature(state)[i]  # type: ignore[misc]
+    columns["max_stretch_1"] = lambda state: state.stretch
     if np.isfinite(model.states[-1].spread).all():
         heads = [
             *(f"tip_{axis}_ci95_m" for axis in actuator.AXES),
             *(f"turn_{axis}_ci95_rad" for axis in actuator.AXES),
             "added_volume_ci95_m3",
         ]
-        found |= {head: lambda one, i=i: one.spread[i] for i, head in enumerate(heads)}  # type: ignore[misc]
-    return found
+        columns |= {head: lambda state, i=i: state.spread[i] for i, head in enumerate(heads)}  # type: ignore[misc]
+    return columns
 
 
-def _quaternion(one: reduction.TipState) -> Array:
-    return np.asarray(Rotation.from_matrix(one.rotation).as_quat(canonical=True, scalar_first=True))
+def _quaternion(state: reduction.TipState) -> Array:
+    return np.asarray(Rotation.from_matrix(state.rotation).as_quat(canonical=True, scalar_first=True))
 
 
 def table_csv(model: ReducedModel) -> str:
@@ -366,8 +366,8 @@ def table_csv(model: ReducedModel) -> str:
     writer = csv.writer(out, lineterminator="\n")
     known = columns(model)
     writer.writerow(known)
-    for one in model.states:
-        values = [float(read(one)) for read in known.values()]
+    for state in model.states:
+        values = [float(read(state)) for read in known.values()]
         writer.writerow([f"{value:.12g}" if math.isfinite(value) else "" for value in values])
     return out.getvalue()
 
@@ -375,7 +375,7 @@ def table_csv(model: ReducedModel) -> str:
 def table_json(model: ReducedModel) -> str:
     """Return the table as JSON, with what it is of, where it ends and its errors in between."""
     known, low_high = columns(model), model.span
-    rows = {head: [_plain(float(read(one))) for one in model.states] for head, read in known.items()}
+    rows = {head: [_plain(float(read(state))) for state in model.states] for head, read in known.items()}
     about = {
         "written_by": deck.WRITTEN_BY, "case": model.case.name, "device": type(model.case.actuator).__name__, "tip": model.face,
         "support_m": model.base.tolist(), "length_m": model.length, "from_Pa": low_high[0], "to_Pa": low_high[1],

@@ -60,15 +60,15 @@ class Deck:
     @functools.cached_property
     def points(self) -> Array:
         """Places in m of all nodes: the mesh's, those of rigid parts, then those of springs."""
-        return np.concatenate([self.mesh.points, self.supports.added, *(one.places for one in self.springs)])
+        return np.concatenate([self.mesh.points, self.supports.added, *(spring.places for spring in self.springs)])
 
     @property
     def grounds(self) -> Iterator[tuple[Springs, int]]:
         """Each part's springs, and the number of the first of their nodes."""
         number = len(self.mesh.points) + len(self.supports.added)
-        for one in self.springs:
-            yield one, number
-            number += len(one.places)
+        for spring in self.springs:
+            yield spring, number
+            number += len(spring.places)
 
     @functools.cached_property
     def tied(self) -> list[Tie]:
@@ -78,30 +78,30 @@ class Deck:
     @functools.cached_property
     def held(self) -> dict[int, mesh_arrays.Ints]:
         """Held displacements: component (0 to 2) and nodes at which it vanishes, no node twice for a component."""
-        found = {}
+        held = {}
         for component in range(3):
             still = [tie.node for tie in self._of_springs if tie.component == component and not tie.terms]
             if nodes := [*self.supports.held.get(component, ()), *still]:
-                found[component] = np.array(nodes, dtype=np.int64)
-        return found
+                held[component] = np.array(nodes, dtype=np.int64)
+        return held
 
     @functools.cached_property
     def _of_springs(self) -> list[Tie]:
         """Ties of the springs' nodes."""
-        return [tie for one, first in self.grounds for tie in one.ties(first)]
+        return [tie for springs, first in self.grounds for tie in springs.ties(first)]
 
     @property
     def watched(self) -> dict[str, int]:
         """Output nodes by label: the device's probes, and the reference nodes of rigid parts."""
-        found = {
+        nodes = {
             name: int(np.linalg.norm(self.mesh.points - place, axis=1).argmin())
             for name, place in self.case.actuator.probes.items()
         }
-        for one in self.supports.rigged:
-            found[f"centre of {one.name}"] = one.place
-            if one.turn is not None:
-                found[f"rotation vector of {one.name} in rad"] = one.turn
-        return found
+        for part in self.supports.rigged:
+            nodes[f"centre of {part.name}"] = part.place
+            if part.turn is not None:
+                nodes[f"rotation vector of {part.name} in rad"] = part.turn
+        return nodes
 
     @property
     def overlapping(self) -> str:
@@ -114,16 +114,16 @@ class Deck:
     def remarks(self) -> list[str]:
         """Remarks on the deck, as sentences."""
         case, names = self.case, ", ".join(self.mesh.faces)
-        found = [
+        sentences = [
             f"{case.name}, {type(case.actuator).__name__}, one of {case.actuator.copies} equal slices",
             f"faces by role: {names}",
             "nodes: " + ", ".join(f"{number + 1} {name}" for name, number in self.watched.items()),
         ]
         if self.forces is not None:
-            found.append(f"a first step applies {', '.join(acting(case))}, as forces on the nodes of this slice")
-        found += [f"{one.label}, {one.what}, from node {ground + 1}" for one, ground in self.grounds]
-        found += [self.overlapping] if self.overlapping else []
-        return [*found, *(remark for silicone in self.silicones for remark in silicone.remarks)]
+            sentences.append(f"a first step applies {', '.join(acting(case))}, as forces on the nodes of this slice")
+        sentences += [f"{springs.label}, {springs.what}, from node {ground + 1}" for springs, ground in self.grounds]
+        sentences += [self.overlapping] if self.overlapping else []
+        return [*sentences, *(remark for silicone in self.silicones for remark in silicone.remarks)]
 
 
 WRITTEN_BY = "written by softmodels"
@@ -160,17 +160,17 @@ def deck_of(case: Case, mesh: Path, system: System | None = None) -> Deck:
 def _pressures(case: Case) -> Array:
     """Return the requested pressures of each cavity in Pa, without those of the device at rest, shape (steps, cavities)."""
     if case.program:
-        return np.array([one.values for one in steps.courses(case.steps)]).T[steps.begins_at_rest(case.steps) :]
+        return np.array([course.values for course in steps.courses(case.steps)]).T[steps.begins_at_rest(case.steps) :]
     return np.outer([goal for goal in case.goals if goal], case.actuator.ratios)
 
 
 def _check_apart(supports: Supports, springs: tuple[Springs, ...]) -> None:
     """Reject springs on nodes of a rotating rigid part: CalculiX 2.20 drops part of their motion in equations."""
     for part in supports.rigged:
-        for one in springs:
-            if part.turn is not None and not one.nodes.isdisjoint(part.nodes.tolist()):
+        for spring in springs:
+            if part.turn is not None and not spring.nodes.isdisjoint(part.nodes.tolist()):
                 raise CaseError(
-                    f"{one.label} acts on nodes of the rotating rigid part {part.name}, which CalculiX "
+                    f"{spring.label} acts on nodes of the rotating rigid part {part.name}, which CalculiX "
                     f"solves wrongly: guide the part (kind = 'guided'), or name other faces"
                 )
 
@@ -187,10 +187,10 @@ def needs_equations(case: Case) -> bool:
 
 def _by_node(mesh: MeshArrays, places: Array, forces: Array) -> Array:
     """Return the forces in the order of a mesh's nodes."""
-    away, found = scipy.spatial.cKDTree(places).query(mesh.points)
+    away, nodes = scipy.spatial.cKDTree(places).query(mesh.points)
     if away.max() > NODE_TOLERANCE * np.ptp(mesh.points, axis=0).max():
         raise CaseError("the mesh and the equations have different nodes: the dead loads cannot be written")
-    return forces[found]
+    return forces[nodes]
 
 
 def acting(case: Case) -> list[str]:
@@ -207,7 +207,9 @@ def check(case: Case) -> None:
         raise CaseError(
             f'the case has an axisymmetric section of {type(device).__name__}; decks need a solid one (section = "wedge")'
         )
-    unpressed = case.timed or any(one.quantity != steps.PRESSURE for step in case.steps for one in step.prescribed)
+    unpressed = case.timed or any(
+        quantity.quantity != steps.PRESSURE for step in case.steps for quantity in step.prescribed
+    )
     if unpressed or case.load_unload:
         raise CaseError(
             f"the case asks for {case.load.requested.words}; a deck takes pressures (pressure_cm), and no unloading"
@@ -274,21 +276,21 @@ class DeckSilicone:
     @property
     def remarks(self) -> list[str]:
         """Remarks on the material, as sentences."""
-        found = [
+        remarks = [
             f"{self.name}: {self.material}",
             f"{self.name}: energy of the isochoric stretches' shape + K/2 (J - 1)^2, K = {self.bulk:.6g} Pa",
         ]
         if not self.material.isochoric:
-            found.append(
+            remarks.append(
                 f"{self.material.name}: softmodels' energy uses the full stretches, this one the isochoric ones; "
                 "they agree as Poisson's ratio approaches 0.5"
             )
         if self.material.memory is not None:
-            found.append(
+            remarks.append(
                 f"{self.name}: the deck leaves out its memory, a model that CalculiX does not have: it is the silicone "
                 "after a long time, relaxed and never softened"
             )
-        return found
+        return remarks
 
     def check(self, where: str) -> None:
         """Raise `CaseError`, which begins with ``where``, for a law that no deck supports."""
@@ -308,7 +310,7 @@ def silicones_of(material: Material, components: Iterable[object], regions: Iter
     """Return the materials of a device with its parts and regions; the first, its main one, fills all cells without a
     region."""
     others = [DeckSilicone(part.name, part.material, (part.name,)) for part in components if isinstance(part, Region)]
-    named = {one.name for one in others}
+    named = {other.name for other in others}
     main = f"main_{MAIN}" if MAIN in named else MAIN
     return (DeckSilicone(main, material, tuple(name for name in regions if name not in named)), *others)
 
@@ -416,10 +418,10 @@ def _tangent_ties(node: int, ways: Array) -> list[Tie]:
 
 def _as_one(nodes: mesh_arrays.Ints, place: int, ways: Array) -> Iterator[Tie]:
     """Yield the ties that make nodes move together, only along orthonormal directions, shape (k, 3)."""
-    found = {tie.component: tie.terms for tie in _tangent_ties(place, ways)}
-    terms = [found.get(i, {(place, i): 1.0}) for i in range(3)]
+    terms_by_component = {tie.component: tie.terms for tie in _tangent_ties(place, ways)}
+    terms = [terms_by_component.get(i, {(place, i): 1.0}) for i in range(3)]
     for node in nodes:
-        own = found if node == place else range(3)
+        own = terms_by_component if node == place else range(3)
         yield from (Tie(int(node), i, terms[i]) for i in own)
 
 
@@ -433,7 +435,7 @@ def _solved_at(node: int, rows: Array) -> list[Tie]:
 def solved(rows: Array) -> list[tuple[int, dict[int, float]]]:
     """Return, by row echelon form, the components that vanish or depend on others if some directions are held, shape (k, 3):
     each with the factors of those that it is the sum of; none for one that vanishes."""
-    matrix, found = rows.copy(), []
+    matrix, solved_ties = rows.copy(), []
     pivots: list[tuple[int, int]] = []
     for _ in range(3):
         free = np.abs(matrix).copy()
@@ -449,8 +451,8 @@ def solved(rows: Array) -> list[tuple[int, dict[int, float]]]:
         pivots.append((row, column))
     for row, column in sorted(pivots, key=lambda pivot: pivot[1]):
         factors = {i: -float(matrix[row, i]) for i in range(3) if i != column and abs(matrix[row, i]) > 1e-9}
-        found.append((column, factors))
-    return found
+        solved_ties.append((column, factors))
+    return solved_ties
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -508,17 +510,17 @@ class Springs:
 
     def ties(self, first: int) -> list[Tie]:
         """Return what moves its own nodes, ``first`` being the beginning's; a displacement without terms is held."""
-        found = [Tie(first + k, i, terms) for k, own in enumerate(self.terms, 1) for i, terms in enumerate(own)]
+        ties = [Tie(first + k, i, terms) for k, own in enumerate(self.terms, 1) for i, terms in enumerate(own)]
         if self.slide is None:
-            return [*found, *(Tie(first, i, {}) for i in range(3))]
+            return [*ties, *(Tie(first, i, {}) for i in range(3))]
         moving, along, carried = first + len(self.ends) + 1, self.slide.along, self.slide.carried
         k = int(np.abs(along).argmax())
         for i in range(3):
-            found.append(Tie(first, i, {(moving, k): carried[i] / along[k]} if abs(carried[i]) > 1e-12 else {}))
-            found.append(Tie(moving + 1, i, {}))
+            ties.append(Tie(first, i, {(moving, k): carried[i] / along[k]} if abs(carried[i]) > 1e-12 else {}))
+            ties.append(Tie(moving + 1, i, {}))
             if i != k:
-                found.append(Tie(moving, i, {(moving, k): along[i] / along[k]} if abs(along[i]) > 1e-12 else {}))
-        return found
+                ties.append(Tie(moving, i, {(moving, k): along[i] / along[k]} if abs(along[i]) > 1e-12 else {}))
+        return ties
 
     @property
     def elements(self) -> Iterator[tuple[int, int, Array, Array]]:
@@ -726,7 +728,7 @@ def _fibre_springs(family: Family, mesh: MeshArrays, size: float) -> Springs:
     along = along[laid] / lengths[laid, None]
     # contribution of each node's displacement to F a - a, in 1/m
     factors = np.einsum("kni,ki->kn", slopes[laid], along)
-    terms = [_rows(own, size * one) for own, one in zip(nodes[laid], factors, strict=True)]
+    terms = [_rows(own, size * factor) for own, factor in zip(nodes[laid], factors, strict=True)]
     stretches = np.concatenate(
         [
             1 - np.geomspace(1 - MIN_STRETCH, MIN_STRAIN, COMPRESSION_ENTRIES),
@@ -813,11 +815,11 @@ def calculix(deck: Deck) -> str:
         entries = [f"{node + 1}, {i + 1}, {factor:.12e}" for node, i, factor in terms]
         lines = [", ".join(entries[at : at + 4]) for at in range(0, len(entries), 4)]
         out.write(f"*EQUATION\n{len(terms)}\n" + "\n".join(lines) + "\n")
-    for one in deck.supports.rigged:
-        if one.turn is not None:
-            name = f"RIGID_{one.name}".upper()
-            out.write(_cards(f"*NSET, NSET={name}", one.nodes))
-            out.write(f"*RIGID BODY, NSET={name}, REF NODE={one.place + 1}, ROT NODE={one.turn + 1}\n")
+    for part in deck.supports.rigged:
+        if part.turn is not None:
+            name = f"RIGID_{part.name}".upper()
+            out.write(_cards(f"*NSET, NSET={name}", part.nodes))
+            out.write(f"*RIGID BODY, NSET={name}, REF NODE={part.place + 1}, ROT NODE={part.turn + 1}\n")
     for component, nodes in deck.held.items():
         out.write(_cards(f"*NSET, NSET=HELD{component + 1}", nodes))
     out.write("*BOUNDARY\n")
@@ -874,8 +876,8 @@ def _write_mesh(deck: Deck, out: TextIO) -> None:
 def _write_springs(deck: Deck, out: TextIO) -> None:
     """Write each spring with its own table: elements, and forces in uN over elongations in mm."""
     number = len(deck.mesh.cells)
-    for part, (one, first) in enumerate(deck.grounds, 1):
-        for begin, end, stretches, forces in one.elements:
+    for part, (springs, first) in enumerate(deck.grounds, 1):
+        for begin, end, stretches, forces in springs.elements:
             name, number = f"SPRING{part}_{end}", number + 1
             out.write(f"*ELEMENT, TYPE=SPRINGA, ELSET={name}\n{number}, {first + begin + 1}, {first + end + 1}\n")
             # Blank lines are skipped: real numbers distinguish a table from the degrees of freedom of other springs.

@@ -205,24 +205,24 @@ class MeshedDesign:
         """
         try:
             try:
-                found = self._judged(gradients)
+                quantities = self._judged(gradients)
             except UnstableState:
                 if not self.states.carried:
                     raise
                 self._trace()
-                found = self._judged(gradients)
+                quantities = self._judged(gradients)
         except DesignFailure:
             if self._stable is not None:
                 self._restore(*self._stable)
             raise
         self._stable = self.case, self.states.known
-        return found
+        return quantities
 
     def _judged(self, gradients: bool) -> tuple[dict[str, EvaluatedQuantity], list[str]]:
         """Return the same for the current states; UnstableState if one of them is."""
         motion, question = self.design.motion, self.question
         velocities = motion.boundary_velocities(question.shape) if gradients else {}
-        found: dict[str, EvaluatedQuantity] = {}
+        quantities: dict[str, EvaluatedQuantity] = {}
         notes = self.design.system.mesh_notes
         for load in (None, *question.loads):
             parts = [part for part in self.measures if part.load == load]
@@ -239,7 +239,7 @@ class MeshedDesign:
                 measure = self.measures[part]
                 if gradients and state is not None and load is not None and isinstance(measure, TargetMeasure):
                     judged = dataclasses.replace(judged, squares=self._squares(measure, state, load, velocities))
-                found[part.key] = judged
+                quantities[part.key] = judged
         for part in question.parts:
             if isinstance(part, OfLimit):
                 critical = self._critical(part, velocities, gradients)
@@ -249,14 +249,14 @@ class MeshedDesign:
                     critical = EvaluatedQuantity(
                         question.highest, np.zeros(len(question.names)), dict.fromkeys(question.materials, 0.0)
                     )
-                found[part.key] = critical.times(part.factor(question.working))
+                quantities[part.key] = critical.times(part.factor(question.working))
             elif isinstance(part, DeviceQuantity):
                 values, columns = part.values(motion.device), part.derivatives(motion.device, question.shape)
                 for key, value in values.items():
                     rates = dict(zip(question.shape, columns[key], strict=True))
                     whole = np.array([rates.get(name, 0.0) for name in question.names])
-                    found[key] = EvaluatedQuantity(value, whole if gradients else np.zeros(0), {})
-        return found, notes
+                    quantities[key] = EvaluatedQuantity(value, whole if gradients else np.zeros(0), {})
+        return quantities, notes
 
     def _settled(self, load: EvaluatedLoad) -> State:
         """Return the state at a load, its tangent factorised; UnstableState where the device leaves it by itself."""
@@ -277,8 +277,8 @@ class MeshedDesign:
         columns = []
         for name in self.question.names:
             along = {name: 1.0} if name in velocities else in_equations(self.case, name)
-            rates = {one: self._rates(load, velocities.get(one, one), one) for one in along}
-            moved = [along[one] * measure.moved(state, w, X) for one, (w, X) in rates.items()]
+            rates = {share: self._rates(load, velocities.get(share, share), share) for share in along}
+            moved = [along[parameter] * measure.moved(state, w, X) for parameter, (w, X) in rates.items()]
             columns.append(sum(moved, np.zeros(len(measure.residuals(state)))))
         return Squares.of(measure.residuals(state), np.array(columns).T, measure.run, measure.sigma)
 
@@ -309,7 +309,9 @@ class MeshedDesign:
         """Numbers of the equations by which derivatives are wanted, beside lengths."""
         free = (name for name in self.question.names if name not in self.question.shape)
         return list(
-            dict.fromkeys([*self.question.materials, *(one for name in free for one in in_equations(self.case, name))])
+            dict.fromkeys(
+                [*self.question.materials, *(field for name in free for field in in_equations(self.case, name))]
+            )
         )
 
     def _gathered(
@@ -319,7 +321,7 @@ class MeshedDesign:
         rates = []
         for name in self.question.names:
             own = {} if name in by_length else in_equations(self.case, name)
-            rates.append(by_length.get(name, 0.0) + sum(rate * by_other[one] for one, rate in own.items()))
+            rates.append(by_length.get(name, 0.0) + sum(rate * by_other[key] for key, rate in own.items()))
         return EvaluatedQuantity(value, np.array(rates), {name: by_other[name] for name in self.question.materials})
 
     def _critical(self, part: OfLimit, velocities: dict[str, Array], gradients: bool) -> EvaluatedQuantity | None:
@@ -329,16 +331,16 @@ class MeshedDesign:
         if isinstance(part, OfBifurcation):
             if fork is None or self.bifurcations is None:
                 return None
-            P, found = fork.P, self.bifurcations.gradient(fork, velocities, materials) if gradients else None
+            P, gradient = fork.P, self.bifurcations.gradient(fork, velocities, materials) if gradients else None
         elif limit is None:
             return None
         else:
             P = limit.state.P
-            found = (
+            gradient = (
                 self.adjoint.limit_gradient(limit.state, limit.tangent, velocities, materials) if gradients else None
             )
         pressure = self.design.direction * P * self.design.system.stress_unit
-        return EvaluatedQuantity(pressure, np.zeros(0), {}) if found is None else self._gathered(pressure, *found)
+        return EvaluatedQuantity(pressure, np.zeros(0), {}) if gradient is None else self._gathered(pressure, *gradient)
 
 
 def _case_between(start: Case, end: Case, share: float, names: Sequence[str]) -> Case:
@@ -371,7 +373,9 @@ class DesignModel:
                 f"can follow; it can follow {', '.join(case.actuator.movable) or 'none'}"
             )
         self.quantities = tuple(quantities)
-        parts = tuple(dict.fromkeys(part for one in self.quantities for part in getattr(one, "parts", (one,))))
+        parts = tuple(
+            dict.fromkeys(part for quantity in self.quantities for part in getattr(quantity, "parts", (quantity,)))
+        )
         loads = tuple(sorted({part.load for part in parts if part.load is not None}))
         self.question = EvaluationRequest(self.names, parts, loads, 0.0, tuple(materials), shape)
         if any(isinstance(part, OfLimit) for part in parts):
@@ -398,8 +402,8 @@ class DesignModel:
         remeshed = self._ready(case)
         meshed = self.meshed
         assert meshed is not None
-        found, notes = meshed.judge()
-        own = self._gathered(found, notes)
+        quantities, notes = meshed.judge()
+        own = self._gathered(quantities, notes)
         return Evaluation(
             np.array(theta, dtype=float), case.actuator, {key: judged.value for key, judged in own.items()},
             {key: judged.gradient for key, judged in own.items() if judged.gradient.size},
@@ -417,8 +421,8 @@ class DesignModel:
         values_only = dataclasses.replace(self.question, names=(), shape=(), materials=())
         meshed = MeshedDesign.fresh(case, values_only, self.comm)
         try:
-            found, notes = meshed.judge(gradients=False)
-            values = {key: judged.value for key, judged in self._gathered(found, notes).items()}
+            quantities, notes = meshed.judge(gradients=False)
+            values = {key: judged.value for key, judged in self._gathered(quantities, notes).items()}
         finally:
             meshed.release()
         return Evaluation(
@@ -480,27 +484,27 @@ class DesignModel:
 
     # -- values and gradients -------------------------------------------------------------------------------------------
 
-    def _gathered(self, found: dict[str, EvaluatedQuantity], notes: list[str]) -> dict[str, EvaluatedQuantity]:
+    def _gathered(self, quantities: dict[str, EvaluatedQuantity], notes: list[str]) -> dict[str, EvaluatedQuantity]:
         """Return the quantities by key, combined over states; add their notes."""
         own: dict[str, EvaluatedQuantity] = {}
-        for one in self.quantities:
-            if isinstance(one, targets.CompositeQuantity):
-                parts = [found[part.key] for part in one.parts]
-                own[one.key] = _combined_gradient(one, parts)
-                if note := one.note(np.array([part.value for part in parts])):
-                    notes.append(f"{one.key}: {note}")
-            elif isinstance(one, DeviceQuantity):
-                own |= {key: found[key] for key in one.values(self.case.actuator)}
+        for quantity in self.quantities:
+            if isinstance(quantity, targets.CompositeQuantity):
+                parts = [quantities[part.key] for part in quantity.parts]
+                own[quantity.key] = _combined_gradient(quantity, parts)
+                if note := quantity.note(np.array([part.value for part in parts])):
+                    notes.append(f"{quantity.key}: {note}")
+            elif isinstance(quantity, DeviceQuantity):
+                own |= {key: quantities[key] for key in quantity.values(self.case.actuator)}
             else:
-                own[one.key] = found[one.key]
+                own[quantity.key] = quantities[quantity.key]
         return own
 
 
-def _combined_gradient(one: targets.CompositeQuantity, parts: Sequence[EvaluatedQuantity]) -> EvaluatedQuantity:
+def _combined_gradient(quantity: targets.CompositeQuantity, parts: Sequence[EvaluatedQuantity]) -> EvaluatedQuantity:
     values, slopes = np.array([part.value for part in parts]), np.array([part.gradient for part in parts])
-    value, weights = one.combined(values)
+    value, weights = quantity.combined(values)
     gradient = slopes.T @ weights
-    squares = one.squares(values, slopes) if gradient.size else None
+    squares = quantity.squares(values, slopes) if gradient.size else None
     names = parts[0].by_material
     rates = {name: float(weights @ np.array([part.by_material[name] for part in parts])) for name in names}
     return EvaluatedQuantity(value, gradient, rates, squares)
@@ -592,21 +596,21 @@ class Evaluator:
         """Return a design's values, stored or evaluated; DesignStopped if the user asked to stop, EnoughError if this search
         has used up its evaluations."""
         theta = mpi.on_root(self.comm, lambda: theta)
-        found = self.trials.find(theta, self.mesh)
-        new = found is None
-        if found is None:
+        trial = self.trials.find(theta, self.mesh)
+        new = trial is None
+        if trial is None:
             if mpi.on_root(self.comm, self.how.get("stopped", bool)):
                 raise DesignStopped
             if len(self.visited) >= self.how.get("evaluations", MAX_EVALUATIONS):
                 raise EnoughError
-            found = self._evaluated(theta)
-            self.trials.add(found)
-        if self.form is None and not found.failed:
-            self.form = Formulation(self.problem, found)
+            trial = self._evaluated(theta)
+            self.trials.add(trial)
+        if self.form is None and not trial.failed:
+            self.form = Formulation(self.problem, trial)
         if new:
             mpi.on_root(self.comm, self._keep)
-        self.visited.add(found.number)
-        return found
+        self.visited.add(trial.number)
+        return trial
 
     def fresh_mesh(self) -> None:
         """Mesh the next design anew, and reuse no earlier evaluation."""
@@ -621,10 +625,10 @@ class Evaluator:
     def confirmed(self, best: Trial) -> tuple[dict[str, float], str]:
         """Return the values on a fresh mesh along the whole path, and the reason if there are none."""
         try:
-            found = self.model.confirm(np.array(best.theta), self.how.get("finer", 1.0))
+            confirmed = self.model.confirm(np.array(best.theta), self.how.get("finer", 1.0))
         except (DesignFailure, GeometryError, MeshingError) as error:
             return {}, f"the design could not be confirmed on a fresh mesh: {error}"
-        return mpi.on_root(self.comm, lambda: {key: float(value) for key, value in found.values.items()}), ""
+        return mpi.on_root(self.comm, lambda: {key: float(value) for key, value in confirmed.values.items()}), ""
 
     def tell(self, text: str) -> None:
         """Report a line from rank 0."""
@@ -682,7 +686,7 @@ def identity(problem: DesignProblem) -> dict[str, str]:
         "the case": case.to_toml(),
         "the free parameters": repr(
             [
-                *((one.name, one.low, one.high) for one in problem.free),
+                *((free.name, free.low, free.high) for free in problem.free),
                 *((name, *ends) for name, ends in problem.counts.items()),
             ]
         ),
@@ -697,7 +701,7 @@ def identity(problem: DesignProblem) -> dict[str, str]:
 
 def _identity(asked: DesignQuantity) -> str:
     """Return a quantity's key with all that it was given; of a file what was read, wherever it is."""
-    given = {one.name: getattr(asked, one.name) for one in dataclasses.fields(asked) if one.name != "file"}
+    given = {field.name: getattr(asked, field.name) for field in dataclasses.fields(asked) if field.name != "file"}
     return f"{asked.key} {given}"
 
 
@@ -781,7 +785,7 @@ class DesignFolder:
         # Compare only values of one mesh: those of the previous one may satisfy limits that are violated on a fresh one.
         if form is None:
             return
-        best = form.best([one for one in trials if one.mesh == trial.mesh])
+        best = form.best([done for done in trials if done.mesh == trial.mesh])
         if best is not None and (trial.start == 1 or best is form.best(trials)):
             self._write_best(best)
 
@@ -820,11 +824,11 @@ def table(problem: DesignProblem, trials: Sequence[Trial], form: Formulation | N
                     words = label(asked, problem.case.cm) if key == asked.key else key
                     unit = "" if shown(asked) == "1" else f" ({shown(asked)})"
                     keys[key] = words + unit, shown_factor(asked)
-    units = [(one, shown_unit(one.unit) or "1") for one in problem.free]
+    units = [(free, shown_unit(free.unit) or "1") for free in problem.free]
     out = io.StringIO()
     rows = csv.writer(out, lineterminator="\n")
     rows.writerow([
-        "number", "start", *(one.name + ("" if unit == "1" else f" ({unit})") for one, unit in units),
+        "number", "start", *(free.name + ("" if unit == "1" else f" ({unit})") for free, unit in units),
         *(words for words, _ in keys.values()), "limits kept", "worst limit (share passed)", "newton_iterations", "seconds",
         "mesh_quality", "remeshed", "failure",
     ])  # fmt: skip
@@ -833,7 +837,7 @@ def table(problem: DesignProblem, trials: Sequence[Trial], form: Formulation | N
         worst = f"{form.worst(trial)[0]:.6g}" if kept and form is not None else ""
         rows.writerow([
             trial.number, trial.start,
-            *(f"{value / factor(unit, one.unit or '1'):.9g}" for (one, unit), value in zip(units, trial.theta, strict=False)),
+            *(f"{value / factor(unit, free.unit or '1'):.9g}" for (free, unit), value in zip(units, trial.theta, strict=False)),
             *(f"{trial.values[key] / per:.9g}" if key in trial.values else "" for key, (_, per) in keys.items()),
             int(form.feasible(trial)) if form is not None and kept else "", worst, trial.newton, f"{trial.seconds:.3f}",
             f"{trial.quality:.4g}", int(trial.remeshed), trial.failure,

@@ -243,31 +243,31 @@ class _Steps:
 
     def __init__(self, evaluate: Evaluate, start: Array, price: float, reach: float, objective: bool):
         self._evaluate, self.price, self.weight = evaluate, price, float(objective)
-        found = evaluate(start)
-        assert found is not None
-        self.count = len(found.c)
-        self.elastic = float(found.c.max(initial=0.0))
+        evaluated = evaluate(start)
+        assert evaluated is not None
+        self.count = len(evaluated.c)
+        self.elastic = float(evaluated.c.max(initial=0.0))
         self.at, self.reach, self.failed = start, reach, list[Array]()
-        self.best, self._merit = start, self._worth(found)
+        self.best, self._merit = start, self._worth(evaluated)
         self.slope(np.append(start, self.elastic))
 
-    def _worth(self, found: Scaled) -> float:
-        return self.weight * found.f + self.price * float(found.c.max(initial=0.0))
+    def _worth(self, scaled: Scaled) -> float:
+        return self.weight * scaled.f + self.price * float(scaled.c.max(initial=0.0))
 
     def _found(self, z: Array) -> Scaled | None:
         x = np.clip(z[:-1], 0.0, 1.0)
         step = float(np.abs(x - self.at).max())
         if step > self.reach * (1 + 1e-9) or self._behind_a_failure(x):
             return None
-        found = self._evaluate(x)
-        if found is None:
+        evaluated = self._evaluate(x)
+        if evaluated is None:
             self.failed.append(x)
             self.reach = step / 2
-        elif found.fresh:
+        elif evaluated.fresh:
             raise _OtherMeshError(x)
-        if found is not None and self._worth(found) < self._merit:
-            self.best, self._merit = x, self._worth(found)
-        return found
+        if evaluated is not None and self._worth(evaluated) < self._merit:
+            self.best, self._merit = x, self._worth(evaluated)
+        return evaluated
 
     def _behind_a_failure(self, x: Array) -> bool:
         """Return whether a point is roughly in the direction of a failed one, and at least as far away."""
@@ -281,29 +281,29 @@ class _Steps:
         return False
 
     def value(self, z: Array) -> float:
-        found = self._found(z)
-        return self._base_value if found is None else self.weight * found.f + self.price * float(z[-1])
+        evaluated = self._found(z)
+        return self._base_value if evaluated is None else self.weight * evaluated.f + self.price * float(z[-1])
 
     def slope(self, z: Array) -> Array:
         before, self.at = self.at, np.clip(z[:-1], 0.0, 1.0)
         if not np.array_equal(before, self.at):
             self.reach = min(2 * self.reach, FARTHEST_REACH)
-        found = self._evaluate(self.at)
-        if found is None:  # SLSQP stopped because the last step failed
+        evaluated = self._evaluate(self.at)
+        if evaluated is None:  # SLSQP stopped because the last step failed
             return np.zeros(len(z))
-        self._base_value = self.weight * found.f + self.price * float(z[-1])
-        self._base_limits = z[-1] - found.c
-        return np.append(self.weight * found.df, self.price)
+        self._base_value = self.weight * evaluated.f + self.price * float(z[-1])
+        self._base_limits = z[-1] - evaluated.c
+        return np.append(self.weight * evaluated.df, self.price)
 
     def limits(self, z: Array) -> Array:
-        found = self._found(z)
-        return self._base_limits if found is None else np.asarray(z[-1] - found.c)
+        evaluated = self._found(z)
+        return self._base_limits if evaluated is None else np.asarray(z[-1] - evaluated.c)
 
     def limit_slopes(self, z: Array) -> Array:
-        found = self._evaluate(np.clip(z[:-1], 0.0, 1.0))
-        if found is None:
+        evaluated = self._evaluate(np.clip(z[:-1], 0.0, 1.0))
+        if evaluated is None:
             return np.zeros((self.count, len(z)))
-        return np.column_stack([-found.dc, np.ones(self.count)])
+        return np.column_stack([-evaluated.dc, np.ones(self.count)])
 
 
 FIRST_REACH = 0.1
@@ -341,8 +341,8 @@ def approached(evaluate: Callable[[Array], Scaled | None], start: Array, price: 
     return x, reach
 
 
-def _merit(found: Scaled, price: float) -> float:
-    return found.f + price * float(found.c.max(initial=0.0))
+def _merit(scaled: Scaled, price: float) -> float:
+    return scaled.f + price * float(scaled.c.max(initial=0.0))
 
 
 def _step(here: Scaled, x: Array, reach: float, price: float) -> tuple[Array, float]:
@@ -350,10 +350,10 @@ def _step(here: Scaled, x: Array, reach: float, price: float) -> tuple[Array, fl
     n, count = len(x), len(here.c)
     bounds = [(max(-reach, -value), min(reach, 1.0 - value)) for value in x] + [(0.0, None)]
     rows = np.column_stack([here.dc, -np.ones(count)]) if count else None
-    found = linprog(np.append(here.df, price), rows, -here.c if count else None, bounds=bounds, method="highs")
-    if found.x is None:  # HiGHS failed numerically
+    solution = linprog(np.append(here.df, price), rows, -here.c if count else None, bounds=bounds, method="highs")
+    if solution.x is None:  # HiGHS failed numerically
         return np.zeros(n), 0.0
-    return found.x[:n], price * float(here.c.max(initial=0.0)) - float(found.fun)
+    return solution.x[:n], price * float(here.c.max(initial=0.0)) - float(solution.fun)
 
 
 Evaluate = Callable[[Array], Scaled | None]
@@ -386,9 +386,9 @@ def search(evaluate: Evaluate, start: Array) -> Array:
 
 
 def _violation(evaluate: Evaluate, x: Array) -> float:
-    found = evaluate(x)
-    assert found is not None  # a search ends at a visited point
-    return float(found.c.max(initial=0.0))
+    evaluated = evaluate(x)
+    assert evaluated is not None  # a search ends at a visited point
+    return float(evaluated.c.max(initial=0.0))
 
 
 class _OtherMeshError(Exception):
@@ -456,14 +456,14 @@ def followed(judged: Callable[[Array], Trial], form: Formulation, start: Array) 
         rows = len(distances(form, trial(x)))
 
         def residuals(point: Array, rows: int = rows) -> Array:
-            found = trial(point)
-            return np.full(rows, np.nan) if found.failed else distances(form, found)
+            evaluated = trial(point)
+            return np.full(rows, np.nan) if evaluated.failed else distances(form, evaluated)
 
         x = least_squares(
             residuals, x, lambda point: slopes(form, trial(point)), bounds=(0.0, 1.0), xtol=PARAMETER_TOLERANCE,
             ftol=MIN_RELATIVE_GAIN, gtol=1e-15,
         ).x  # fmt: skip
-        if not any(one.remeshed for one in list(known.values())[1:]):
+        if not any(quantity.remeshed for quantity in list(known.values())[1:]):
             break
     return np.asarray(x)
 
@@ -529,8 +529,8 @@ def follow(under_way: model.Evaluator, theta: Array) -> StartEnd:
             best = form.best(seen) or again
             ends.append(StartEnd(under_way.start, best, form, *under_way.confirmed(best), why))
     except trials.DesignStopped:
-        found = form.best(seen)
-        end = ends[-1] if ends and found is None else StartEnd(under_way.start, found, form)
+        best_trial = form.best(seen)
+        end = ends[-1] if ends and best_trial is None else StartEnd(under_way.start, best_trial, form)
         return dataclasses.replace(end, why="because the user stopped it", stopped=True)
     return min(ends, key=StartEnd.order)
 
@@ -605,7 +605,7 @@ def further_starts(problem: DesignProblem, seed: int) -> Iterator[Array]:
 
 
 def _is_device(problem: DesignProblem, x: Array) -> bool:
-    values = {one.name: one.low + share * one.width for one, share in zip(problem.free, x, strict=True)}
+    values = {free.name: free.low + share * free.width for free, share in zip(problem.free, x, strict=True)}
     try:
         device = case.varied(problem.case, values).actuator
     except entries.INPUT_ERRORS:
@@ -655,29 +655,29 @@ def run_variants(
 ) -> DesignResult:
     """Optimise for each choice of the whole numbers, each in a folder of its own; return the result of the best, with all in
     its `DesignResult.variants`. RunError if none of them has a state where it is asked."""
-    tell, found = how.get("progress"), list[Variant]()
+    tell, variants = how.get("progress"), list[Variant]()
     mpi.on_root(comm, lambda: _begin(problem, folder, how))
-    for words, one in problem.variants():
+    for words, choice in problem.variants():
         if tell is not None:
             mpi.on_root(comm, lambda words=words: tell(f"{words}:"))  # type: ignore[misc]
-        own = mpi.kept_on_root(comm, functools.partial(_choice_folder, one, words, folder, how))
+        own = mpi.kept_on_root(comm, functools.partial(_choice_folder, choice, words, folder, how))
         try:
-            found.append(Variant(words, one, run_in(one, own, comm, **how)))
+            variants.append(Variant(words, choice, run_in(choice, own, comm, **how)))
         except RunError as error:
             if error.status == outcomes.STOPPED:
                 raise
-            found.append(Variant(words, one, None, str(error)))
+            variants.append(Variant(words, choice, None, str(error)))
         finally:
             if own is not None:
                 own.leave()
-        result = found[-1].result
+        result = variants[-1].result
         if result is not None and result.stopped:
             break
-    best = min(found, key=lambda variant: variant.order)
+    best = min(variants, key=lambda variant: variant.order)
     if best.result is None:
-        raise RunError(f"no choice of {', '.join(problem.counts)} can be evaluated: {found[0].sentence}")
-    made = dataclasses.replace(best.result, variants=tuple(one.sentence for one in found))
-    where = mpi.on_root(comm, lambda: None if folder is None else _write_best(folder, best, found))
+        raise RunError(f"no choice of {', '.join(problem.counts)} can be evaluated: {variants[0].sentence}")
+    made = dataclasses.replace(best.result, variants=tuple(choice.sentence for choice in variants))
+    where = mpi.on_root(comm, lambda: None if folder is None else _write_best(folder, best, variants))
     return dataclasses.replace(made, folder=where)
 
 
@@ -702,7 +702,7 @@ def _choice_folder(
     return None if folder is None else model.DesignFolder(problem, folder.path / _name(words), how.get("resume", False))
 
 
-def _write_best(folder: model.DesignFolder, best: Variant, found: list[Variant]) -> Path:
+def _write_best(folder: model.DesignFolder, best: Variant, variants: list[Variant]) -> Path:
     """Write the best design, the table of all choices, and that of all designs; return the folder."""
     assert best.result is not None
     files.write_text(folder.path / model.START, case_text(best.problem, best.result.given))
@@ -711,21 +711,21 @@ def _write_best(folder: model.DesignFolder, best: Variant, found: list[Variant])
     rows = csv.writer(out, lineterminator="\n")
     asked = best.problem.terms[0].quantity
     rows.writerow(["variant", label(asked, best.problem.case.cm), "limits kept", "designs", "failure"])
-    for one in found:
-        told = ["", "", 0] if one.result is None else [
-            in_words(asked, one.result.end.objective, 7), int(one.result.feasible), len(one.result.trials),
+    for variant in variants:
+        told = ["", "", 0] if variant.result is None else [
+            in_words(asked, variant.result.end.objective, 7), int(variant.result.feasible), len(variant.result.trials),
         ]  # fmt: skip
-        rows.writerow([one.words, *told, one.trouble])
+        rows.writerow([variant.words, *told, variant.trouble])
     files.write_text(folder.path / VARIANTS, out.getvalue())
-    files.write_text(folder.path / model.TABLE, "".join(_all_designs(found)))
+    files.write_text(folder.path / model.TABLE, "".join(_all_designs(variants)))
     return folder.path
 
 
-def _all_designs(found: list[Variant]) -> Iterator[str]:
+def _all_designs(variants: list[Variant]) -> Iterator[str]:
     """Yield the lines of the table of all designs, each with its choice in front."""
-    for number, one in enumerate(one for one in found if one.result is not None):
-        assert one.result is not None
-        head, *lines = model.table(one.problem, one.result.trials, one.result.form).splitlines(keepends=True)
+    for number, choice in enumerate(variant for variant in variants if variant.result is not None):
+        assert choice.result is not None
+        head, *lines = model.table(choice.problem, choice.result.trials, choice.result.form).splitlines(keepends=True)
         if not number:
             yield f"variant,{head}"
-        yield from (f'"{one.words}",{text}' for text in lines)
+        yield from (f'"{choice.words}",{text}' for text in lines)

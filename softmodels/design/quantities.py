@@ -132,10 +132,10 @@ class DesignQuantity(abc.ABC):
 
 def length(what: str, value: float | str) -> float:
     """Return a length in m from a number or a text with a unit; ValueError unless it is one that is not negative."""
-    found = units.quantity(value, "m") if isinstance(value, str) else float(value)
-    if not (np.isfinite(found) and found >= 0.0):
+    length = units.quantity(value, "m") if isinstance(value, str) else float(value)
+    if not (np.isfinite(length) and length >= 0.0):
         raise ValueError(f"{what} is {value!r}; it must be a length above zero, or 0 for none")
-    return found
+    return length
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -157,13 +157,14 @@ class FormMeasure(Measure):
     ):  # fmt: skip
         self.design, self.combine, self.counted_in_stress = design, combine, counted_in_stress
         system, form = design.system, design.system.form
-        self._forms = [form(one) for one in forms]
+        self._forms = [form(integral) for integral in forms]
         test = ufl.TestFunction(system.space)
         self._slopes = [
-            form(ufl.derivative(one, system.w, test)) if system.w in one.coefficients() else None for one in forms
+            form(ufl.derivative(integral, system.w, test)) if system.w in integral.coefficients() else None
+            for integral in forms
         ]
-        self._by_pressure = [form(one) for one in by_pressure]
-        self._covectors = [design.motion.compiled(one) for one in forms]
+        self._by_pressure = [form(integral) for integral in by_pressure]
+        self._covectors = [design.motion.compiled(integral) for integral in forms]
 
     def _combined(self) -> tuple[float, Array]:
         """Return the value in SI units and its slopes by the integrals."""
@@ -216,16 +217,16 @@ class WithContact(Measure):
         return self.forms.value(state) + own
 
     def slopes(self, state: State | None) -> Slopes:
-        found, system = self.forms.slopes(state), self.design.system
+        slopes, system = self.forms.slopes(state), self.design.system
         if not system.assembled.slack:
-            return found
+            return slopes
         unit, w, motion = self.unit * system.stress_unit, system.w.x.array, self.design.motion
         b = system.assembled.add_forces(w, np.zeros(system.n))
         by_w = unit * system.by_unknowns(b)
         by_X = unit * motion.by_nodes(system.assembled.at_places(w, len(system.body.mesh.geometry.x)))
-        assert found.X is not None
+        assert slopes.X is not None
         return dataclasses.replace(
-            found, value=self.value(state), w=by_w if found.w is None else found.w + by_w, X=found.X + by_X
+            slopes, value=self.value(state), w=by_w if slopes.w is None else slopes.w + by_w, X=slopes.X + by_X
         )
 
 
@@ -405,9 +406,9 @@ def _shifted_probe(
     rest: dict[str, Array], moved: dict[str, Array], which: int, name: str, shift: Array
 ) -> tuple[dict[str, Array], dict[str, Array]]:
     """Return the places and displacements with one probe's place (0) or displacement (1) shifted."""
-    found = [dict(rest), dict(moved)]
-    found[which][name] = found[which][name] + shift
-    return found[0], found[1]
+    sides = [dict(rest), dict(moved)]
+    sides[which][name] = sides[which][name] + shift
+    return sides[0], sides[1]
 
 
 def _probe(design: DesignedBody, name: str) -> str:
@@ -550,9 +551,9 @@ def _moved_role(design: DesignedBody, role: str) -> fem.Function:
     """Return the dofs of a unit motion of a role along the lift, zero elsewhere."""
     system = design.system
     component = int(np.argmax(system.body.skew @ in_section(system.body.actuator.lift, system.body.actuator.dimension)))
-    dimension, found = system.body.entities[role]
+    dimension, facets = system.body.entities[role]
     along = fem.Function(system.space)
-    along.x.array[fem.locate_dofs_topological(system.vectors.sub(component), dimension, found)] = 1.0
+    along.x.array[fem.locate_dofs_topological(system.vectors.sub(component), dimension, facets)] = 1.0
     return along
 
 
@@ -708,7 +709,12 @@ class PressedMeasure(Measure):
 
     def by_history(self, histories: Sequence[sensitivity.HistoryDirection]) -> float:
         own = next(
-            (one for one in histories if isinstance(one, sensitivity.GripDirection) and one.term is self.term), None
+            (
+                history
+                for history in histories
+                if isinstance(history, sensitivity.GripDirection) and history.term is self.term
+            ),
+            None,
         )
         return 0.0 if own is None else self.design.system.stress_unit * float(own.at_nodes().sum(axis=0) @ self.along)
 
@@ -807,7 +813,7 @@ class OfFace(DesignQuantity):
         return FormMeasure(design, [value * body.hoop * area for value in values], combine)
 
     @abc.abstractmethod
-    def integrands(self, along: Expr, one: Expr, X: Expr, x: Expr) -> list[Expr]:
+    def integrands(self, along: Expr, unit: Expr, X: Expr, x: Expr) -> list[Expr]:
         """Return what is integrated: of the axis, 1, and the undeformed and deformed places."""
 
 
@@ -849,8 +855,8 @@ class FacePlace(OfFace):
 
         return self.integrated(design, way, mean)
 
-    def integrands(self, along: Expr, one: Expr, X: Expr, x: Expr) -> list[Expr]:
-        return [ufl.dot(along, x), one]
+    def integrands(self, along: Expr, unit: Expr, X: Expr, x: Expr) -> list[Expr]:
+        return [ufl.dot(along, x), unit]
 
 
 @register_quantity
@@ -878,9 +884,9 @@ class Turn(OfFace):
             raise ValueError(f"{self.name}: by symmetry nothing turns about {self.axis}; use {body.actuator.fuller}")
         return self.integrated(design, way, lambda values: _turn(way, values))
 
-    def integrands(self, along: Expr, one: Expr, X: Expr, x: Expr) -> list[Expr]:
+    def integrands(self, along: Expr, unit: Expr, X: Expr, x: Expr) -> list[Expr]:
         square = ufl.dot(X, x) - ufl.dot(along, X) * ufl.dot(along, x)
-        return [ufl.dot(along, ufl.cross(X, x)), square, one, *(X[i] for i in range(3)), *(x[i] for i in range(3))]
+        return [ufl.dot(along, ufl.cross(X, x)), square, unit, *(X[i] for i in range(3)), *(x[i] for i in range(3))]
 
 
 PERPENDICULAR_TOLERANCE = 1e-9
@@ -972,13 +978,13 @@ class DesignedBody:
         b, x = self._vectors
         b.array_w[:] = force
         bordered.solve(b, x)
-        found = np.array(x.array_r)
+        solution = np.array(x.array_r)
         if not bordered.inverse.exact:  # iterations have converged, with the state's own tangent
-            return found
+            return solution
         K.mult(x, b)
         b.array_w[:] = force - b.array_r
         bordered.solve(b, x)
-        return found + x.array_r
+        return solution + x.array_r
 
     def release(self) -> None:
         """Release the PETSc and MPI objects."""

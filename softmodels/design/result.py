@@ -85,7 +85,7 @@ class DesignResult(cards.ResultCard):
     @property
     def parameters(self) -> dict[str, float]:
         """Free parameters of the best design, SI units."""
-        return {one.name: value for one, value in zip(self.problem.free, self.best.theta, strict=False)}
+        return {free.name: value for free, value in zip(self.problem.free, self.best.theta, strict=False)}
 
     @property
     def device(self) -> Actuator:
@@ -114,8 +114,8 @@ class DesignResult(cards.ResultCard):
 
     def _figures(self) -> cards.Table:
         return [
-            (one["name"], f"{one['before']:.4g} to {one['after']:.4g} {one['unit']}".strip())
-            for one in parameters_told(self)
+            (record["name"], f"{record['before']:.4g} to {record['after']:.4g} {record['unit']}".strip())
+            for record in parameters_told(self)
         ]
 
     def _remarks(self) -> list[str]:
@@ -156,16 +156,16 @@ class DesignResult(cards.ResultCard):
                 f"limits satisfied in the search are violated by up to {self.end.passed:.2%} on "
                 f"the fresh mesh, within the mesh error; use smaller cells, or set stricter limits"
             )
-            return [passed, *(one.sentence for one in holders)]
+            return [passed, *(holder.sentence for holder in holders)]
         if self.feasible:
             if not holders and self.holding.balanced:
                 return ["no limit is active: this is a local optimum"]
-            return [one.sentence for one in holders]
+            return [holder.sentence for holder in holders]
         if self.end.why:
             return [
                 f"no design so far satisfies all limits (the search ended {self.end.why}); continue with more evaluations"
             ]
-        held = [one.words for one in holders]
+        held = [holder.words for holder in holders]
         what = (
             f"{' and '.join(held)} are incompatible"
             if len(held) > 1
@@ -177,22 +177,23 @@ class DesignResult(cards.ResultCard):
             told.append(
                 f"{failed} neighbouring designs have no state at the requested pressures, which also limits the result"
             )
-        return told + [one.sentence for one in holders if one.sentence and one.sentence != one.words]
+        return told + [holder.sentence for holder in holders if holder.sentence and holder.sentence != holder.words]
 
     @property
     def agreement(self) -> str:
         """Whether the starts agree; empty for a single one."""
-        judged = [one for one in self.ends if one.best is not None]
+        judged = [end for end in self.ends if end.best is not None]
         if len(self.ends) < 2:
             return ""
         if len(judged) < 2:
             return f"only one of {len(self.ends)} starts succeeded"
-        same = sum(self._same(one) for one in judged)
+        same = sum(self._same(judged_end) for judged_end in judged)
         if same == len(judged):
             return f"the {len(judged)} starts agree"
         values = ", ".join(
-            in_words(self.problem.terms[0].quantity, one.objective) + ("" if one.feasible else " (limits violated)")
-            for one in judged
+            in_words(self.problem.terms[0].quantity, judged_end.objective)
+            + ("" if judged_end.feasible else " (limits violated)")
+            for judged_end in judged
         )
         return f"{same} of {len(judged)} starts agree with the best; they ended at {values}"
 
@@ -215,13 +216,13 @@ class DesignResult(cards.ResultCard):
             ]:
                 if key not in self.best.values:
                     continue
-                found, fresh = self.best.values[key], self.confirmed[key]
-                share = abs(fresh - found) / max(abs(fresh), 1e-300)
+                in_search, fresh = self.best.values[key], self.confirmed[key]
+                share = abs(fresh - in_search) / max(abs(fresh), 1e-300)
                 if share < 1e-9:  # depends only on the geometry
                     continue
                 words = label(asked, self.problem.case.cm) if key == asked.key else key
                 told.append(
-                    f"{words}: {in_words(asked, fresh, 5)} on the fresh mesh, {in_words(asked, found, 5)} in the search "
+                    f"{words}: {in_words(asked, fresh, 5)} on the fresh mesh, {in_words(asked, in_search, 5)} in the search "
                     f"({share:.2%} apart{', more than ' + format(MESH_TOLERANCE, '.0%') if share > MESH_TOLERANCE else ''})"
                 )
         return told
@@ -281,14 +282,14 @@ class Interval:
     @property
     def sentence(self) -> str:
         """The interval in words."""
-        one = self.parameter
+        free = self.parameter
         if self.at_bound:
-            return f"{one.name} {one.text(self.value)}: at its bound, so the target does not determine it further"
+            return f"{free.name} {free.text(self.value)}: at its bound, so the target does not determine it further"
         if not math.isfinite(self.error):
-            return f"{one.name} {one.text(self.value)}: not determined by the target"
+            return f"{free.name} {free.text(self.value)}: not determined by the target"
         return (
-            f"{one.name} {one.text(self.value, 5)} +- {one.text(self.error, 2)} (one standard error), with 95 % between "
-            f"{one.text(self.low, 5)} and {one.text(self.high, 5)}"
+            f"{free.name} {free.text(self.value, 5)} +- {free.text(self.error, 2)} (one standard error), with 95 % between "
+            f"{free.text(self.low, 5)} and {free.text(self.high, 5)}"
         )
 
 
@@ -309,21 +310,21 @@ class ParameterIntervals:
     @property
     def sentences(self) -> list[str]:
         """All intervals in words."""
-        return [*(one.sentence for one in self.intervals), *filter(None, [self.weakest]), self.source]
+        return [*(interval.sentence for interval in self.intervals), *filter(None, [self.weakest]), self.source]
 
 
 def recovered(form: Formulation, trial: Trial) -> ParameterIntervals | None:
     """Return the parameters determined by a problem's targets at a trial; None without a target or
     errors."""
     problem = form.problem
-    found = [(term.quantity, trial.squares.get(term.quantity.key)) for term in problem.terms]
-    if problem.objective != "follow" or any(squares is None for _, squares in found):
+    terms = [(term.quantity, trial.squares.get(term.quantity.key)) for term in problem.terms]
+    if problem.objective != "follow" or any(squares is None for _, squares in terms):
         return None
     count = len(problem.free)
     theta = np.array(trial.theta[:count])
     x = form.x(np.array(trial.theta))
     inside = (x > AT_BOUND) & (x < 1.0 - AT_BOUND)
-    parts = [squares for _, squares in found if squares is not None]
+    parts = [squares for _, squares in terms if squares is not None]
     counted = sum(squares.count / squares.run for squares in parts)
     freedom = counted - int(inside.sum())
     known = all(squares.sigma > 0.0 for squares in parts)
@@ -346,8 +347,10 @@ def recovered(form: Formulation, trial: Trial) -> ParameterIntervals | None:
     errors = np.zeros(count)
     errors[inside] = np.sqrt(np.diag(scaled)) * form.width[inside]
     intervals = tuple(
-        Interval(one, value, error, value - quantile * error, value + quantile * error, not free)
-        for one, value, error, free in zip(problem.free, theta.tolist(), errors.tolist(), inside.tolist(), strict=True)
+        Interval(parameter, value, error, value - quantile * error, value + quantile * error, not free)
+        for parameter, value, error, free in zip(
+            problem.free, theta.tolist(), errors.tolist(), inside.tolist(), strict=True
+        )
     )
     asked = problem.terms[0].quantity
     if known:
@@ -355,7 +358,7 @@ def recovered(form: Formulation, trial: Trial) -> ParameterIntervals | None:
     else:
         source = f"errors from the final residuals, {in_words(asked, math.sqrt(variance), 3)} per value"
     source += f"; {counted:.0f} independent values"
-    free = [one for one, is_free in zip(problem.free, inside, strict=True) if is_free]
+    free = [parameter for parameter, is_free in zip(problem.free, inside, strict=True) if is_free]
     weakest = _weakest_combination(form, trial, free, vectors[-1], quantile * inverse[-1]) if len(free) > 1 else ""
     return ParameterIntervals(intervals, scaled * np.outer(form.width[inside], form.width[inside]), weakest, source)
 
@@ -375,15 +378,15 @@ def _weakest_combination(form: Formulation, trial: Trial, free: list[Free], vect
     vector = vector / vector[np.argmax(np.abs(vector))]
     parts = []
     changes = {}
-    for one, share in zip(free, vector, strict=True):
-        step = SHOWN_CHANGE * share * one.width
-        changes[one.name] = step
+    for parameter, share in zip(free, vector, strict=True):
+        step = SHOWN_CHANGE * share * parameter.width
+        changes[parameter.name] = step
         if abs(share) >= MIN_NAMED_COMPONENT:
-            unit = trials.shown_unit(one.unit) or "1"
-            shown = step / trials.factor(unit, one.unit or "1")
-            parts.append(f"{one.name} {shown:+.2g}{'' if unit == '1' else ' ' + unit}")
+            unit = trials.shown_unit(parameter.unit) or "1"
+            shown = step / trials.factor(unit, parameter.unit or "1")
+            parts.append(f"{parameter.name} {shown:+.2g}{'' if unit == '1' else ' ' + unit}")
     asked = form.problem.terms[0].quantity
-    steps = np.array([changes.get(one.name, 0.0) for one in form.problem.free])
+    steps = np.array([changes.get(parameter.name, 0.0) for parameter in form.problem.free])
     moved = 0.0
     for term in form.problem.terms:
         squares = trial.squares[term.quantity.key]
@@ -454,19 +457,19 @@ def holding(form: Formulation, trial: Trial) -> ActiveLimits:
         A, wanted = np.vstack([A, share]), np.append(np.zeros(len(x)), 1.0)
     multipliers, rest = scipy.optimize.nnls(A, wanted)
     size = float(np.linalg.norm(wanted)) or 1.0
-    found = []
+    limits = []
     for place in np.argsort(-multipliers):
         if multipliers[place] <= MIN_MULTIPLIER * multipliers.max():
             continue
         if place < len(rows):
             row = form.rows[rows[place]]
             sentence = "" if infeasible else _limit_sentence(form, row, float(multipliers[place]))
-            found.append(ActiveLimit(row.text, float(multipliers[place]), sentence, row))
+            limits.append(ActiveLimit(row.text, float(multipliers[place]), sentence, row))
         else:
-            found.append(_bound(form, bounds[place - len(rows)], float(multipliers[place]), infeasible))
+            limits.append(_bound(form, bounds[place - len(rows)], float(multipliers[place]), infeasible))
     if infeasible:
-        found = _trades(found)
-    return ActiveLimits(tuple(found), rest <= MAX_GRADIENT_REMAINDER * size)
+        limits = _trades(limits)
+    return ActiveLimits(tuple(limits), rest <= MAX_GRADIENT_REMAINDER * size)
 
 
 def _round(value: float) -> float:
@@ -488,29 +491,31 @@ def _limit_sentence(form: Formulation, row: ConstraintRow, multiplier: float) ->
     asked, per_unit = row.keep.quantity, form.size * multiplier / row.scale
     step = _round(0.05 * row.scale / shown_factor(asked)) * shown_factor(asked)
     objective = form.problem.terms[0].quantity
-    one = _round(0.05 * form.size / shown_factor(objective)) * shown_factor(objective)
+    change = _round(0.05 * form.size / shown_factor(objective)) * shown_factor(objective)
     return (
         f"{row.text}: relaxing this limit by {in_words(asked, step)} gains "
-        f"{_gain(form, per_unit * step)}; {_gain(form, one)} costs about {in_words(asked, one / per_unit, 2)} of it"
+        f"{_gain(form, per_unit * step)}; {_gain(form, change)} costs about {in_words(asked, change / per_unit, 2)} of it"
     )
 
 
 def _bound(form: Formulation, bound: tuple[int, float], multiplier: float, infeasible: bool) -> ActiveLimit:
-    one, sign = form.problem.free[bound[0]], bound[1]
-    end = one.text(one.high if sign > 0 else one.low)
+    parameter, sign = form.problem.free[bound[0]], bound[1]
+    end = parameter.text(parameter.high if sign > 0 else parameter.low)
     if infeasible:
-        return ActiveLimit(f"{one.name} {'at most' if sign > 0 else 'at least'} {end} (its bound)", multiplier, "")
-    words = f"{one.name} is at its {'upper' if sign > 0 else 'lower'} bound, {end}"
-    shown, unit = trials.shown_unit(one.unit) or "1", one.unit or "1"
-    step = _round(0.1 * one.width / trials.factor(shown, unit)) * trials.factor(shown, unit)
-    gain = _gain(form, form.size * multiplier * step / one.width)
+        return ActiveLimit(
+            f"{parameter.name} {'at most' if sign > 0 else 'at least'} {end} (its bound)", multiplier, ""
+        )
+    words = f"{parameter.name} is at its {'upper' if sign > 0 else 'lower'} bound, {end}"
+    shown, unit = trials.shown_unit(parameter.unit) or "1", parameter.unit or "1"
+    step = _round(0.1 * parameter.width / trials.factor(shown, unit)) * trials.factor(shown, unit)
+    gain = _gain(form, form.size * multiplier * step / parameter.width)
     more = "more" if sign > 0 else "less"
     return ActiveLimit(words, multiplier, f"{words}: {trials.text(step, shown, unit)} {more} gains about {gain}")
 
 
 def _trades(holders: list[ActiveLimit]) -> list[ActiveLimit]:
     """Yield, for conflicting limits, the cost of the first in terms of each other one."""
-    limits = [one for one in holders if one.row is not None]
+    limits = [holder for holder in holders if holder.row is not None]
     if not limits:
         return holders
     first = limits[0]
@@ -518,17 +523,17 @@ def _trades(holders: list[ActiveLimit]) -> list[ActiveLimit]:
     asked = first.row.keep.quantity
     step = _round(0.05 * first.row.scale / shown_factor(asked)) * shown_factor(asked)
     traded = []
-    for one in holders:
-        if one.row is None or one is first:
-            traded.append(one)
+    for holder in holders:
+        if holder.row is None or holder is first:
+            traded.append(holder)
             continue
-        other = one.row.keep.quantity
-        cost = step * (first.multiplier / first.row.scale) / (one.multiplier / one.row.scale)
+        other = holder.row.keep.quantity
+        cost = step * (first.multiplier / first.row.scale) / (holder.multiplier / holder.row.scale)
         sentence = (
             f"{in_words(asked, step)} {'less' if first.row.sign > 0 else 'more'} {first.row.words} costs about "
-            f"{in_words(other, cost, 2)} of {one.row.words}"
+            f"{in_words(other, cost, 2)} of {holder.row.words}"
         )
-        traded.append(dataclasses.replace(one, sentence=sentence))
+        traded.append(dataclasses.replace(holder, sentence=sentence))
     return traded
 
 
@@ -542,7 +547,7 @@ KEPT_TABLES = ("material", "load")
 
 def case_of(problem: DesignProblem, trial: Trial) -> Case:
     """Return the case of a trial's device; GeometryError or CaseError if it is none."""
-    values = dict(zip((one.name for one in problem.free), trial.theta, strict=False))
+    values = dict(zip((free.name for free in problem.free), trial.theta, strict=False))
     return dataclasses.replace(case.varied(problem.case, values), name=problem.name)
 
 
@@ -553,7 +558,7 @@ def case_text(problem: DesignProblem, case: Case) -> str:
     What would not be read as the same case elsewhere, such as a material's file, is written in numbers.
     """
     exact = case.to_toml()
-    changed = {one.name.partition(".")[0] for one in problem.free if "." in one.name}
+    changed = {free.name.partition(".")[0] for free in problem.free if "." in free.name}
     own = {name: problem.written[name] for name in KEPT_TABLES if name in problem.written and name not in changed}
     text = tomli_w.dumps({**tomllib.loads(exact), **own})
     with contextlib.suppress(*entries.INPUT_ERRORS):
@@ -690,9 +695,9 @@ class DesignRecord(TypedDict):
 
 def summary(result: DesignResult) -> str:
     """Return the text of ``design.json``."""
-    found = result.recovered
+    intervals = result.recovered
     told = {
-        "name": result.problem.name, "best": result.best.number, "recovered": found.sentences if found else [],
+        "name": result.problem.name, "best": result.best.number, "recovered": intervals.sentences if intervals else [],
         "notes": notes(result), "parameters": parameters_told(result), "objective": _objective(result),
         "limits": _limits(result), "made": commands.Provenance.now().table(),
         "trials": [{name: getattr(trial, name) for name in TrialRecord.__annotations__} for trial in result.trials],
@@ -704,7 +709,7 @@ def summary(result: DesignResult) -> str:
 def notes(result: DesignResult) -> list[str]:
     """Return the remarks on the result."""
     told = [*result.variants, *result.problem.notes, *result.best.notes]
-    told += [f"start {one.start} ended {one.why}" for one in result.ends if one.why and not one.stopped]
+    told += [f"start {end.start} ended {end.why}" for end in result.ends if end.why and not end.stopped]
     unfinished = result.feasible and not result.holding.balanced and not result.stopped
     if unfinished and result.problem.objective != "follow":  # the distance from a target that is met has no slope
         told.append("the search ended before it converged; more evaluations (--evaluations) may find a better design")
@@ -719,13 +724,13 @@ def notes(result: DesignResult) -> list[str]:
 def parameters_told(result: DesignResult) -> list[ParameterRecord]:
     """Return the free parameters with their bounds, before and after."""
     told = []
-    for k, one in enumerate(result.problem.free):
-        unit = trials.shown_unit(one.unit)
-        per = trials.factor(unit or "1", one.unit or "1")
+    for k, parameter in enumerate(result.problem.free):
+        unit = trials.shown_unit(parameter.unit)
+        per = trials.factor(unit or "1", parameter.unit or "1")
         told.append(
             ParameterRecord(
-                name=one.name, unit=unit, low=one.low / per, high=one.high / per, before=one.start / per,
-                after=result.best.theta[k] / per,
+                name=parameter.name, unit=unit, low=parameter.low / per, high=parameter.high / per,
+                before=parameter.start / per, after=result.best.theta[k] / per,
             )
         )  # fmt: skip
     return told
@@ -746,7 +751,7 @@ def _limits(result: DesignResult) -> list[LimitRecord]:
     form = result.form
     violations = [None if trial.failed else form.violations(trial) for trial in result.trials]
     return [
-        {"words": row.text, "passed": [None if found is None else float(found[k]) for found in violations]}
+        {"words": row.text, "passed": [None if violation is None else float(violation[k]) for violation in violations]}
         for k, row in enumerate(form.rows)
     ]
 

@@ -102,9 +102,9 @@ class WorkingStates:
                 before, here = here, self.solver.solve(control, guess, float(P))
                 self.newton += here.iterations
                 remembered, histories = tuple(term.remembered() for term in self._grips), rates.remembered()
-                found = rates.step(here, control)[1] if rates.names else {}
+                rates_of_memory = rates.step(here, control)[1] if rates.names else {}
                 potential.keep(here.w)
-            self.states[load], self.followed[load] = here, PathData(remembered, found, histories)
+            self.states[load], self.followed[load] = here, PathData(remembered, rates_of_memory, histories)
 
     def recall(self, load: trials.EvaluatedLoad) -> None:
         """Let friction remember what it did where the step to a load began."""
@@ -203,12 +203,12 @@ class WorkingStates:
         """Solve all states for the device of the current mesh, from those of the last design or a guess. NoConvergence, with
         nothing changed, if one was not found from there, or may lie behind a limit point."""
         guess, rest = guess or self.known, self.design.volume_at_rest()
-        found = {load: self._solve(load, state, rest) for load, state in guess.states.items()}
-        for load, state in found.items():
+        states = {load: self._solve(load, state, rest) for load, state in guess.states.items()}
+        for load, state in states.items():
             grown, before = state.V - rest, guess.states[load].V - guess.rest
             if before > MIN_VOLUME_SHARE * abs(rest) and grown > LARGEST_JUMP * before:
                 raise newton.NoConvergence("the cavity has grown as if the device had snapped through")
-        by_pressure = [found[load] for load in _in_order(found, trials.PRESSURE)]
+        by_pressure = [states[load] for load in _in_order(states, trials.PRESSURE)]
         limit = None
         if top := self._top([state.P for state in by_pressure]):
             _, limit, _, end = self._climb(
@@ -219,7 +219,7 @@ class WorkingStates:
         forked = guess.bifurcation
         if forked is not None and self._bifurcations is not None:
             forked = self._bifurcations.near(forked.states[0], forked.V - guess.rest + rest, forked.mode, rest)
-        self.known, self.carried = KnownStates(rest, found, limit, forked), True
+        self.known, self.carried = KnownStates(rest, states, limit, forked), True
 
     def _solve(self, load: trials.EvaluatedLoad, guess: State, rest: float) -> State:
         system, value = self.system, self.design.direction * load.value
@@ -276,19 +276,19 @@ class Places:
     def _curved(self, nodes: Array, points: Array, share: Array) -> Array:
         """Return the barycentric coordinates in curved cells, from those in straight ones; the straight ones if Newton's
         method diverges."""
-        found = np.clip(share, -0.5, 1.5)
-        found = found / found.sum(axis=1, keepdims=True)
-        start = found
+        coordinates = np.clip(share, -0.5, 1.5)
+        coordinates = coordinates / coordinates.sum(axis=1, keepdims=True)
+        start = coordinates
         for _ in range(MAX_NEWTON_STEPS):
-            gap = points - np.einsum("mn,mni->mi", self._shapes(found), nodes)
-            slopes = np.einsum("mnk,mni->mik", self._slopes(found), nodes)  # by each coordinate as if independent
+            gap = points - np.einsum("mn,mni->mi", self._shapes(coordinates), nodes)
+            slopes = np.einsum("mnk,mni->mik", self._slopes(coordinates), nodes)  # by each coordinate as if independent
             jacobian = slopes[:, :, 1:] - slopes[:, :, :1]
             regular = np.abs(np.linalg.det(jacobian)) > 1e-12 * np.abs(jacobian).max(axis=(1, 2)) ** jacobian.shape[1]
             jacobian[~regular] = np.eye(jacobian.shape[1])
             step = np.clip(np.linalg.solve(jacobian, gap[..., None])[..., 0], -0.5, 0.5)
-            found = found + np.concatenate([-step.sum(axis=1, keepdims=True), step], axis=1)
-        astray = ~(np.abs(found - start).max(axis=1) < 1.0)
-        return np.where(astray[:, None], start, found)
+            coordinates = coordinates + np.concatenate([-step.sum(axis=1, keepdims=True), step], axis=1)
+        astray = ~(np.abs(coordinates - start).max(axis=1) < 1.0)
+        return np.where(astray[:, None], start, coordinates)
 
     def _shapes(self, share: Array) -> Array:
         """Return the nodes' shape functions, shape (m, nodes)."""
@@ -300,12 +300,12 @@ class Places:
     def _slopes(self, share: Array) -> Array:
         """Return their slopes by the barycentric coordinates, shape (m, nodes, d + 1)."""
         corners = share.shape[1]
-        found = np.zeros((len(share), corners + len(self.edges), corners))
+        slopes = np.zeros((len(share), corners + len(self.edges), corners))
         for k in range(corners):
-            found[:, k, k] = 4.0 * share[:, k] - 1.0
-        for number, (one, other) in zip(itertools.count(corners), self.edges, strict=False):
-            found[:, number, one], found[:, number, other] = 4.0 * share[:, other], 4.0 * share[:, one]
-        return found
+            slopes[:, k, k] = 4.0 * share[:, k] - 1.0
+        for number, (first, other) in zip(itertools.count(corners), self.edges, strict=False):
+            slopes[:, number, first], slopes[:, number, other] = 4.0 * share[:, other], 4.0 * share[:, first]
+        return slopes
 
     def interpolated(self, values: Array, linear: bool = False) -> Array:
         """Return the values at the points, shape (m, k), of those at the nodes, shape (n, k); ``linear`` takes the corners'
@@ -357,8 +357,8 @@ class Transfer:
     def _carried(self, values: Array, linear: bool) -> Array:
         """Return the values of owned nodes of the new mesh of those of the old one, shapes (owned, k)."""
         everywhere = self._from.collect(values)
-        found = None if everywhere is None else self._places[0].interpolated(everywhere, linear)
-        return self._to.distribute(found)
+        unknowns = None if everywhere is None else self._places[0].interpolated(everywhere, linear)
+        return self._to.distribute(unknowns)
 
     def volume(self, V: float, rest: float) -> float:
         """Return a dimensionless volume on the new mesh, of one on the old mesh whose volume at rest is ``rest``."""
@@ -497,17 +497,17 @@ class Adjoint:
         """Return lambda . dR/dX over the mesh's nodes at the loaded state."""
         self._set(lam)
         system, motion = self.system, self.design.motion
-        found = sum((motion.assembled(form) for form in self._forces), np.zeros(motion.entries))
+        covector = sum((motion.assembled(form) for form in self._forces), np.zeros(motion.entries))
         drives = system.pressures[len(system.pressures) - len(self._loads) :]
         for drive, forms, own in zip(drives, self._loads, self.sensitivity.measured, strict=True):
             for form in forms:
-                found -= drive * motion.assembled(form)
-            for one in own:
-                found -= drive * one.covector(self._works)
+                covector -= drive * motion.assembled(form)
+            for part in own:
+                covector -= drive * part.covector(self._works)
         if system.assembled.slack:
             nodes = len(system.body.mesh.geometry.x)
-            found += motion.by_nodes(system.assembled.by_places(system.w.x.array, self._lambda.x.array, nodes))
-        return found
+            covector += motion.by_nodes(system.assembled.by_places(system.w.x.array, self._lambda.x.array, nodes))
+        return covector
 
     def _works(self, forms: list[ufl.Form]) -> list[fem.Form]:
         """Return the compiled work of linear forms on lambda."""
@@ -576,34 +576,34 @@ class Adjoint:
         """Return the whole derivative of a quantity at the prepared state by a parameter, without the partial one at fixed
         unknowns, from the state's rate and that of what friction remembered where its step began."""
         system, motion, rate = self.system, self.design.motion, followed.rates[name]
-        found = 0.0
+        along_path = 0.0
         if slopes.w is not None:
-            found += mpi.total(system.comm, float(slopes.w @ system.unknowns.nearest(rate.w)))
+            along_path += mpi.total(system.comm, float(slopes.w @ system.unknowns.nearest(rate.w)))
         if slopes.P:
             stress = 0.0 if rate.X is not None else self.sensitivity.force(name).stress
-            found += slopes.P * (rate.P - self._state.P * stress) / system.stress_unit
+            along_path += slopes.P * (rate.P - self._state.P * stress) / system.stress_unit
         if slopes.X is not None and rate.X is not None:
             owned = slice(0, motion.owned_entries)
-            found += mpi.total(system.comm, float(slopes.X[owned] @ rate.X.ravel()[owned]))
-        for one, values in zip(self.sensitivity.histories, followed.histories[name], strict=True):
-            one.begin(rate.w, values)
-        found += measure.by_history(self.sensitivity.histories)
-        for one in self.sensitivity.histories:
-            one.rest()
-        return found
+            along_path += mpi.total(system.comm, float(slopes.X[owned] @ rate.X.ravel()[owned]))
+        for history, values in zip(self.sensitivity.histories, followed.histories[name], strict=True):
+            history.begin(rate.w, values)
+        along_path += measure.by_history(self.sensitivity.histories)
+        for history in self.sensitivity.histories:
+            history.rest()
+        return along_path
 
     def by_material(self, measure: quantities.Measure, names: Sequence[str]) -> dict[str, float]:
         """Return the partial derivatives of a quantity by parameters that are no lengths at the loaded unknowns, by
         central differences."""
-        found = {}
+        by_material = {}
         for name in names:
             own, step = name.rpartition(".")[2], DIFFERENCE_STEP * self.sensitivity.scale(name)
             weights = BACKWARD if own == "poisson" else CENTRAL  # which must not exceed 0.5
-            found[name] = 0.0
+            by_material[name] = 0.0
             for shift, weight in weights.items():
                 with self.sensitivity.shifted(name, shift * step):
-                    found[name] += weight / step * measure.value(self._state)
-        return found
+                    by_material[name] += weight / step * measure.value(self._state)
+        return by_material
 
     def stress_by(self, name: str) -> float:
         """Return the derivative of the shear modulus by a parameter that is no length."""
@@ -684,34 +684,34 @@ class Bifurcations:
             added = V - rest
             states, modes, values = [], [], []
             for spread in BIFURCATION_OFFSETS:
-                found = self.solver.solve(controls.volume_control(V + spread * added), state.w, state.P)
+                fork_state = self.solver.solve(controls.volume_control(V + spread * added), state.w, state.P)
                 quantities.check_apart(self.design, "bifurcation")
-                state = found
-                value, shape = Stability.of(self.solver).like(found, mode)
-                states.append(found)
+                state = fork_state
+                value, shape = Stability.of(self.solver).like(fork_state, mode)
+                states.append(fork_state)
                 modes.append(shape / stability.Mode(Stability.of(self.solver).mass, shape).length)
                 values.append(value)
-            cubic = Cubic([found.V for found in states])
+            cubic = Cubic([fork_state.V for fork_state in states])
             root = cubic.root(np.array(values), V)
             if abs(root - V) < BIFURCATION_TOLERANCE * added:
-                P = float(cubic.weights(root)[0] @ np.array([found.P for found in states]))
+                P = float(cubic.weights(root)[0] @ np.array([fork_state.P for fork_state in states]))
                 return Bifurcation(root, P, tuple(states), tuple(modes), np.array(values))
             V = root
         raise newton.NoConvergence("the bifurcation is not near that of the last design")
 
     def gradient(
-        self, found: Bifurcation, velocities: Mapping[str, Array], materials: Sequence[str] = ()
+        self, bifurcation: Bifurcation, velocities: Mapping[str, Array], materials: Sequence[str] = ()
     ) -> tuple[dict[str, float], dict[str, float]]:
         """Return the derivatives in Pa of its pressure, by the lengths and by the material parameters; see
         `Adjoint.gradient`."""
         unit = self.design.direction * self.design.system.stress_unit
-        cubic = Cubic([state.V for state in found.states])
-        weights, slopes = cubic.weights(found.V)
-        steepness = float(slopes @ found.eigenvalues)
-        rise = float(slopes @ np.array([state.P for state in found.states]))
+        cubic = Cubic([state.V for state in bifurcation.states])
+        weights, slopes = cubic.weights(bifurcation.V)
+        steepness = float(slopes @ bifurcation.eigenvalues)
+        rise = float(slopes @ np.array([state.P for state in bifurcation.states]))
         lengths = dict.fromkeys(velocities, 0.0)
         numbers = dict.fromkeys(materials, 0.0)
-        for state, mode, weight in zip(found.states, found.modes, weights, strict=True):
+        for state, mode, weight in zip(bifurcation.states, bifurcation.modes, weights, strict=True):
             self.adjoint.prepare(state)
             self._mode.x.array[:] = mode[: len(self._mode.x.array)]
             direct = self.adjoint.by_material(self._eigenvalue, materials)

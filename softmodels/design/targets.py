@@ -60,9 +60,9 @@ class MovedSilhouette(shapes.Silhouette):
         back = values.copy()
         back[self._turned] = back[self._turned][:, [1, 0, 2]]
         comm, count = self.system.comm, len(self._dofs)
-        found = np.zeros((len(mpi.everywhere(comm, np.zeros(count))), 3, 2))
-        found[self._order] = back
-        return mpi.scattered(comm, found if mpi.is_root(comm) else None, count)
+        forces = np.zeros((len(mpi.everywhere(comm, np.zeros(count))), 3, 2))
+        forces[self._order] = back
+        return mpi.scattered(comm, forces if mpi.is_root(comm) else None, count)
 
 
 def _summed_at_dofs(space: object, dofs: npt.NDArray[np.integer], values: Array) -> Array:
@@ -103,20 +103,24 @@ class OutlineMeasure(quantities.TargetMeasure):
         nodes."""
         curve: grid.QuadraticCurve = self.silhouette.curve(state)
         if not self.silhouette.round:
-            found = curve.closest(self.points)
-            return found, found.piece, found.weights
+            closest = curve.closest(self.points)
+            return closest, closest.piece, closest.weights
         shadow = shapes.shadow_of(curve)
-        found = shadow.curve.closest(self.points)
-        return found, shadow.source[found.piece], np.einsum("ka,kab->kb", found.weights, shadow.weights[found.piece])
+        closest = shadow.curve.closest(self.points)
+        return (
+            closest,
+            shadow.source[closest.piece],
+            np.einsum("ka,kab->kb", closest.weights, shadow.weights[closest.piece]),
+        )
 
     def slopes(self, state: State | None) -> quantities.Slopes:
         assert state is not None
-        found, piece, weights = self._closest(state)
-        left = found.distance
+        distances, piece, weights = self._closest(state)
+        left = distances.distance
         value = float(np.sqrt(left @ left / len(left)))
         rates = left / (len(left) * value) if value else np.zeros(len(left))
         covector = np.zeros((*self.silhouette.points.shape[:2], 2))
-        np.add.at(covector, piece, -rates[:, None, None] * weights[..., None] * found.normal[:, None, :])
+        np.add.at(covector, piece, -rates[:, None, None] * weights[..., None] * distances.normal[:, None, :])
         by_w, by_X = self.silhouette.transposed(covector)
         return quantities.Slopes(value, by_w, 0.0, by_X, self._note())
 
@@ -130,8 +134,8 @@ class OutlineMeasure(quantities.TargetMeasure):
         return self._closest(state)[0].distance
 
     def moved(self, state: State, w: Array, X: Array) -> Array:
-        found, piece, weights = self._closest(state)
-        return -np.einsum("kb,kbi,ki->k", weights, self.silhouette.moved(w, X)[piece], found.normal)
+        distances, piece, weights = self._closest(state)
+        return -np.einsum("kb,kbi,ki->k", weights, self.silhouette.moved(w, X)[piece], distances.normal)
 
 
 @quantities.register_quantity
@@ -382,10 +386,10 @@ class Pose(CompositeQuantity):
 
 def _in_unit(what: str, value: float | str, unit: str) -> float:
     """Return a number, or a text with a unit, in a unit; ValueError if it is none."""
-    found = units.quantity(value, unit) if isinstance(value, str) else float(value)
-    if not np.isfinite(found):
+    number = units.quantity(value, unit) if isinstance(value, str) else float(value)
+    if not np.isfinite(number):
         raise ValueError(f"{what} is {value!r}; it must be a finite number")
-    return found
+    return number
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -463,11 +467,11 @@ def _table(rows: Sequence[tables.Line]) -> Sequence[tables.Line] | None:
 
 
 def _pressure_column(file: Path, names: Sequence[str], cm: float) -> tuple[str, str]:
-    found = {match[1]: name for name in names if (match := PRESSURE.fullmatch(name))}
-    for unit in ("Pa", *found):
-        if unit in found and (unit != "cm" or cm):
-            return found[unit], unit
-    if "cm" in found:
+    units_by_name = {match[1]: name for name in names if (match := PRESSURE.fullmatch(name))}
+    for unit in ("Pa", *units_by_name):
+        if unit in units_by_name and (unit != "cm" or cm):
+            return units_by_name[unit], unit
+    if "cm" in units_by_name:
         raise ValueError(f"{file} gives the pressure in cm of an unknown liquid; use pressure_Pa or pressure_kPa")
     raise ValueError(
         f"{file} has no column of pressures with its unit, such as pressure_kPa; it has {', '.join(names)}"

@@ -45,7 +45,7 @@ class Trial:
 
     def to_json(self) -> str:
         """Return the trial as JSON, with exact numbers."""
-        squares = {key: found.to_table() for key, found in self.squares.items()}
+        squares = {key: residual.to_table() for key, residual in self.squares.items()}
         return json.dumps({**dataclasses.asdict(self), "squares": squares}, indent=1)
 
     @classmethod

@@ -96,8 +96,8 @@ def compare(
     if judged:
         sums = [sum(_means(fit).values()) / len(fit.summaries) for fit in judged]
         values, closest = CURVE_VALUES * len(judged[0].summaries), min(sums)
-        misfits = [values * one / max(closest, 1.0) for one in sums]
-        even = [one <= EQUAL_MISFIT_RATIO**2 * max(closest, EQUAL_MISFIT_TOLERANCE**2) for one in sums]
+        misfits = [values * law_sum / max(closest, 1.0) for law_sum in sums]
+        even = [law_sum <= EQUAL_MISFIT_RATIO**2 * max(closest, EQUAL_MISFIT_TOLERANCE**2) for law_sum in sums]
     else:
         misfits, values = _on_residuals(fits)
     ratios = _ratios(fits)
@@ -107,9 +107,9 @@ def compare(
         aicc = misfit + 2 * m + 2 * m * (m + 1) / max(fit.count - m - 1, 1)
         made.append(Ranked(fit, aicc, misfit + m * math.log(max(values, 1.0)), ratio, equal and ratio <= MOST_RATIO))
     # A fit that did not converge, or is much worse than another, is not ranked.
-    made.sort(key=lambda one: (not one.fit.converged, not one.near, one.aicc))
-    least, lowest = made[0].aicc, min(one.bic for one in made)
-    ranked = tuple(dataclasses.replace(one, aicc=one.aicc - least, bic=one.bic - lowest) for one in made)
+    made.sort(key=lambda fitted: (not fitted.fit.converged, not fitted.near, fitted.aicc))
+    least, lowest = made[0].aicc, min(fitted.bic for fitted in made)
+    ranked = tuple(dataclasses.replace(fitted, aicc=fitted.aicc - least, bic=fitted.bic - lowest) for fitted in made)
     return Comparison(ranked, *_judgement(ranked))
 
 
@@ -152,12 +152,12 @@ def _ratios(fits: Sequence[least_squares.LeastSquaresFit]) -> list[float]:
     hidden = {label: math.sqrt(float(np.mean(values**2))) for label, values in away.items()}
     misfits = [{k: math.hypot(v.rms, hidden.get(k, 0.0)) for k, v in fit.summaries.items()} for fit in fits]
     least = {
-        name: max(min(one[name] for one in misfits), EQUAL_MISFIT_TOLERANCE * float(sizes[labels == name].mean()))
+        name: max(min(law[name] for law in misfits), EQUAL_MISFIT_TOLERANCE * float(sizes[labels == name].mean()))
         for name in fits[0].summaries
     }
-    sums = [sum((one[name] / least[name]) ** 2 for name in least) for one in misfits]
+    sums = [sum((law[name] / least[name]) ** 2 for name in least) for law in misfits]
     smallest = max(min(sums), len(least))
-    return [math.sqrt(max(one / smallest, 1.0)) for one in sums]
+    return [math.sqrt(max(law / smallest, 1.0)) for law in sums]
 
 
 def _simplicity_key(fit: least_squares.LeastSquaresFit) -> tuple[int, int, str]:
@@ -172,11 +172,15 @@ def _judgement(ranked: tuple[Ranked, ...]) -> tuple[least_squares.LeastSquaresFi
     first = best.label
     if len(ranked) == 1:
         return best, f"only {first} was fitted; use --material all to compare laws"
-    rivals = [one for one in ranked[1:] if one.aicc < EQUIVALENT_AICC and one.fit.converged and one.near]
+    rivals = [
+        ranked_law
+        for ranked_law in ranked[1:]
+        if ranked_law.aicc < EQUIVALENT_AICC and ranked_law.fit.converged and ranked_law.near
+    ]
     if rivals:
-        simplest, *more = sorted((ranked[0].fit, *(one.fit for one in rivals)), key=_simplicity_key)
-        others = ", ".join(one.fit.label for one in rivals)
-        alike = [one.label for one in more if len(one.free) == len(simplest.free)]
+        simplest, *more = sorted((ranked[0].fit, *(rival.fit for rival in rivals)), key=_simplicity_key)
+        others = ", ".join(rival.fit.label for rival in rivals)
+        alike = [ranked_law.label for ranked_law in more if len(ranked_law.free) == len(simplest.free)]
         why = f", as simple as {' and '.join(alike)} and before it in the order of laws" if alike else ", the simplest"
         return simplest, f"the data do not distinguish {first} and {others}; use {simplest.label}{why}"
     second = ranked[1]
@@ -241,8 +245,8 @@ class FittedLaw(cards.ResultCard):
     def warnings(self) -> tuple[str, ...]:
         """All warnings on the fit."""
         profiles = (p.trouble for p in self.profiles.values() if p.trouble)
-        found = (*self.objections, *self.fit.troubles, *self.verdict.flags, *self.judgement.warnings, *profiles)
-        return tuple(dict.fromkeys(map(errors.spoken, found)))
+        sentences = (*self.objections, *self.fit.troubles, *self.verdict.flags, *self.judgement.warnings, *profiles)
+        return tuple(dict.fromkeys(map(errors.spoken, sentences)))
 
     @functools.cached_property
     def objections(self) -> tuple[str, ...]:
@@ -258,9 +262,9 @@ class FittedLaw(cards.ResultCard):
         kept = [i for i, p in enumerate(self.fit.free) if p.name in known]
         rows = self.fit.covariance[np.ix_(kept, kept)].tolist()
         names = tuple(self.fit.free[i].name for i in kept)
-        found = materials.MaterialErrors(names, tuple(map(tuple, rows)), "covariance of the fit", self.material)
-        found.check(self.material)
-        return found
+        errors = materials.MaterialErrors(names, tuple(map(tuple, rows)), "covariance of the fit", self.material)
+        errors.check(self.material)
+        return errors
 
     @property
     def sound(self) -> bool:
@@ -350,7 +354,7 @@ def contradictions(curves: Sequence[TensileCurve], gauge_error: float = 0.0) -> 
 
     No law is needed for that, so a law that follows neither cannot hide it, nor one that follows both poorly feign it.
     """
-    found = []
+    contradictions = []
     allowed = CONTRADICTION_ERRORS * math.sqrt(2) * max(TEST_ERROR, gauge_error)
     for (i, a), (j, b) in itertools.combinations(enumerate(curves), 2):
         if a.mode != b.mode:
@@ -360,19 +364,19 @@ def contradictions(curves: Sequence[TensileCurve], gauge_error: float = 0.0) -> 
         stretch = stretch[np.abs(stretch - 1) > TOE_STRETCH]
         if high <= low or len(stretch) < CURVE_SAMPLES // 4:
             continue
-        one, other = (np.interp(stretch, c.stretch, c.stress) for c in (a, b))
-        mean = (one + other) / 2
-        difference = float(np.sqrt(np.mean((one - other) ** 2) / np.mean(mean**2)))
+        stress, other = (np.interp(stretch, c.stretch, c.stress) for c in (a, b))
+        mean = (stress + other) / 2
+        difference = float(np.sqrt(np.mean((stress - other) ** 2) / np.mean(mean**2)))
         if difference <= allowed:
             continue
-        ratio = float(one @ other / (one @ one))
+        ratio = float(stress @ other / (stress @ stress))
         pair = (i, j) if ratio >= 1.0 else (j, i)
         names = (curves[pair[0]].name, curves[pair[1]].name)
-        ratio = float(one @ other / ((one @ one) if ratio >= 1.0 else (other @ other)))
-        found.append(
+        ratio = float(stress @ other / ((stress @ stress) if ratio >= 1.0 else (other @ other)))
+        contradictions.append(
             CurveContradiction(*pair, names, ratio, difference, allowed, (float(stretch[0]), float(stretch[-1])))
         )
-    return found
+    return contradictions
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -387,14 +391,15 @@ class SeparateFits:
     def sentences(self) -> list[str]:
         """Report the contradictions, the separate material of each curve, and their spread."""
         lines = [pair.sentence for pair in self.pairs]
-        for curve, one in zip(self.curves, self.own, strict=True):
+        for curve, ranking in zip(self.curves, self.own, strict=True):
             values = ", ".join(
-                f"{p.name} {' '.join(units.with_prefix(one.fit.values[p.name], p.unit))}" for p in one.fit.parameters
+                f"{p.name} {' '.join(units.with_prefix(ranking.fit.values[p.name], p.unit))}"
+                for p in ranking.fit.parameters
             )
-            rms = next(iter(one.fit.summaries.values())).rms / 1e3
-            modulus = " ".join(units.with_prefix(one.material.shear_modulus_0, "Pa"))
+            rms = next(iter(ranking.fit.summaries.values())).rms / 1e3
+            modulus = " ".join(units.with_prefix(ranking.material.shear_modulus_0, "Pa"))
             lines.append(
-                f"only {curve.name}: {one.choice.name} with {values}, shear modulus {modulus}, rms {rms:.3g} kPa: "
+                f"only {curve.name}: {ranking.choice.name} with {values}, shear modulus {modulus}, rms {rms:.3g} kPa: "
                 f"{separate_file(self, curve)}"
             )
         return [*lines, self.spread]
@@ -463,8 +468,8 @@ class FitReport(cards.ResultCard):
     @property
     def chosen(self) -> FittedLaw:
         """The preferred law; if rejected, the best accepted one; if all are rejected, the preferred one."""
-        preferred = next(one for one in self.laws if one.fit is self.comparison.preferred)
-        return next((one for one in (preferred, *self.laws) if one.sound), preferred)
+        preferred = next(law for law in self.laws if law.fit is self.comparison.preferred)
+        return next((candidate for candidate in (preferred, *self.laws) if candidate.sound), preferred)
 
     @property
     def material(self) -> Material:
@@ -488,10 +493,10 @@ class FitReport(cards.ResultCard):
         preferred = self.comparison.preferred
         if self.chosen.fit is preferred:
             return self.comparison.sentence
-        one = next(one for one in self.laws if one.fit is preferred)
-        reason = "is not stable within the range" if one.verdict.flags else "was rejected"
+        fitted = next(law for law in self.laws if law.fit is preferred)
+        reason = "is not stable within the range" if fitted.verdict.flags else "was rejected"
         reason = reason if preferred.converged else "did not converge"
-        ratio = {one.fit.label: one.ratio for one in self.comparison.ranked}
+        ratio = {rank.fit.label: rank.ratio for rank in self.comparison.ranked}
         times = ratio[self.chosen.fit.label] / ratio[preferred.label]
         return (
             f"{self.comparison.sentence}; but {preferred.label} {reason}, so {self.chosen.choice.name} is used, with "
@@ -565,7 +570,7 @@ def expected(silicone: str | None, material: Material | None = None) -> Expected
 def published(name: str) -> tuple[Material, ...]:
     """Return the laws of all tension sources of the product of a name, for any source in the name."""
     sources = silicones.PRODUCTS.get(silicones.product_of(name), ()) if silicones.silicone_called(name) else ()
-    return tuple(one.material for one in sources if one.pulled)
+    return tuple(source.material for source in sources if source.pulled)
 
 
 def objection(material: Material, largest: float, known: Expected) -> str:
@@ -692,8 +697,8 @@ def as_text(report: FitReport) -> str:
         for name, rms, mean, largest, run in residual_rows(law):
             lines.append(f"  {name}: rms {rms}, mean {mean}, largest {largest}; residual correlation length: {run}")
         lines += [
-            f"  {one.device}: chi squared {one.chi2:.4g} of {one.count} values ({one.chi2 / one.count:.3g} per value)"
-            for one in law.devices
+            f"  {fit.device}: chi squared {fit.chi2:.4g} of {fit.count} values ({fit.chi2 / fit.count:.3g} per value)"
+            for fit in law.devices
         ]
         lines += [f"  {text}" for text in (law.material.remark,) if text]
         lines += [f"  {'rejected' if text in law.objections else 'warning'}: {text}" for text in law.warnings]
@@ -771,7 +776,7 @@ def _law_json(law: FittedLaw, report: FitReport) -> dict[str, object]:
         "free": [fit.free[i].name for i in shown],
         "covariance": [[_finite(v) for v in row] for row in fit.covariance[np.ix_(shown, shown)]],
         "correlations": [[_finite(v) for v in row] for row in fit.correlations[np.ix_(shown, shown)]],
-        "devices": [{"name": one.device, "chi2": one.chi2, "values": one.count} for one in law.devices],
+        "devices": [{"name": device.device, "chi2": device.chi2, "values": device.count} for device in law.devices],
         "singular_values": least_squares.singular_values(fit)[0].tolist(),
         "residuals": {name: dataclasses.asdict(group) for name, group in fit.summaries.items()},
         "profiles": {

@@ -182,7 +182,7 @@ def fit_leak(
             f"the error of a reading is {units.brief(error)}, in Pa; it must be above 0, or None for that of the scatter"
         )
     made = [_fit_of_kind(kind, t, P, known, supply, error) for kind in KINDS]
-    best, other = sorted(made, key=lambda one: one.fit.aicc)
+    best, other = sorted(made, key=lambda candidate: candidate.fit.aicc)
     behind = other.fit.aicc - best.fit.aicc
     if behind >= DECISIVE_AICC:
         said = f"the readings are those of {best.words}: {other.words} is {behind:.3g} worse in AICc"
@@ -220,24 +220,24 @@ def _fit_of_kind(kind: str, t: Array, P: Array, cavity: Array, supply: Reservoir
     ends = (max(size * flow - reach * (size - low), 0.0), size * flow + reach * (high - size))
     least, most = low, high
     if kind == ORIFICE:
-        found = dataclasses.replace(whole, leak_conductance=size)
+        leaking = dataclasses.replace(whole, leak_conductance=size)
     else:
         size, least, most = (value**0.25 for value in (size, low, high))
         tight = dataclasses.replace(supply, leak_conductance=0.0, leak_length=0.0)
-        found = tight if size < SMALLEST_BORE else dataclasses.replace(whole, leak_bore=size)
-    return Leak(kind, size, (least, most), (fit.values[SIZE] * flow, *ends), found, fit, "")
+        leaking = tight if size < SMALLEST_BORE else dataclasses.replace(whole, leak_bore=size)
+    return Leak(kind, size, (least, most), (fit.values[SIZE] * flow, *ends), leaking, fit, "")
 
 
 def _numbers(name: str, given: object) -> Array:
     try:
-        found = np.asarray(units.plain(given), dtype=float)
+        numbers = np.asarray(units.plain(given), dtype=float)
     except units.UnitError as error:
         raise FitError(f"{name}: {error}") from None
     except (TypeError, ValueError, OverflowError):
-        found = np.array(np.nan)
-    if isinstance(given, bool | str | bytes) or not found.size or not np.isfinite(found).all():
+        numbers = np.array(np.nan)
+    if isinstance(given, bool | str | bytes) or not numbers.size or not np.isfinite(numbers).all():
         raise FitError(f"{name} {units.brief(given)} must be numbers in SI units")
-    return found
+    return numbers
 
 
 def _check(t: Array, P: Array, cavity: Array) -> None:

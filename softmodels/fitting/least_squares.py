@@ -94,13 +94,13 @@ class LeastSquaresFit:
     @functools.cached_property
     def at_bounds(self) -> dict[str, float]:
         """Free parameters that ended at a bound, and which bound."""
-        found = {}
+        at_bounds = {}
         for p in self.free:
             x = p.inward(self.values[p.name])
             for end in (p.lower, p.upper):
                 if math.isfinite(end) and abs(x - p.inward(end)) <= 1e-6 * max(1.0, abs(x)):
-                    found[p.name] = end
-        return found
+                    at_bounds[p.name] = end
+        return at_bounds
 
     # -- scatter ------------------------------------------------------------------------------------------------------
 
@@ -360,15 +360,17 @@ def fit_parameters(
             first = problem.residuals(x)
             if not np.isfinite(first).all():
                 raise CannotEvaluate("the model has no finite value there")
-            found = problem.solve(x, START_TOLERANCE, evaluations)
+            optimum = problem.solve(x, START_TOLERANCE, evaluations)
         except CannotEvaluate as error:
             runs.append(StartResult(problem.values(x), math.inf, str(error)))
             continue
         runs.append(
-            StartResult(problem.values(found.x), 2 * float(found.cost), "" if found.status > 0 else found.message)
+            StartResult(
+                problem.values(optimum.x), 2 * float(optimum.cost), "" if optimum.status > 0 else optimum.message
+            )
         )
-        if best is None or found.cost < best.cost:
-            best = found
+        if best is None or optimum.cost < best.cost:
+            best = optimum
     if best is None:
         raise FitError(f"the fit cannot start: {runs[0].trouble if runs else 'no starting values are given'}")
     try:
@@ -384,11 +386,11 @@ def settled(fit: LeastSquaresFit) -> LeastSquaresFit:
 
 
 def _with_warnings(
-    problem: Problem, found: OptimizeResult, runs: list[StartResult], errors: str, label: str
+    problem: Problem, optimum: OptimizeResult, runs: list[StartResult], errors: str, label: str
 ) -> LeastSquaresFit:
     """Return the result with all warnings."""
-    values = problem.values(found.x)
-    residuals = problem.residuals(found.x)
+    values = problem.values(optimum.x)
+    residuals = problem.residuals(optimum.x)
     J, rows = problem.slopes(values)
     if len(residuals) < len(problem.free):
         few = f"{len(residuals)} numbers cannot determine {len(problem.free)} parameters"
@@ -396,12 +398,12 @@ def _with_warnings(
     result = LeastSquaresFit(
         label=label or ", ".join(source.label for source in problem.sources), parameters=problem.parameters,
         values=values, residuals=residuals, jacobian=J, rows=rows,
-        deviance=2 * float(found.cost), loss=problem.loss, errors=errors, evaluations=problem.evaluations,
+        deviance=2 * float(optimum.cost), loss=problem.loss, errors=errors, evaluations=problem.evaluations,
         starts=tuple(runs), problem=problem, troubles=(),
     )  # fmt: skip
     troubles, step = [], result.newton_step
-    if found.status <= 0:
-        troubles.append(f"the fit did not converge within {found.nfev} evaluations; do not use its values")
+    if optimum.status <= 0:
+        troubles.append(f"the fit did not converge within {optimum.nfev} evaluations; do not use its values")
     elif step > MAX_NEWTON_STEP:
         troubles.append(
             f"the fit stopped where a further step would still move it by {step:.2g} standard "
@@ -461,8 +463,11 @@ def _starting_points(free: Sequence[Parameter], starts: int | Sequence[Mapping[s
     origin = np.array([p.inward(p.start) for p in free], dtype=float)
     if not isinstance(starts, int):
         chosen = [[start.get(p.name, p.start) for p in free] for start in starts]
-        held = [[v if p.lower <= v <= p.upper else p.start for p, v in zip(free, one, strict=True)] for one in chosen]
-        return [np.array([p.inward(v) for p, v in zip(free, one, strict=True)], dtype=float) for one in held]
+        held = [
+            [v if p.lower <= v <= p.upper else p.start for p, v in zip(free, chosen_start, strict=True)]
+            for chosen_start in chosen
+        ]
+        return [np.array([p.inward(v) for p, v in zip(free, name, strict=True)], dtype=float) for name in held]
     points = [origin]
     if starts > 1:
         from scipy.stats import qmc  # takes a second to load, and most fits do not need it
@@ -517,18 +522,18 @@ NO_JUDGEMENT = Judgement()
 def objections(fit: LeastSquaresFit, modulus: Callable[[Mapping[str, float]], float]) -> tuple[str, ...]:
     """Return the objections to a fit, as sentences; empty if accepted. ``modulus`` gives the law's small-strain shear
     modulus in Pa at parameter values."""
-    found = [
+    objections = [
         f"{p.words} ended at its bound {f'{bound:.4g} {p.unit}'.rstrip()}, so its value and interval are meaningless"
         for p in fit.free
         if (bound := fit.at_bounds.get(p.name)) is not None and bound not in p.answers
     ]
-    found += [f"the data do not determine {p.words}: {why}" for p in fit.free if (why := _undetermined(fit, p))]
+    objections += [f"the data do not determine {p.words}: {why}" for p in fit.free if (why := _undetermined(fit, p))]
     value, error = modulus(fit.values), _modulus_error(fit, modulus)
-    if not found and not NORMAL_QUANTILE * error < abs(value):
-        found.append(
+    if not objections and not NORMAL_QUANTILE * error < abs(value):
+        objections.append(
             f"the data do not determine the shear modulus: {value / 1e3:.4g} kPa with a standard error of {error / 1e3:.3g} kPa"
         )
-    return tuple(found)
+    return tuple(objections)
 
 
 def _undetermined(fit: LeastSquaresFit, p: Parameter) -> str:
@@ -723,24 +728,24 @@ def _side(
     whole = result.reach(p.name)
     reach = INITIAL_PROFILE_RANGE * whole if math.isfinite(whole) and whole > 0.0 else 0.5 * (abs(best) or p.scale)
     warm = dict(result.values)
-    found: list[tuple[float, float]] = []
+    points: list[tuple[float, float]] = []
     held, step = best, reach / count
     for i in range(count + 3 * MAX_DOUBLINGS):
         if i >= count:
             step *= 1.5
-        held = best + sign * step if not found else held + sign * step
+        held = best + sign * step if not points else held + sign * step
         ended = (held - bound) * sign >= 0.0
         held = bound if ended else held
         solved = _deviance_at(result, p.name, held, warm)
         if solved is None:  # the model cannot be evaluated there: the profile ends
-            found.append((held, math.inf))
+            points.append((held, math.inf))
             break
         rise = (solved[0] - result.deviance) / worth
         warm = solved[1]
-        found.append((held, rise))
+        points.append((held, rise))
         if ended or (rise > limit and (i + 1 >= count or rise > 4 * limit)):
             break
-    return found + _refined_crossing(result, p.name, [(best, 0.0), *found], worth, limit)
+    return points + _refined_crossing(result, p.name, [(best, 0.0), *points], worth, limit)
 
 
 def _refined_crossing(
@@ -785,10 +790,10 @@ def _deviance_at(
             return None
         if not problem.free:
             return float(loss_of(result.loss, rows**2, 0)[0].sum()) + extra, problem.values(x)
-        found = problem.solve(x, RESTART_TOLERANCE, 100)
+        optimum = problem.solve(x, RESTART_TOLERANCE, 100)
     except CannotEvaluate:
         return None
-    return 2 * float(found.cost) + extra, problem.values(found.x)
+    return 2 * float(optimum.cost) + extra, problem.values(optimum.x)
 
 
 def _crossing(values: Array, rises: Array, best: float, limit: float, sign: float) -> float | None:

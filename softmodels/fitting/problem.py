@@ -409,7 +409,9 @@ class FitOptions:
             raise FitError(
                 f"silicone is {units.brief(self.silicone)}; it must be the name of one, such as 'ecoflex-00-30'"
             )
-        if not isinstance(self.changes, Mapping) or not all(isinstance(one, Mapping) for one in self.changes.values()):
+        if not isinstance(self.changes, Mapping) or not all(
+            isinstance(change, Mapping) for change in self.changes.values()
+        ):
             raise FitError(
                 f"changes is {units.brief(self.changes)}; it must be a table by parameter, such as {{'c1': {{'value': 14e3}}}}"
             )
@@ -473,14 +475,14 @@ class LawChoice:
     def from_text(cls, text: str, poisson: float = laws.DEFAULT_POISSON_RATIO) -> LawChoice:
         """Read ``"yeoh"`` or ``"ogden2"``; `FitError` for no such law, or too many terms."""
         name, _, numbers = text.partition(":")
-        found = laws.law_called(name)
-        if found is None:
+        known_law = laws.law_called(name)
+        if known_law is None:
             raise FitError(
                 f"law {text!r} is unknown; known are {known_laws()} and all{errors.meant(text, [*laws.LAWS, 'all'])}"
             )
         if numbers:
             raise FitError(f"law {text!r}: a fit finds its numbers; name only the law, {name}, and fix one by --fix")
-        law, terms = found
+        law, terms = known_law
         if not terms:
             return cls.from_law(law, poisson)
         if terms > law.most_terms:
@@ -591,8 +593,8 @@ def closed_starts(
         return choice.law.starting_grid(modulus, most)
     A = design(choice.material(plain), choice.names)
     size = np.linalg.norm(A, axis=0)
-    found, *_ = np.linalg.lstsq(A / size, target, rcond=None)
-    start = dict(zip(choice.names, (found / size).tolist(), strict=True))
+    weights, *_ = np.linalg.lstsq(A / size, target, rcond=None)
+    start = dict(zip(choice.names, (weights / size).tolist(), strict=True))
     for name, value in plain.items():
         low, high = choice.law.parameter_bounds(name, start)
         if not low < start[name] < high:
@@ -620,11 +622,11 @@ def _term_starts(choice: LawChoice, design: Design, target: Array, modulus: floa
     for shapes in itertools.combinations(columns, choice.terms):
         A = np.column_stack([columns[value] for value in shapes])
         size = np.linalg.norm(A, axis=0)
-        found, misfit = nnls(A / size, target)
+        weights, misfit = nnls(A / size, target)
         # A term not in the grid starts small, not at its bound.
-        sizes = np.maximum(found / size, 5e-4 * modulus / np.array([moduli[value] for value in shapes]))
+        sizes = np.maximum(weights / size, 5e-4 * modulus / np.array([moduli[value] for value in shapes]))
         tried.append((misfit, shapes, np.array([signs[value] for value in shapes]) * sizes))
-    tried.sort(key=lambda one: one[0])
+    tried.sort(key=lambda start: start[0])
     return [
         {key: value for i, pair in enumerate(zip(factors.tolist(), shapes, strict=True), 1)
          for key, value in zip((f"{factor}{i}", f"{shape}{i}"), pair, strict=True)}

@@ -56,12 +56,14 @@ class Memory:
                 f"the memory has {len(branches)} branches; at most {MOST_BRANCHES} are supported; one or two in each decade "
                 "of time follow any relaxation"
             )
-        found = cls(tuple(_branch(one) for one in branches), None if softening is None else _softening(softening))
-        if not (found.branches or found.softening):
+        silicone_memory = cls(
+            tuple(_branch(branch) for branch in branches), None if softening is None else _softening(softening)
+        )
+        if not (silicone_memory.branches or silicone_memory.softening):
             raise errors.FieldError(
                 "the memory has neither branches nor softening; give branches = [[0.2, '1 s']], or leave it out"
             )
-        return found
+        return silicone_memory
 
     @classmethod
     def from_table(cls, table: object) -> Memory:
@@ -80,7 +82,7 @@ class Memory:
         """Return the table that `from_table` takes back."""
         table: dict[str, object] = {}
         if self.branches:
-            table["branches"] = [_branch_table(one, text) for one in self.branches]
+            table["branches"] = [_branch_table(branch, text) for branch in self.branches]
         if self.softening:
             r, m, beta, recovery = dataclasses.astuple(self.softening)
             table["softening"] = [r, text(m, "Pa"), beta, *([] if math.isinf(recovery) else [text(recovery, "s")])]
@@ -89,7 +91,7 @@ class Memory:
     @property
     def shortest(self) -> float:
         """The shortest relaxation time in s; infinite without branches."""
-        return min((one.time for one in self.branches), default=math.inf)
+        return min((branch.time for branch in self.branches), default=math.inf)
 
 
 def _branch_table(branch: Branch, text: schema.Text) -> object:
@@ -151,10 +153,10 @@ def _spring(given: object) -> tuple[tuple[float, float], ...]:
     if isinstance(given, str | Mapping) or not isinstance(given, Sequence):
         raise errors.FieldError(f"spring {units.brief(given)} of a branch is none of {like}")
     terms = []
-    for one in given:
-        if isinstance(one, str) or not isinstance(one, Sequence) or len(one) != 2:
-            raise errors.FieldError(f"term {units.brief(one)} of a branch's spring is none of {like}")
-        terms.append(tuple(schema.Quantity().settled("spring of a branch", value) for value in one))
+    for branch in given:
+        if isinstance(branch, str) or not isinstance(branch, Sequence) or len(branch) != 2:
+            raise errors.FieldError(f"term {units.brief(branch)} of a branch's spring is none of {like}")
+        terms.append(tuple(schema.Quantity().settled("spring of a branch", value) for value in branch))
     if terms and (min(w for w, _ in terms) <= 0.0 or not all(a for _, a in terms) or max(a for _, a in terms) <= 0.0):
         raise errors.FieldError(f"spring {units.brief(given)} of a branch is none of {like}")
     whole = sum(w for w, _ in terms)
@@ -404,11 +406,11 @@ def spring_stiffness(I1: Expression, spring: Spring) -> Expression:
 def step_stress(C: Six, H: Six, b: Expression, spring: Spring = (), shift: Expression = 0.0) -> list[Expression]:
     """Return dW/dCbar over G of a branch at the end C of a step, H and b of `step_of`: half of Cv^-1, times g of a spring of
     I1. The shift is I1e minus `step_invariant`, where the step begins."""
-    found = [entry / 2 for entry in cofactors(crept(C, H, b))]
+    step_stress = [entry / 2 for entry in cofactors(crept(C, H, b))]
     if not spring:
-        return found
+        return step_stress
     g = spring_stiffness(step_invariant(C, H, b) + shift, spring)
-    return [g * entry for entry in found]
+    return [g * entry for entry in step_stress]
 
 
 def step_stiffness(

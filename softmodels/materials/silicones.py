@@ -198,8 +198,8 @@ def working_modulus(material: Material) -> float:
 def in_tension(many: Sequence[Silicone]) -> list[Silicone]:
     """Return the tension sources, from the softest to the stiffest by `working_modulus`; compression ones only if there are no
     others."""
-    pulled = [one for one in many if one.pulled] or list(many)
-    return sorted(pulled, key=lambda one: working_modulus(one.material))
+    pulled = [silicone for silicone in many if silicone.pulled] or list(many)
+    return sorted(pulled, key=lambda silicone: working_modulus(silicone.material))
 
 
 def middle(many: Sequence[Silicone]) -> Silicone:
@@ -256,8 +256,8 @@ def stretches_of(material: Material) -> tuple[float, float] | None:
 
 def publications(material: Material) -> list[str]:
     """Return the sources of a material's law and, if it is a named silicone, of its numbers."""
-    found, name = [f"law: {material.source}"] if material.source else [], named(material)
-    return [*found, f"material: {name}, {SILICONES[name].source}"] if name else found
+    origins, name = [f"law: {material.source}"] if material.source else [], named(material)
+    return [*origins, f"material: {name}, {SILICONES[name].source}"] if name else origins
 
 
 def extrapolated(material: Material, stretch: float) -> str:
@@ -279,20 +279,20 @@ def stretches_at_break(material: Material) -> list[tuple[float, str]]:
     if name is None:
         return []
     product = product_of(name)
-    found = [
-        (1.0 + one.elongation_at_break, f"{one.origin.key}, one specimen")
-        for one in PRODUCTS[product]
-        if one.elongation_at_break is not None
+    breaks = [
+        (1.0 + silicone.elongation_at_break, f"{silicone.origin.key}, one specimen")
+        for silicone in PRODUCTS[product]
+        if silicone.elongation_at_break is not None
     ]
     if product in MAKERS_ELONGATION:
-        found.append((1.0 + MAKERS_ELONGATION[product][0], "maker's sheet"))
-    return sorted(found)
+        breaks.append((1.0 + MAKERS_ELONGATION[product][0], "maker's sheet"))
+    return sorted(breaks)
 
 
 def stretch_at_break(material: Material) -> float | None:
     """Return the least of `stretches_at_break`; None if unknown."""
-    found = stretches_at_break(material)
-    return found[0][0] if found else None
+    stretches = stretches_at_break(material)
+    return stretches[0][0] if stretches else None
 
 
 def break_words(material: Material) -> str:
@@ -326,13 +326,13 @@ def silicone(name: str) -> Material:
     Raises:
         MaterialError: There is none of that name.
     """
-    found = silicone_called(name)
-    if found is None:
+    silicone = silicone_called(name)
+    if silicone is None:
         raise MaterialError(
             f"silicone {units.brief(name)} is unknown; "
             f"{errors.known_are(name, PRODUCTS, ', and their sources (softmodels silicones)')}"
         )
-    return found.material
+    return silicone.material
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -364,7 +364,7 @@ def spanning(product: str) -> list[Silicone]:
 def source_names(name: str) -> list[str]:
     """Return the names of all sources in tension of a named silicone's product, from the softest to the stiffest."""
     product = product_of(name)
-    return [name_of(product, one) for one in in_tension(PRODUCTS[product])]
+    return [name_of(product, silicone) for silicone in in_tension(PRODUCTS[product])]
 
 
 def factor(product: str) -> float | None:
@@ -376,8 +376,8 @@ def factor(product: str) -> float | None:
 
 def usual_factors() -> tuple[float, float, float]:
     """Return the least, median and largest `factor` of the products that have several sources."""
-    found = [f for f in map(factor, PRODUCTS) if f is not None]
-    return min(found), statistics.median(found), max(found)
+    factors = [f for f in map(factor, PRODUCTS) if f is not None]
+    return min(factors), statistics.median(factors), max(factors)
 
 
 def spread_sentence(name: str) -> str:

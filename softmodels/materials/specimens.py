@@ -48,8 +48,8 @@ def _slope(
 ) -> memory.Expression:
     """Return `Material.derivative`; nan where the law has no energy. The logarithm of a negative number is that only for
     reals: of complex stretches it would count as a stress."""
-    found = law.derivative(stretches, change, compressible)
-    return np.where(np.isfinite(found.value), found.slope, np.nan)
+    slope = law.derivative(stretches, change, compressible)
+    return np.where(np.isfinite(slope.value), slope.slope, np.nan)
 
 
 def nominal_stress(material: Material, stretch: npt.ArrayLike, mode: str = "uniaxial") -> Array:
@@ -74,8 +74,8 @@ def _check(mode: str) -> None:
 
 
 def _incompressible_stress(law: Material, stretch: memory.Expression, mode: str) -> memory.Expression:
-    found = _specimen_stress(law, stretch, mode)
-    return np.where(np.isfinite(found.value), found.slope, np.nan)
+    stress_and_slope = _specimen_stress(law, stretch, mode)
+    return np.where(np.isfinite(stress_and_slope.value), stress_and_slope.slope, np.nan)
 
 
 def _specimen_stress(law: Material, stretch: memory.Expression, mode: str) -> laws.Dual:
@@ -117,8 +117,8 @@ def balloon_limit(material: Material, thickness_over_radius: float, most: float 
 
     def rise(stretch: Array | float) -> Array:
         with np.errstate(all="ignore"):
-            found = _incompressible(material, np.asarray(stretch), "equibiaxial", ())
-        return (found.tangent - 2 * found.stress / stretch) / material.shear_modulus_0
+            response = _incompressible(material, np.asarray(stretch), "equibiaxial", ())
+        return (response.tangent - 2 * response.stress / stretch) / material.shear_modulus_0
 
     scan = np.linspace(1.0, most, 2000)
     falls = np.flatnonzero(rise(scan) < 0.0)
@@ -229,11 +229,11 @@ def nudged(material: Material, name: str, by: complex) -> Material:
 def _nudged_memory(given: memory.Memory, name: str, by: complex) -> memory.Memory:
     branches = tuple(
         dataclasses.replace(
-            one,
-            share=one.share + by * (name == f"share{k}"),  # type: ignore[arg-type]
-            time=one.time + by * (name == f"time{k}"),  # type: ignore[arg-type]
+            branch,
+            share=branch.share + by * (name == f"share{k}"),  # type: ignore[arg-type]
+            time=branch.time + by * (name == f"time{k}"),  # type: ignore[arg-type]
         )
-        for k, one in enumerate(given.branches, 1)
+        for k, branch in enumerate(given.branches, 1)
     )
     soft = given.softening
     if soft is not None and name in SOFTENING:
@@ -357,16 +357,18 @@ def branch_stress(
         Shape (n, k).
     """
     time, stretch = (np.asarray(values, dtype=float) for values in (time, stretch))
-    taus = np.array([one.time for one in branches], dtype=float)
+    taus = np.array([branch.time for branch in branches], dtype=float)
     powers, sides, flow = np.array(MODES[mode][0]), MODES[mode][1], _flow(branches)
 
     def squares(x: float) -> list[float]:
         return [*(x ** (2 * powers)).tolist(), 0.0, 0.0, 0.0]
 
     def stress(x: float, Cv: Sequence[memory.Expression]) -> Array:
-        found = np.asarray(sum(p * x ** (2 * p - 1) / v for p, v in zip(powers, Cv, strict=False)) / sides)
+        branch_sum = np.asarray(sum(p * x ** (2 * p - 1) / v for p, v in zip(powers, Cv, strict=False)) / sides)
         return (
-            found if flow is None else found * memory.spring_stiffness(3 * memory.growth(squares(x), Cv), flow.spring)
+            branch_sum
+            if flow is None
+            else branch_sum * memory.spring_stiffness(3 * memory.growth(squares(x), Cv), flow.spring)
         )
 
     def crossed(Cv: list[memory.Expression], at: int, steps: int) -> list[memory.Expression]:
@@ -384,8 +386,8 @@ def branch_stress(
 
     rest = list(memory.IDENTITY)
     allowed = 3 * error * max(float(np.abs(stress(x, rest)).max()) for x in (stretch.min(), stretch.max()))
-    Cv: list[memory.Expression] = [np.full(taus.shape, one) for one in rest]
-    found, steps = [stress(stretch[0], Cv)], 1
+    Cv: list[memory.Expression] = [np.full(taus.shape, other) for other in rest]
+    branch_sum, steps = [stress(stretch[0], Cv)], 1
     for at in range(1, len(time)):
         coarse = crossed(Cv, at, steps)
         share = np.minimum((time[at] - time[at - 1]) / taus, 1.0)
@@ -396,19 +398,19 @@ def branch_stress(
                 break
             coarse, steps = fine, 2 * steps
         Cv, steps = fine, max(steps // 2, 1)
-        found.append(stress(stretch[at], Cv))
-    return np.array(found)
+        branch_sum.append(stress(stretch[at], Cv))
+    return np.array(branch_sum)
 
 
 def _flow(branches: Sequence[memory.Branch]) -> types.SimpleNamespace | None:
     """Return what `memory.fluidity` takes of some branches at once; None if all are linear."""
-    if all(one.linear for one in branches):
+    if all(branch.linear for branch in branches):
         return None
     names = ("onset", "exponent", "least", "growth", "growth_exponent")
-    springs = [one.spring or ((1.0, 1.0),) for one in branches]
+    springs = [branch.spring or ((1.0, 1.0),) for branch in branches]
     terms = max(map(len, springs))
-    filled = np.array([[*one, *[(0.0, 1.0)] * (terms - len(one))] for one in springs])
-    values = {name: np.array([getattr(one, name) for one in branches]) for name in names}
+    filled = np.array([[*spring, *[(0.0, 1.0)] * (terms - len(spring))] for spring in springs])
+    values = {name: np.array([getattr(branch, name) for branch in branches]) for name in names}
     return types.SimpleNamespace(**values, spring=[(filled[:, k, 0], filled[:, k, 1]) for k in range(terms)])
 
 
@@ -436,7 +438,7 @@ def stress_in_time(
     """
     stretch = np.asarray(stretch, dtype=float)
     own = material.memory or memory.Memory()
-    shares = np.array([one.share for one in own.branches])
+    shares = np.array([branch.share for branch in own.branches])
     by_flow: dict[str, Array] = {}
     if branches is None:
         branches = np.zeros((len(stretch), len(shares)))
@@ -444,8 +446,11 @@ def stress_in_time(
             flow = [name for name in parameters if name in FLOW]
             branches, by_flow = _branch_slopes(time, stretch, mode, own.branches, flow)
     with np.errstate(all="ignore"):
-        found = _specimen_stress(material, stretch, mode)
-        stress, energy = np.where(np.isfinite(found.value), found.slope, np.nan), found.value
+        stress_and_slope = _specimen_stress(material, stretch, mode)
+        stress, energy = (
+            np.where(np.isfinite(stress_and_slope.value), stress_and_slope.slope, np.nan),
+            stress_and_slope.value,
+        )
         dead = 0.0 * stress  # nan where it is
         size, viscous = material.shear_modulus_0, branches @ shares
         slopes, energy_slopes = np.zeros((2, len(stretch), len(parameters)))
@@ -475,9 +480,9 @@ def _branch_slopes(
     for name in names:
         steps.append(_FLOW_STEP * getattr(branches[0], name))
         together += [
-            dataclasses.replace(one, **{name: getattr(one, name) + d})
+            dataclasses.replace(branch, **{name: getattr(branch, name) + d})
             for d in (steps[-1], -steps[-1])
-            for one in branches
+            for branch in branches
         ]
     base, *ends = np.split(branch_stress(time, stretch, mode, together), 1 + 2 * len(names), axis=1)
     pairs = zip(names, ends[::2], ends[1::2], steps, strict=True)
@@ -590,7 +595,7 @@ class Instability:
 def instabilities(material: Material, furthest: float = MAX_STRETCH) -> tuple[Instability, ...]:
     """Return the first states along every mode, in tension and compression, that violate Drucker's criterion, the smallest
     strain first, of a law taken as incompressible; from 1/furthest to ``furthest`` of stretch."""
-    found = []
+    instabilities = []
     for mode in MODE_NAMES:
         for way in (1.0, -1.0):
             first = _first(
@@ -599,22 +604,28 @@ def instabilities(material: Material, furthest: float = MAX_STRETCH) -> tuple[In
                 np.exp(way * np.linspace(min(1e-3, math.log(furthest) / 2), math.log(furthest), STRETCH_POINTS)),
             )
             if first:
-                found.append(first)
-    return tuple(sorted(found, key=lambda one: one.strain))
+                instabilities.append(first)
+    return tuple(sorted(instabilities, key=lambda instability: instability.strain))
 
 
 def weakest(material: Material) -> Instability | None:
     """Return the instability at the smallest stretch in tension, over all modes; None up to `MAX_STRETCH`."""
-    return min((one for one in instabilities(material) if one.stretch > 1), key=lambda one: one.stretch, default=None)
+    return min(
+        (instability for instability in instabilities(material) if instability.stretch > 1),
+        key=lambda instability: instability.stretch,
+        default=None,
+    )
 
 
 def weakness(material: Material) -> str:
     """Return at which stretch a law becomes unstable in tension, as a clause with its name; empty if stable up to
     `MAX_STRETCH`."""
-    found = {one.mode: one.stretch for one in instabilities(material) if one.stretch > 1}
-    if not found:
+    stretch_by_mode = {
+        instability.mode: instability.stretch for instability in instabilities(material) if instability.stretch > 1
+    }
+    if not stretch_by_mode:
         return ""
-    places = ", ".join(f"{found[mode]:.3g} ({mode})" for mode in MODE_NAMES if mode in found)
+    places = ", ".join(f"{stretch_by_mode[mode]:.3g} ({mode})" for mode in MODE_NAMES if mode in stretch_by_mode)
     return f"the law {described(material)} becomes unstable (Drucker's criterion) in tension at stretch {places}"
 
 
@@ -683,7 +694,7 @@ def judge(material: Material, strain: float) -> Verdict:
     """Check the stability of a law up to the largest fitted (or shown) I1 - 3."""
     flags, notes = [], [material.misread] if material.misread else []
     weak = instabilities(material)
-    inside = [one for one in weak if one.strain <= strain]
+    inside = [instability for instability in weak if instability.strain <= strain]
     if inside:
         where = "; ".join(map(str, inside))
         flags.append(f"the law is unstable (Drucker) within this range: {where}")

@@ -39,12 +39,12 @@ SHOWN_UNITS = {"m": (1e3, ", mm"), "degree": (1.0, ", degrees"), "": (1.0, "")}
 
 
 @matplotlib.rc_context(style.STYLE)
-def grasp_figure(made: Grasp, found: Sequence[grasp.Held], outlines: Sequence[Sequence[Array]]) -> Figure:
+def grasp_figure(made: Grasp, held_states: Sequence[grasp.Held], outlines: Sequence[Sequence[Array]]) -> Figure:
     """Draw fingers and object in their plane, the load downwards: the last state without load, and the last one, each with
     the corners of the fingers' facets, see `Grasp.outlines`."""
-    free = max((number for number, held in enumerate(found) if not held.load), default=0)
-    shown = list(dict.fromkeys([free, len(found) - 1]))
-    largest = max(float(np.hypot(*found[number].forces.T).max()) for number in shown) or 1.0
+    free = max((number for number, held in enumerate(held_states) if not held.load), default=0)
+    shown = list(dict.fromkeys([free, len(held_states) - 1]))
+    largest = max(float(np.hypot(*held_states[number].forces.T).max()) for number in shown) or 1.0
     radius = made.shape.radius * 1e3
 
     def plane(vectors: Array) -> Array:
@@ -53,7 +53,7 @@ def grasp_figure(made: Grasp, found: Sequence[grasp.Held], outlines: Sequence[Se
 
     figure = Figure((style.WIDTH_INCHES, style.WIDTH_INCHES / len(shown) + 0.6), dpi=style.DPI, layout="constrained")
     for axes, number in zip(np.atleast_1d(figure.subplots(1, len(shown))), shown, strict=True):
-        held = found[number]
+        held = held_states[number]
         for corners in outlines[number]:
             axes.add_collection(
                 PolyCollection(
@@ -199,7 +199,7 @@ def solid_shapes(
     return SolidShapes(
         before=skin.points(moved),
         bent=bent,
-        normals=np.array([skin.normals(one) for one in bent]),
+        normals=np.array([skin.normals(mode) for mode in bent]),
         triangles=skin.triangles,
         edges=np.concatenate([skin.edges, skin.rims]),
         up=up,
@@ -240,9 +240,11 @@ SURFACE_POINTS = 41
 PERCENTILES = (5, 50, 95)
 
 
-def _label(one: Input | str) -> str:
+def _label(variable: Input | str) -> str:
     """Return an input's or a column's name with its unit."""
-    name, unit = table.split(one) if isinstance(one, str) else (one.key.rpartition(".")[2], one.unit)
+    name, unit = (
+        table.split(variable) if isinstance(variable, str) else (variable.key.rpartition(".")[2], variable.unit)
+    )
     words = name.replace("_", " ")
     return f"{words}, {unit}" if unit else words
 
@@ -256,13 +258,13 @@ def parallel(study: Study) -> Figure:
     places: list[Input | str] = [*inputs, *responses]
     figure, axes = style.chart(4.4)
     shares = []
-    for one, column in zip(places, columns, strict=True):
+    for place, column in zip(places, columns, strict=True):
         low, high = float(np.nanmin(column)), float(np.nanmax(column))
-        if not isinstance(one, str) and one.values:
-            low, high = 0.0, max(len(one.values) - 1.0, 1.0)
+        if not isinstance(place, str) and place.values:
+            low, high = 0.0, max(len(place.values) - 1.0, 1.0)
         width = high - low or 1.0
         shares.append((column - low) / width)
-        _axis_texts(axes, len(shares) - 1, one, (low, low + width))
+        _axis_texts(axes, len(shares) - 1, place, (low, low + width))
     lines = np.stack(
         [np.broadcast_to(np.arange(len(shares)), (len(points), len(shares))), np.transpose(shares)], axis=-1
     )
@@ -274,22 +276,22 @@ def parallel(study: Study) -> Figure:
     axes.add_collection(bundle)
     figure.colorbar(bundle, ax=axes, label=_label(responses[0]), pad=0.02)
     axes.set(xlim=(-0.15, len(shares) - 0.85), ylim=(-0.05, 1.05), yticks=[])
-    axes.set_xticks(range(len(shares)), [_label(one).replace(", ", "\n") for one in places])
+    axes.set_xticks(range(len(shares)), [_label(place).replace(", ", "\n") for place in places])
     for side in ("left", "right", "top", "bottom"):
         axes.spines[side].set_visible(False)
     axes.tick_params(length=0)
     return figure
 
 
-def _axis_texts(axes: Axes, place: int, one: Input | str, ends: tuple[float, float]) -> None:
+def _axis_texts(axes: Axes, place: int, variable: Input | str, ends: tuple[float, float]) -> None:
     """Draw the axis of an input or a response, with the values at its ends or of its texts."""
     axes.axvline(place, color=style.FAINT, linewidth=1.0, zorder=0)
     low, high = ends
     marks = [(0.0, low), (0.5, (low + high) / 2), (1.0, high)]
     texts = [(share, f"{value:.4g}") for share, value in marks]
-    if not isinstance(one, str) and one.values:
-        listed = one.values[:: max(len(one.values) // 6, 1)]
-        texts = [((one.values.index(value) - low) / (high - low), f"{value}") for value in listed]
+    if not isinstance(variable, str) and variable.values:
+        listed = variable.values[:: max(len(variable.values) // 6, 1)]
+        texts = [((variable.values.index(value) - low) / (high - low), f"{value}") for value in listed]
     for share, text in texts:
         axes.annotate(text, (place, share), xytext=(4, 0), textcoords="offset points", fontsize=9, va="center", zorder=3,
                       bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.7})  # fmt: skip
@@ -301,7 +303,7 @@ def surface_figure(study: Study, response: str, strongest: tuple[int, int]) -> F
     inputs, model = study.plan.inputs, study.surrogate(response)
     shares = (np.arange(SURFACE_POINTS) + 0.5) / SURFACE_POINTS
     across, up = (_input_values(inputs[k], shares) for k in strongest)
-    middle = np.array([float(one.ppf(np.array([0.5]))[0]) for one in inputs])
+    middle = np.array([float(variable.ppf(np.array([0.5]))[0]) for variable in inputs])
     points = np.tile(middle, (len(across) * len(up), 1))
     points[:, strongest[0]] = np.repeat(across, len(up))
     points[:, strongest[1]] = np.tile(up, len(across))
@@ -326,44 +328,46 @@ def surface_figure(study: Study, response: str, strongest: tuple[int, int]) -> F
         axes.legend(loc="best", fontsize=9)
     figure.colorbar(filled, ax=axes, label=_label(response), format="%.4g")
     axes.set(xlabel=_label(first), ylabel=_label(second))
-    for one, ticks in ((first, axes.set_xticks), (second, axes.set_yticks)):
-        if one.named:
-            ticks(range(len(one.values)), [str(value) for value in one.values])  # type: ignore[operator]
+    for variable, ticks in ((first, axes.set_xticks), (second, axes.set_yticks)):
+        if variable.named:
+            ticks(range(len(variable.values)), [str(value) for value in variable.values])  # type: ignore[operator]
     return figure
 
 
-def _input_values(one: Input, shares: Array) -> Array:
+def _input_values(variable: Input, shares: Array) -> Array:
     """Return values of an input over its range; of a normal distribution up to its 95 % interval."""
-    if one.values:
-        return np.arange(len(one.values), dtype=float)
-    return one.low + (one.high - one.low) * shares if one.normal else one.ppf(shares)
+    if variable.values:
+        return np.arange(len(variable.values), dtype=float)
+    return variable.low + (variable.high - variable.low) * shares if variable.normal else variable.ppf(shares)
 
 
-def _on_axis(one: Input, points: Array) -> Array:
+def _on_axis(variable: Input, points: Array) -> Array:
     """Return values as they stand on an axis; of texts their places."""
-    if one.named or not one.values:
+    if variable.named or not variable.values:
         return points
-    return np.array(one.values, dtype=float)[points.astype(int)]
+    return np.array(variable.values, dtype=float)[points.astype(int)]
 
 
 @matplotlib.rc_context(style.STYLE)
-def shares_figure(found: dict[str, Indices]) -> Figure:
+def shares_figure(indices: dict[str, Indices]) -> Figure:
     """Return the Sobol indices of each response as bars with their 95 % intervals."""
-    names = next(iter(found.values())).inputs
+    names = next(iter(indices.values())).inputs
     figure = Figure((style.WIDTH_INCHES, 1.3 + 0.45 * len(names)), dpi=style.DPI, layout="constrained")
-    for axes, (response, one) in zip(np.ravel(figure.subplots(1, len(found), sharey=True)), found.items(), strict=True):
+    for axes, (response, sobol) in zip(
+        np.ravel(figure.subplots(1, len(indices), sharey=True)), indices.items(), strict=True
+    ):
         places = np.arange(len(names))
         axes.barh(
             places - 0.2,
-            one.first,
+            sobol.first,
             0.38,
-            xerr=one.first_half,
+            xerr=sobol.first_half,
             color=style.CURVE,
             ecolor=style.FAINT,
             label="first order",
         )
         axes.barh(
-            places + 0.2, one.total, 0.38, xerr=one.total_half, color=style.FAINT, ecolor=style.CURVE, label="total"
+            places + 0.2, sobol.total, 0.38, xerr=sobol.total_half, color=style.FAINT, ecolor=style.CURVE, label="total"
         )
         axes.set(xlim=(0, None), xlabel="share of the variance", title=_label(response))
         axes.set_yticks(places, [name.rpartition(".")[2].replace("_", " ") for name in names])
@@ -382,11 +386,11 @@ def study_table(study: Study) -> str:
     out = io.StringIO(newline="")
     rows = csv.writer(out, lineterminator="\n")
     inputs, responses = study.plan.inputs, study.responses
-    heads = [f"{one.key} ({one.unit})" if one.unit else one.key for one in inputs]
+    heads = [f"{variable.key} ({variable.unit})" if variable.unit else variable.key for variable in inputs]
     rows.writerow(["sample", *heads, *responses, "failure"])
     for k, point in enumerate(study.plan.points):
         values = [study.values(name)[k] for name in responses]
-        own = [one.value(float(x)) for one, x in zip(inputs, point, strict=True)]
+        own = [variable.value(float(x)) for variable, x in zip(inputs, point, strict=True)]
         rows.writerow([k, *own, *(f"{x:.9g}" if math.isfinite(x) else "" for x in values), study.failures.get(k, "")])
     return out.getvalue()
 
@@ -400,8 +404,10 @@ def study_page(study: Study, seconds: float) -> tuple[str, dict[str, Figure]]:
     spread = [[name, *(f"{x:.5g}" for x in _figures(study.values(name)))] for name in study.responses]
     rows = [
         [f"{name}: {key}", f"{a:.3f} ± {c:.2g}", f"{b:.3f} ± {d:.2g}"]
-        for name, one in indices.items()
-        for key, a, b, c, d in zip(one.inputs, one.first, one.total, one.first_half, one.total_half, strict=True)
+        for name, index in indices.items()
+        for key, a, b, c, d in zip(
+            index.inputs, index.first, index.total, index.first_half, index.total_half, strict=True
+        )
     ]
     facts = [pages.Fact("samples", str(len(plan.points)), f"{plan.sampling}, seed {plan.seed}")]
     facts += [pages.Fact("without a result", str(len(failures)), "see below", True)] if failures else []
@@ -413,7 +419,7 @@ def study_page(study: Study, seconds: float) -> tuple[str, dict[str, Figure]]:
 
     def charts(start: str) -> pages.Charts:
         return pages.Charts(
-            [(f"{name}.svg", curves.drawing(one, cm)) for name, one in figures.items() if name.startswith(start)]
+            [(f"{name}.svg", curves.drawing(figure, cm)) for name, figure in figures.items() if name.startswith(start)]
         )
 
     answer = f"{len(plan.points) - len(failures)} of {len(plan.points)} samples of {plan.case.name} have a result."
@@ -433,7 +439,7 @@ def study_page(study: Study, seconds: float) -> tuple[str, dict[str, Figure]]:
                 charts("indices"), pages.Table(rows, ["input", "first order", "total"]) if rows else None,
             ]),
             ("Samples without a result", [pages.Bullets([f"sample {k}: {text}" for k, text in failures.items()])]),
-            ("Inputs", [pages.Table([[one.key, _range(one)] for one in plan.inputs], numbers=False)]),
+            ("Inputs", [pages.Table([[variable.key, _range(variable)] for variable in plan.inputs], numbers=False)]),
             ("The case", [pages.Folded("case.toml", [pages.Listing(plan.case.to_toml())])]),
         ],
         commands.Provenance.now(seconds), facts, notes, silicones.publications(plan.case.material),
@@ -453,16 +459,16 @@ def _surrogate_indices(
     notes: list[str] = []
     for name in study.responses:
         try:
-            found, made = study.indices(name), study.surrogate(name)
+            sobol, made = study.indices(name), study.surrogate(name)
         except (StudyError, MissingPackageError) as error:
             notes.append(f"{name}: {error}")
             continue
-        indices[name] = found
-        notes += [f"{name}: {found.doubt}"] if found.doubt else []
+        indices[name] = sobol
+        notes += [f"{name}: {sobol.doubt}"] if sobol.doubt else []
         share = made.error / made.spread if made.spread else 0.0
         size = f"{made.error:.3g} {table.split(name)[1]}".strip()
         errors[name] = f"{size}, {100 * share:.2g} % of the standard deviation"
-        order = np.argsort(found.total)[::-1]
+        order = np.argsort(sobol.total)[::-1]
         if len(order) > 1:
             figures[f"surface-{name}"] = surface_figure(study, name, (int(order[0]), int(order[1])))
     if indices and len(study.plan.inputs) > 1:
@@ -471,7 +477,7 @@ def _surrogate_indices(
 
 
 def _of_what(indices: dict[str, Indices]) -> str:
-    worst = max(one.surrogate_error for one in indices.values())
+    worst = max(index.surrogate_error for index in indices.values())
     return "of the samples themselves." if worst == 0.0 else "of the surrogate, whose error adds to the intervals."
 
 
@@ -479,12 +485,12 @@ def _figures(values: Array) -> list[float]:
     return [float(np.nanmean(values)), float(np.nanstd(values)), *map(float, np.nanpercentile(values, PERCENTILES))]
 
 
-def _range(one: Input) -> str:
-    if one.values:
-        return ", ".join(f"{value}" for value in one.values) + (f" {one.unit}" if one.unit else "")
-    if one.normal:
-        return f"{(one.low + one.high) / 2:.6g} ± {(one.high - one.low) / 2:.6g} {one.unit} (normal, 95 %)"
-    return f"{one.low:.6g} to {one.high:.6g} {one.unit} (uniform)"
+def _range(v: Input) -> str:
+    if v.values:
+        return ", ".join(f"{value}" for value in v.values) + (f" {v.unit}" if v.unit else "")
+    if v.normal:
+        return f"{(v.low + v.high) / 2:.6g} ± {(v.high - v.low) / 2:.6g} {v.unit} (normal, 95 %)"
+    return f"{v.low:.6g} to {v.high:.6g} {v.unit} (uniform)"
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -258,13 +258,13 @@ def _band(axes: Axes, rows: table.PathTable, variable: str, over: str) -> None:
     half = table.band_of(PRESSURE) if variable == "added_volume" else table.at_rise(variable)
     if over != PRESSURE or half not in rows:
         return
-    found = np.column_stack([rows.shown(over), rows.shown(variable), rows.shown(half)])
-    found = found[~np.isnan(found[:, 2])]
-    if len(found) < 2:
+    band = np.column_stack([rows.shown(over), rows.shown(variable), rows.shown(half)])
+    band = band[~np.isnan(band[:, 2])]
+    if len(band) < 2:
         return
-    x, y = smooth(found[:, :2]).T
-    width = np.interp(y, *smooth(found[:, 1:]).T) if (np.diff(found[:, 1]) > 0).all() else None
-    x, y, width = (x, y, width) if width is not None else found.T
+    x, y = smooth(band[:, :2]).T
+    width = np.interp(y, *smooth(band[:, 1:]).T) if (np.diff(band[:, 1]) > 0).all() else None
+    x, y, width = (x, y, width) if width is not None else band.T
     label = f"95 % band of the pressure at equal {'volume' if variable == 'added_volume' else 'rise'}"
     axes.fill_betweenx(y, x - width, x + width, color=CURVE, alpha=0.18, linewidth=0, label=label)
 
@@ -361,14 +361,14 @@ def _line_style(rows: table.PathTable) -> str:
 def loop(rows: table.PathTable, words: labels.StateLabels) -> Figure:
     """Plot the pressure over the added volume and over the gauge's rise in each cycle of a load with times, with the areas of
     the loops."""
-    found = notes.cycles(rows)
+    loops = notes.cycles(rows)
     figure = Figure((WIDTH_INCHES, 5.4), dpi=DPI, layout="constrained")
     places = figure.subplots(1, 2, sharey=True)
-    shades = matplotlib.colormaps[LINES_CMAP](np.linspace(0.1, 0.8, len(found))) if len(found) > 1 else [CURVE]
-    for count, (cycle, colour) in enumerate(zip(found, shades, strict=True), 1):
+    shades = matplotlib.colormaps[LINES_CMAP](np.linspace(0.1, 0.8, len(loops))) if len(loops) > 1 else [CURVE]
+    for count, (cycle, colour) in enumerate(zip(loops, shades, strict=True), 1):
         label = f"cycle {count}: loses {cycle.loss}" if cycle.closed else f"cycle {count}, not closed"
-        marker, wide = {1: ("o", 2.0), len(found): ("s", 2.0)}.get(count, ("", 0.9))
-        shown = label if marker or len(found) <= MOST_CYCLES else None
+        marker, wide = {1: ("o", 2.0), len(loops): ("s", 2.0)}.get(count, ("", 0.9))
+        shown = label if marker or len(loops) <= MOST_CYCLES else None
         for axes, name in zip(places, ("added_volume", words.gauge), strict=True):
             x, y = (cycle.rows.shown(variable) for variable in (name, PRESSURE))
             axes.plot(x, y, "-", marker=marker, color=colour, linewidth=wide, markersize=4.0, label=shown)
@@ -507,12 +507,12 @@ def _legend_beside(axes: Axes, words: labels.StateLabels) -> None:
 
 def _labels(rows: table.PathTable, words: labels.StateLabels, steps: Collection[float]) -> dict[float, str]:
     """Return the legend entries of some steps: load, and part of the path."""
-    places, found = branches(rows, words), dict[float, str]()
+    places, texts = branches(rows, words), dict[float, str]()
     for step in steps:
         row, part = states.row_at(rows, step), places[math.ceil(step)]
         name = f"{labels.number(row.shown(PRESSURE))} cm" if words.pressure else textwrap.fill(words.place(row), 19)
-        found[step] = name + ("\n" + textwrap.fill(f"({part})", 19) if part else "")
-    return found
+        texts[step] = name + ("\n" + textwrap.fill(f"({part})", 19) if part else "")
+    return texts
 
 
 def branches(rows: table.PathTable, words: labels.StateLabels) -> list[str]:
@@ -526,7 +526,7 @@ def branches(rows: table.PathTable, words: labels.StateLabels) -> list[str]:
     before = [row[moved] for k, row in enumerate(rows[: landings[0] if landings else 0]) if k not in over]
     largest_before = max(before, default=0.0)
     highest = int(rows[raised].argmax())
-    found, passed = [], False
+    branches, passed = [], False
     for k, row in enumerate(rows):
         part = ["up" if k <= highest else "down"] if landings and not over else []
         if k in over:
@@ -537,9 +537,9 @@ def branches(rows: table.PathTable, words: labels.StateLabels) -> list[str]:
             part += ["after snap-through"] if row[moved] > largest_before else []
         elif passed:
             part.append("stable again" if row.get("stable_under_pressure") else "past the limit point")
-        found.append(", ".join(part))
+        branches.append(", ".join(part))
         passed = passed or bool(row["limit"])
-    return found
+    return branches
 
 
 def _labelled_steps(steps: list[float]) -> set[float]:

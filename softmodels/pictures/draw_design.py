@@ -152,9 +152,9 @@ def _limit_curves(axes: Axes, told: result.DesignRecord, numbers: Array, starts:
 def parameters(told: Sequence[result.ParameterRecord]) -> Figure:
     """Plot each free parameter between its bounds, before and after."""
     figure, axes = style.chart(1.5 + 0.62 * len(told))
-    for k, one in enumerate(told):
-        low, high, unit = one["low"], one["high"], one["unit"]
-        before, after = ((one[name] - low) / (high - low) for name in ("before", "after"))
+    for k, record in enumerate(told):
+        low, high, unit = record["low"], record["high"], record["unit"]
+        before, after = ((record[name] - low) / (high - low) for name in ("before", "after"))
         axes.plot([0, 1], [k, k], "|-", color=style.FAINT, linewidth=1.2, markersize=14)
         arrow = {"arrowstyle": "-|>", "color": DESIGN_COLOUR, "mutation_scale": 15}
         axes.annotate("", (after, k), (before, k), arrowprops=arrow)
@@ -163,9 +163,9 @@ def parameters(told: Sequence[result.ParameterRecord]) -> Figure:
         axes.plot(after, k, "o", color=DESIGN_COLOUR, markersize=8, label="" if k else "design")
         axes.text(-0.02, k, f"{low:.4g}", ha="right", va="center", fontsize=10, color=style.FAINT)
         axes.text(1.02, k, f"{high:.4g} {unit}", ha="left", va="center", fontsize=10, color=style.FAINT)
-        text = f"{one['before']:.4g} to {one['after']:.4g} {unit}"
+        text = f"{record['before']:.4g} to {record['after']:.4g} {unit}"
         axes.text(0.5, k - 0.3, text, ha="center", va="center", fontsize=10, color=style.INK)
-    axes.set_yticks(range(len(told)), [one["name"] for one in told])
+    axes.set_yticks(range(len(told)), [record["name"] for record in told])
     axes.set(xlim=(-0.16, 1.2), ylim=(len(told) - 0.4, -0.75), xticks=[])
     axes.grid(False)
     axes.tick_params(axis="y", length=0)
@@ -184,18 +184,18 @@ NAMES = ("as given", "design")
 def shapes(pair: tuple[States, States], colormap: str = commands.COLORMAP) -> Figure:
     """Return both devices at their last requested state, coloured by von Mises stress."""
     looks = [offscreen.look(states, colormap) for states in pair]
-    scales = [one.scales["von_mises"] for one in looks]
-    scale = max(scales, key=lambda one: one.top)
-    clouds = [one.points(step) for one in looks for step in (0, one.states.main)]
+    scales = [look.scales["von_mises"] for look in looks]
+    scale = max(scales, key=lambda other: other.top)
+    clouds = [look.points(step) for look in looks for step in (0, look.states.main)]
     camera = offscreen.ViewCamera.around(clouds, looks[0].direction, looks[0].up, offscreen.WIDTH_PX // 2, 1.1)
     images = []
-    for one, name in zip(looks, NAMES, strict=True):
-        states = one.states
+    for look, name in zip(looks, NAMES, strict=True):
+        states = look.states
         with offscreen.studio(camera) as shoot:
-            shot = shoot(one.coloured(states.main, scale))
+            shot = shoot(look.coloured(states.main, scale))
         images.append((f"{name}: {labels.headline(states.rows[states.main], states.words)}", shot))
     figure = solid.tiled(images, style.FOOT_INCHES)
-    shown = [(one.states, one.states.main) for one in looks]
+    shown = [(look.states, look.states.main) for look in looks]
     values = np.concatenate([states.field(step, scale.field) for states, step in shown])
     scale.bar(figure, scale.largest([states.rows[step] for states, step in shown], values))
     style.rulers(figure, camera.metres, camera.axes)
@@ -258,8 +258,11 @@ def draw(folder: Path, colormap: str = commands.COLORMAP) -> list[Path]:
 def page(folder: Path, told: result.DesignRecord, drawn: Sequence[pages.Part], pair: tuple[States, States]) -> str:
     """Return the report of a design: ``told`` is its ``design.json``, ``drawn`` are its pictures."""
     rows = [
-        (one["name"], *(f"{one[name]:.5g} {one['unit']}".strip() for name in ("low", "before", "after", "high")))  # type: ignore[literal-required]
-        for one in told["parameters"]
+        (
+            record["name"],
+            *(f"{record[name]:.5g} {record['unit']}".strip() for name in ("low", "before", "after", "high")),
+        )  # type: ignore[literal-required]
+        for record in told["parameters"]
     ]
     finer = f", refined {told['finer']} times" if told["finer"] != 1.0 else ""
     downloads = {name: files.read_text(folder / name) for name in ("iterates.csv",) if (folder / name).is_file()}

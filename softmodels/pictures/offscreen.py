@@ -201,8 +201,8 @@ def studio(camera: ViewCamera) -> Iterator[Shoot]:
             if lit:
                 shade(actor)
         plotter.renderer.ResetCameraClippingRange()
-        one, other = (Picture.fromarray(rendered(shift)) for shift in (0.25, -0.25))
-        return np.asarray(Picture.blend(one, other, 0.5))
+        picture, other = (Picture.fromarray(rendered(shift)) for shift in (0.25, -0.25))
+        return np.asarray(Picture.blend(picture, other, 0.5))
 
     def rendered(shift: float) -> Image:
         """Return the window's image, shifted by a fraction of a pixel to the right and upwards."""
@@ -318,16 +318,16 @@ def shape_layers(states: States, step: float) -> list[Layer]:
     """Return the translucent surfaces of the shapes beside a device at a step; a cylinder and a plane extend slightly beyond
     it."""
     style: Style = {"color": WARNING, "opacity": 0.25, "smooth_shading": True}
-    skin, shapes, found = states.skin, shapes_of(states), list[Layer]()
+    skin, shapes, layers = states.skin, shapes_of(states), list[Layer]()
     if not shapes:
-        return found
+        return layers
     device = skin.device(skin.points(states.moved(states.main)))
     for shape in shapes:
         drawn, reach = shape, 1.1 * float(np.abs((device - np.asarray(shape.at)) @ shape.direction).max())
         if shape.shape == "plane":
             drawn, reach = below(shape, device)
-        found.append((shape_surface(drawn, reach).translate(way(states, shape, step)), style))
-    return found
+        layers.append((shape_surface(drawn, reach).translate(way(states, shape, step)), style))
+    return layers
 
 
 def below(plane: RigidShape, device: Array) -> tuple[RigidShape, float]:
@@ -449,12 +449,12 @@ class Look:
     @functools.cached_property
     def scales(self) -> dict[str, Scale]:
         """The scale of each field, one in all pictures of the run."""
-        states, found = self.states, dict[str, Scale]()
+        states, scales = self.states, dict[str, Scale]()
         steps = sorted({*states.shown(), states.main, len(states.rows) - 1})
         for field in coloured():
             values = np.array([states.field(step, field) for step in steps])
-            found[field] = Scale(values, field, [states.row(step) for step in steps], self.colours)
-        return found
+            scales[field] = Scale(values, field, [states.row(step) for step in steps], self.colours)
+        return scales
 
     def largest(self, scale: Scale, *steps: float) -> str:
         """Return the largest value of a field in the states of a picture, in words."""
@@ -490,15 +490,15 @@ class Look:
         moved = skin.points(states.moved(step))
         everything = np.arange(len(skin.images))
         shown, normals = skin.device(moved), skin.device(skin.normals(moved))
-        found: list[Layer] = []
+        translucent: list[Layer] = []
         for chosen, style in ((skin.part > grid.OUTSIDE, walls), (skin.part == grid.OUTSIDE, outside)):
             if chosen.any() and style is not None:
                 data = surface(shown, skin.device_triangles(chosen, everything), normals)
-                found.append((data, {"color": "#8fa8c0", "smooth_shading": True, **style}))
+                translucent.append((data, {"color": "#8fa8c0", "smooth_shading": True, **style}))
         if len(skin.edges):
             edge = lines(shown, skin.device_lines(skin.edges))
-            found.append((edge, {"color": EDGE, "line_width": 2.0, "opacity": 0.6}))
-        return found
+            translucent.append((edge, {"color": EDGE, "line_width": 2.0, "opacity": 0.6}))
+        return translucent
 
     @functools.cached_property
     def open_rims(self) -> npt.NDArray[np.int64]:
@@ -625,10 +625,10 @@ def outlined(images: Sequence[Image], covered: Image) -> list[Image]:
     """Return images with the outline of what covers a part of them; ``covered`` as of `Look.at_rest`."""
     soft = np.asarray(Picture.fromarray(covered).filter(ImageFilter.BoxBlur(1)), dtype=np.float32) / 255
     line = 1 - np.abs(2 * soft - 1)
-    on, found = line > 0.02, [image.copy() for image in images]
-    for image in found:
+    on, outlined_images = line > 0.02, [image.copy() for image in images]
+    for image in outlined_images:
         image[on] = image[on] + line[on, None] * (np.array(OUTLINE_COLOUR) - image[on])
-    return found
+    return outlined_images
 
 
 OUTLINE_COLOUR = (150, 150, 150)

@@ -134,10 +134,10 @@ def _load(states: States) -> Iterator[tuple[str, object, str]]:
     asked: list[tuple[str, Sequence[float], str]] = [(case.load.requested.words, case.values, case.unit)]
     if case.program:
         asked = []
-        for one in steps.courses(case.steps):
-            values = [units.as_amount(value) for value in one.values]
-            added = " added" if one.quantity == steps.VOLUME else ""
-            asked.append((one.name, [value.number for value in values], f"{values[0].unit}{added}"))
+        for course in steps.courses(case.steps):
+            values = [units.as_amount(value) for value in course.values]
+            added = " added" if course.quantity == steps.VOLUME else ""
+            asked.append((course.name, [value.number for value in values], f"{values[0].unit}{added}"))
         asked += [("time", steps.times_of(case.steps), "s")] if case.timed else []
     for what, numbers, unit in asked:
         yield what, f"{', '.join(f'{number:g}' for number in numbers)} {unit}", "requested"
@@ -267,8 +267,8 @@ def packed(look: offscreen.Look, steps: list[int]) -> tuple[dict[str, object], b
         "direction": list(camera.direction), "up": list(camera.up), "focus": list(camera.focus),
         "scale": 1.1 * camera.scale, "aspect": camera.size[0] / camera.size[1], "colours": colours.tolist(),
         "fields": [
-            {"what": one.what, "label": f"{one.what}, {one.kind}", "unit": one.unit, "low": one.low, "power": one.power,
-             "top": one.top} for one in look.scales.values()
+            {"what": shades.what, "label": f"{shades.what}, {shades.kind}", "unit": shades.unit, "low": shades.low,
+             "power": shades.power, "top": shades.top} for shades in look.scales.values()
         ],
         "steps": [{"step": step, "label": labels.headline(states.rows[step], states.words)} for step in steps],
     }  # fmt: skip
@@ -299,12 +299,12 @@ def _limit(states: States, told: dict[str, object]) -> pages.Fact:
     name, raised = f"Limit point of the {words.kept[0]}", words.along[0]
     if states.case.program:
         name = "Limit point of the loads"
-    if found := curves.limits(rows):
+    if limit_points := curves.limits(rows):
         beyond = told.get("status") == outcomes.NO_EQUILIBRIUM
         note = "there is no equilibrium at what was requested beyond it" if beyond else ""
         if not beyond and not states.case.program and row["requested"] and row[raised]:
-            note = f"{found[0][raised] / row[raised]:.3g} times the last requested {words.kept[0]}"
-        return pages.Fact(name, labels.load(found[0], words), note, beyond)
+            note = f"{limit_points[0][raised] / row[raised]:.3g} times the last requested {words.kept[0]}"
+        return pages.Fact(name, labels.load(limit_points[0], words), note, beyond)
     highest = rows[int(np.abs(rows[raised]).argmax())]
     way = "up" if highest[raised] >= 0.0 else "down"
     note = "the margin is not known from this run: softmodels limit case.toml finds it"
@@ -341,10 +341,10 @@ def convergence(states: States) -> list[str]:
 def summary(folder: Path) -> dict[str, object]:
     """Return ``summary.json``'s data on the end of the run; empty if it was interrupted."""
     try:
-        found = files.read_json(folder / "summary.json")
+        values = files.read_json(folder / "summary.json")
     except (OSError, ValueError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return values if isinstance(values, dict) else {}
 
 
 def _curves(states: States) -> list[tuple[str, str]]:
@@ -356,8 +356,8 @@ def _curves(states: States) -> list[tuple[str, str]]:
             drawn = {"steps": curves.steps(rows, words), **({"loop": curves.loop(rows, words)} if looped else {})}
             figures = list(drawn.items())
         else:
-            found = curves.curves(rows, words, states.branch, curves.over_of(states.case), states.sources)
-            figures = [(f"path-{number}", figure) for number, figure in enumerate(found, 1)]
+            drawings = curves.curves(rows, words, states.branch, curves.over_of(states.case), states.sources)
+            figures = [(f"path-{number}", figure) for number, figure in enumerate(drawings, 1)]
         return [(f"{states.name}-{name}.svg", curves.drawing(figure, states.case.cm)) for name, figure in figures]
 
 

@@ -249,7 +249,7 @@ def cut_open(states: States, step: float, plane: Plane, viewer: Array, scale: Sc
     shell.point_data["displacement"] = skin.device(skin.points(u))
     shell.point_data["values"] = np.tile(values[skin.nodes], len(skin.images))
     style: offscreen.Style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0)}
-    found: list[offscreen.Layer] = [(shell.clip(normal=normal, origin=place).warp_by_vector("displacement"), style)]
+    layers: list[offscreen.Layer] = [(shell.clip(normal=normal, origin=place).warp_by_vector("displacement"), style)]
     rest, moved, shares, faces, count = list[Array](), list[Array](), list[Array](), list[grid.Cells](), 0
     for image in skin.images:
         piece = _section(states.points, states.cells, u, values, image.T @ normal, image.T @ place)
@@ -263,9 +263,9 @@ def cut_open(states: States, step: float, plane: Plane, viewer: Array, scale: Sc
         # Images of the slice meet in their symmetry plane: one face, so that no edge is drawn there.
         corners = offscreen.joined_places(np.concatenate(rest), states.actuator.size)[np.concatenate(faces)]
         points = np.concatenate(moved)
-        found.append((offscreen.surface(points, corners, None, np.concatenate(shares)), style))
-        found += offscreen.seen_lines(points, border_of(corners))
-    return found
+        layers.append((offscreen.surface(points, corners, None, np.concatenate(shares)), style))
+        layers += offscreen.seen_lines(points, border_of(corners))
+    return layers
 
 
 def border_of(triangles: grid.Cells) -> grid.Cells:
@@ -498,10 +498,10 @@ class AtRest:
         return self._drawn
 
 
-def _same_view(one: offscreen.Look, other: offscreen.Look) -> bool:
+def _same_view(first: offscreen.Look, other: offscreen.Look) -> bool:
     """Return whether two looks show the same mesh in the same way."""
-    pairs = [(look.states.points, look.states.cells, look.kept, look.direction) for look in (one, other)]
-    return one.states.actuator == other.states.actuator and all(map(np.array_equal, *pairs))
+    pairs = [(look.states.points, look.states.cells, look.kept, look.direction) for look in (first, other)]
+    return first.states.actuator == other.states.actuator and all(map(np.array_equal, *pairs))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -535,14 +535,14 @@ def render_frames(look: offscreen.Look, count: int = MAX_FRAMES) -> list[offscre
     last = len(states.rows) - 1
     camera = look.camera(sorted({0, *states.shown(8), states.main, last}), FRAME_WIDTH_PX, tallest=0.75)
     count = count if states.loaded and last else 1
-    found = []
+    frames = []
     with offscreen.studio(camera) as shoot:
         for place in np.linspace(0.0, 1.0, count):
             step = float(np.interp(place, states.along, range(last + 1))) if count > 1 else float(last)
             row, words = states.row(step), states.words
             text = f"{labels.load(row, words, kilopascals=False)}   {words.gauge} rise {row.told(words.gauge, '+.2f')}"
-            found.append(_captioned_frame(shoot(look.coloured(step, scale)), text, scale))
-    return found
+            frames.append(_captioned_frame(shoot(look.coloured(step, scale)), text, scale))
+    return frames
 
 
 def _captioned_frame(image: offscreen.Image, text: str, scale: Scale) -> offscreen.Image:

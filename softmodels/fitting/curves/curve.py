@@ -82,14 +82,14 @@ class TensileCurve:
         """Return a copy of a column, protected from changes; `TensileError` for something else than finite numbers."""
         try:
             if type(values) is np.ndarray and values.dtype.kind in "iuf" and values.ndim == 1:
-                found = np.array(values, dtype=np.float64)
+                column = np.array(values, dtype=np.float64)
             else:
-                found = np.array(schema.Several(kind).settled(name, values), dtype=np.float64)
+                column = np.array(schema.Several(kind).settled(name, values), dtype=np.float64)
         except errors.FieldError as error:
             raise TensileError(f"{self.name}: {error}") from None
-        if not np.isfinite(found).all():
+        if not np.isfinite(column).all():
             raise TensileError(f"{self.name}: {name} has a number that is not finite")
-        return found
+        return column
 
     def check(self) -> TensileCurve:
         """Return the curve itself after checking that it is plausible for silicone in its unit.
@@ -509,8 +509,8 @@ def told_columns(text: str) -> dict[str, tuple[str, str | None]]:
     """Read ``"strain=Engineering Strain[%],stress=5[MPa]"``: by kind, a header or a number from 1, and a unit or None."""
     told: dict[str, tuple[str, str | None]] = {}
     for part in re.findall(r"[^,\[]+(?:\[[^\]]*\])?", text):
-        kind, found, rest = part.strip().partition("=")
-        if not found or kind not in KINDS:
+        kind, column_name, rest = part.strip().partition("=")
+        if not column_name or kind not in KINDS:
             raise TensileError(f"columns {text!r}: {part.strip()!r} is not KIND=COLUMN[UNIT] with {', '.join(KINDS)}")
         name, _, unit = rest.partition("[")
         told[kind] = (name.strip(), unit.rstrip("]").strip() if "[" in rest else None)
@@ -697,10 +697,10 @@ def _cell(row: Sequence[str], column: CurveColumn) -> str:
 def _row_of_units(columns: Sequence[CurveColumn], cells: Sequence[str]) -> tuple[str, ...] | None:
     """Return the columns' units if a row holds units: in brackets, or one of them suiting its column."""
     bare = [re.sub(r"^[\[(](.*)[\])]$", r"\1", cell) for cell in cells]
-    if not any(one != cell or _is_unit(one, column) for one, cell, column in zip(bare, cells, columns, strict=True)):
+    if not any(unit != cell or _is_unit(unit, column) for unit, cell, column in zip(bare, cells, columns, strict=True)):
         return None
     return tuple(
-        "" if _unit(one) == NONE and KINDS[c.kind] else _unit(one) for one, c in zip(bare, columns, strict=True)
+        "" if _unit(unit) == NONE and KINDS[c.kind] else _unit(unit) for unit, c in zip(bare, columns, strict=True)
     )
 
 
@@ -819,7 +819,7 @@ def _check_directions(stretch: Array, stress: Array, deformation: CurveColumn, l
     """Reject a tension in one column that is a compression in the other."""
     work = stress * (stretch - 1.0)
     if work.sum() < -0.5 * np.abs(work).sum():
-        compressed = next((one.header for one in (deformation, load) if one.sign < 0), None)
+        compressed = next((column.header for column in (deformation, load) if column.sign < 0), None)
         why = f" ({compressed!r} means compression)" if compressed else ""
         raise TensileError(
             f"the columns {deformation.header!r} and {load.header!r} contradict each other: one is tension where the other is "
@@ -897,8 +897,8 @@ def corners(time: Array, stretch: Array) -> list[int]:
     Noise beyond `CORNER_TOLERANCE` of the range widens the tolerance, so that it makes no corners."""
     tolerance = CORNER_TOLERANCE * float(np.ptp(stretch))
     while True:
-        found, open_ends = {0, len(time) - 1}, [(0, len(time) - 1)]
-        while open_ends and len(found) <= MOST_CORNERS:
+        corners, open_ends = {0, len(time) - 1}, [(0, len(time) - 1)]
+        while open_ends and len(corners) <= MOST_CORNERS:
             a, b = open_ends.pop()
             if b - a < 2:
                 continue
@@ -906,10 +906,10 @@ def corners(time: Array, stretch: Array) -> list[int]:
             off = np.abs(stretch[a : b + 1] - line)
             middle = a + int(off.argmax())
             if off.max() > tolerance and a < middle < b:
-                found.add(middle)
+                corners.add(middle)
                 open_ends += [(a, middle), (middle, b)]
-        if len(found) <= MOST_CORNERS:
-            return sorted(found)
+        if len(corners) <= MOST_CORNERS:
+            return sorted(corners)
         tolerance *= 2
 
 
@@ -942,7 +942,7 @@ def direction(stretch: Array) -> int:
 
 def turns(stretch: Array) -> list[int]:
     """Return the places of the reversals of a history of stretch, first and last included."""
-    room, found, way = REVERSAL_TOLERANCE * float(np.ptp(stretch)), [0], 0
+    room, places, way = REVERSAL_TOLERANCE * float(np.ptp(stretch)), [0], 0
     last = 0
     for i, value in enumerate(stretch):
         if way == 0:
@@ -951,9 +951,9 @@ def turns(stretch: Array) -> list[int]:
         elif (value - stretch[last]) * way >= 0.0:
             last = i
         elif (stretch[last] - value) * way > room:
-            found.append(last)
+            places.append(last)
             way, last = -way, i
-    return [*found, len(stretch) - 1]
+    return [*places, len(stretch) - 1]
 
 
 def loop(stretch: Array, stress: Array) -> float:
@@ -995,15 +995,15 @@ def noise_of(curve: TensileCurve) -> float | Array:
     times one per reading, (n,): that of the moving or of the holding parts, because a drive that runs shakes the load cell."""
     if curve.time is None:
         return _scatter(np.diff(curve.stress, 3))
-    found = np.full(len(curve.stress), _scatter(np.diff(curve.stress, 3)))
+    noise = np.full(len(curve.stress), _scatter(np.diff(curve.stress, 3)))
     parts = segments(curve.time, curve.stretch)
     for still in (False, True):
         of_kind = [slice(a, b + 1) for a, b, held in parts if held is still]
         differences = [np.diff(curve.stress[part], 3) for part in of_kind]
         if sum(map(len, differences)) >= MIN_POINTS_FOR_NOISE - 3:
             for part in of_kind:
-                found[part] = _scatter(np.concatenate(differences))
-    return found
+                noise[part] = _scatter(np.concatenate(differences))
+    return noise
 
 
 def _scatter(differences: Array) -> float:
@@ -1045,14 +1045,14 @@ def _jumps(values: Array, noise: float | Array, stretch: Array) -> npt.NDArray[n
     others = around[around != np.arange(n)[:, None]].reshape(n, 4)
     near = values[others]
     off = np.abs(values - np.median(near, axis=1))
-    found = (
+    jumps = (
         (off > MIN_JUMP_SHARE * np.abs(values).max())
         & (off > MIN_JUMP_ERRORS * noise)
         & (off > MIN_JUMP_RANGES * np.ptp(near, axis=1))
     )
-    found[0] = False
-    found[-1] &= bool(np.ptp(stretch[-5:]) < REVERSAL_TOLERANCE * np.ptp(stretch))
-    return found
+    jumps[0] = False
+    jumps[-1] &= bool(np.ptp(stretch[-5:]) < REVERSAL_TOLERANCE * np.ptp(stretch))
+    return jumps
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -1143,13 +1143,13 @@ def _start(x: Array, y: Array) -> _Start | None:
     reach = 2.0 * float(way[risen[0]]) if len(risen) else 0.0
     least = float(x[min(7, len(x) - 1)])
     nearer = [_level_and_parabola(x, y, max(reach / part, least)) for part in (1, 2, 4, 8)]
-    if slack := next((one.slack for one in nearer if one.slack), 0.0):
-        found = _level_and_parabola(x, y, max(slack + max(slack, 0.1), least))
-        return found if found.slack else None
+    if slack := next((place.slack for place in nearer if place.slack), 0.0):
+        fitted = _level_and_parabola(x, y, max(slack + max(slack, 0.1), least))
+        return fitted if fitted.slack else None
     # A bend that is no parabola shows in the difference of two reaches.
     both = nearer[:2]
-    off = min(abs(float(y[0])), *(abs(one.zero) for one in both))
-    agree = min(one.zero * float(y[0]) for one in both) > 0.0
+    off = min(abs(float(y[0])), *(abs(place.zero) for place in both))
+    agree = min(place.zero * float(y[0]) for place in both) > 0.0
     if agree and off > max(
         MIN_ZERO_ERRORS * both[1].error, NOTICED_STRAIN * both[0].slope, abs(both[0].zero - both[1].zero)
     ):
@@ -1175,29 +1175,34 @@ def _level_and_parabola(x: Array, y: Array, reach: float) -> _Start:
     def fit(slack: float) -> tuple[float, Array, float]:
         u = np.maximum(x - slack, 0.0)
         A = np.column_stack([np.ones_like(u), u, u**2])
-        found, *_ = np.linalg.lstsq(A, y, rcond=None)
-        squares = float(np.sum((A @ found - y) ** 2))
+        coefficients, *_ = np.linalg.lstsq(A, y, rcond=None)
+        squares = float(np.sum((A @ coefficients - y) ** 2))
         variance = squares / max(len(x) - 4, 1) * float(np.linalg.pinv(A.T @ A)[0, 0])
-        return squares, found, math.sqrt(variance)
+        return squares, coefficients, math.sqrt(variance)
 
-    _, found, error = fit(0.0)
-    plain = _Start(0.0, float(found[0]), error, max(float(found[1]), 1e-300))
+    _, coefficients, error = fit(0.0)
+    plain = _Start(0.0, float(coefficients[0]), error, max(float(coefficients[1]), 1e-300))
     tried = [(fit(float(at)), float(at)) for at in x[SLACK_ROWS - 1 : -3] if at > 0.0]
     if not tried:
         return plain
-    (squares, found, _), slack = min(tried, key=lambda one: one[0][0])
+    (squares, coefficients, _), slack = min(tried, key=lambda trial: trial[0][0])
     before = x <= slack
     count = int(before.sum())
-    if slack < SLACK_LEAST or count < SLACK_ROWS or found[1] <= 0.0:
+    if slack < SLACK_LEAST or count < SLACK_ROWS or coefficients[1] <= 0.0:
         return plain
     rest = y[before]
     line = np.polynomial.polynomial.polyfit(x[before], rest, 1)
     off = rest - np.polynomial.polynomial.polyval(x[before], line)
     noise = math.sqrt(max(float(off @ off) / max(count - 2, 1), squares / max(len(x) - 4, 1)))
     doubt = noise * math.sqrt(12.0 / count) / slack  # standard error of the line's slope
-    if abs(line[1]) > MAX_LEVEL_SLOPE * found[1] + doubt or found[1] - abs(line[1]) < MIN_STEEPER_ERRORS * doubt:
+    if (
+        abs(line[1]) > MAX_LEVEL_SLOPE * coefficients[1] + doubt
+        or coefficients[1] - abs(line[1]) < MIN_STEEPER_ERRORS * doubt
+    ):
         return plain
-    return _Start(slack, float(rest.mean()), max(noise / math.sqrt(count), 1e-3 * abs(float(y.max()))), float(found[1]))
+    return _Start(
+        slack, float(rest.mean()), max(noise / math.sqrt(count), 1e-3 * abs(float(y.max()))), float(coefficients[1])
+    )
 
 
 def small_modulus(curve: TensileCurve) -> float:

@@ -120,8 +120,8 @@ class TensileResiduals:
     def _stress(self, material: Material, curve: TensileCurve, names: Sequence[str]) -> tuple[Array, Array]:
         """Return the nominal stress in Pa along a curve, and its derivatives by the named parameters."""
         if self.spectrum is None:
-            found = specimens.respond(material, curve.stretch, curve.mode, names)
-            return found.stress, found.slopes
+            response = specimens.respond(material, curve.stretch, curve.mode, names)
+            return response.stress, response.slopes
         linear = None if specimens.FLOW[0] in self.further else branch_stresses(curve, self.spectrum)
         return specimens.stress_in_time(material, curve.time, curve.stretch, curve.mode, names, linear)
 
@@ -287,26 +287,26 @@ def spectrum(curves: Sequence[TensileCurve], holds: Sequence[float] = ()) -> Spe
     between two hold times in s one, which relaxes most between them.
     """
     timed = [curve for curve in curves if curve.time is not None and np.ptp(curve.time) > 0.0]
-    found = [_spectrum_of_curves(timed)] if timed else []
+    spectra = [_spectrum_of_curves(timed)] if timed else []
     if len(told := _distinct_times(holds)) > 1:
         between = [(b - a) / math.log(b / a) for a, b in itertools.pairwise(told)]
         times = tuple(sorted({float(f"1e{round(math.log10(time))}") for time in between}))
         why = "the shortest hold of a photograph", "the longest hold of a photograph"
-        found.append(Spectrum(times, (told[0], told[-1]), why))
-    if not found:
+        spectra.append(Spectrum(times, (told[0], told[-1]), why))
+    if not spectra:
         raise TensileError("a fit of the memory needs a test with times; all curves are at equilibrium")
-    low, high = min(found, key=lambda one: one.sees[0]), max(found, key=lambda one: one.sees[1])
-    times = tuple(sorted({time for one in found for time in one.times}))
+    low, high = min(spectra, key=lambda branch: branch.sees[0]), max(spectra, key=lambda branch: branch.sees[1])
+    times = tuple(sorted({time for branch in spectra for time in branch.times}))
     return Spectrum(times, (low.sees[0], high.sees[1]), (low.why[0], high.why[1]))
 
 
 def _distinct_times(holds: Sequence[float]) -> list[float]:
     """Return the hold times in s that differ clearly, rising."""
-    found: list[float] = []
+    distinct_times: list[float] = []
     for hold in sorted(hold for hold in holds if hold > 0.0):
-        if not found or hold >= SEVERAL_HOLDS * found[-1]:
-            found.append(hold)
-    return found
+        if not distinct_times or hold >= SEVERAL_HOLDS * distinct_times[-1]:
+            distinct_times.append(hold)
+    return distinct_times
 
 
 def _spectrum_of_curves(timed: Sequence[TensileCurve]) -> Spectrum:
@@ -415,7 +415,7 @@ def branch_stresses(curve: TensileCurve, spectrum: Spectrum) -> Array:
 @functools.lru_cache(maxsize=64)
 def _along(time: bytes, stretch: bytes, mode: str, times: tuple[float, ...]) -> Array:
     return specimens.branch_stress(
-        np.frombuffer(time), np.frombuffer(stretch), mode, [memory.Branch(1.0, one) for one in times]
+        np.frombuffer(time), np.frombuffer(stretch), mode, [memory.Branch(1.0, instant) for instant in times]
     )
 
 

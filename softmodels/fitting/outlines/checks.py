@@ -107,22 +107,22 @@ def wrong_readings(rows: Sequence[HeightRow]) -> list[WrongReading]:
     inside = _rows_on_curve(rows)
     if inside is None:
         return []
-    found = []
+    wrong_readings = []
     x = np.array([row.height for row in rows])
     ends = x[inside].min(), x[inside].max()
     for i in np.flatnonzero(~inside).tolist():
         row, expected = rows[i], rows[i].reading(expected_modulus(rows, inside, rows[i].height))
-        one = WrongReading(row.source, row.pressure, expected)
-        if ends[0] <= row.height <= ends[1] or one.gross:
-            found.append(one)
-    return found
+        wrong_reading = WrongReading(row.source, row.pressure, expected)
+        if ends[0] <= row.height <= ends[1] or wrong_reading.gross:
+            wrong_readings.append(wrong_reading)
+    return wrong_readings
 
 
 def expected_without(rows: Sequence[HeightRow], names: Sequence[str], row: HeightRow) -> float:
     """Return the pressure in Pa at a row's height predicted without the named rows; its own if none is
     usable."""
     rows = _telling_rows(rows)
-    inside = np.array([one.source not in names and one.elastic > 0.0 for one in rows])
+    inside = np.array([other_row.source not in names and other_row.elastic > 0.0 for other_row in rows])
     if not inside.any():
         return row.pressure
     return row.reading(expected_modulus(rows, inside, row.height))
@@ -131,25 +131,25 @@ def expected_without(rows: Sequence[HeightRow], names: Sequence[str], row: Heigh
 def exchanged(rows: Sequence[HeightRow]) -> tuple[WrongReading, WrongReading] | None:
     """Return the two rows whose exchange removes all contradictions; None if there is no
     unique pair."""
-    rows, found = _telling_rows(rows), []
+    rows, exchanges = _telling_rows(rows), []
     for a, b in itertools.combinations(range(len(rows)), 2):
         swapped = list(rows)
         swapped[a] = dataclasses.replace(rows[a], pressure=rows[b].pressure)
         swapped[b] = dataclasses.replace(rows[b], pressure=rows[a].pressure)
         inside = _rows_on_curve(swapped)
         if inside is not None and inside.all():
-            found.append((_spread(swapped), a, b))
-    found.sort()
-    if not found or (len(found) > 1 and found[1][0] < MIN_EXCHANGE_RATIO * found[0][0]):
+            exchanges.append((_spread(swapped), a, b))
+    exchanges.sort()
+    if not exchanges or (len(exchanges) > 1 and exchanges[1][0] < MIN_EXCHANGE_RATIO * exchanges[0][0]):
         return None
-    pair = [rows[k] for k in found[0][1:]]
+    pair = [rows[k] for k in exchanges[0][1:]]
     names = [row.source for row in pair]
-    one, two = (WrongReading(row.source, row.pressure, expected_without(rows, names, row)) for row in pair)
+    first, two = (WrongReading(row.source, row.pressure, expected_without(rows, names, row)) for row in pair)
     meet = (
-        abs(one.pressure / two.expected - 1.0) < EXCHANGE_TOLERANCE
-        and abs(two.pressure / one.expected - 1.0) < EXCHANGE_TOLERANCE
+        abs(first.pressure / two.expected - 1.0) < EXCHANGE_TOLERANCE
+        and abs(two.pressure / first.expected - 1.0) < EXCHANGE_TOLERANCE
     )
-    return (one, two) if meet else None
+    return (first, two) if meet else None
 
 
 def _telling_rows(rows: Sequence[HeightRow]) -> list[HeightRow]:
@@ -458,19 +458,23 @@ class WrongRows:
 
 def by_course(rows: Sequence[HeightRow]) -> WrongRows | None:
     """Return the rows contradicted by the curve of the others; None if there are none."""
-    found = wrong_readings(rows)
-    if not found:
+    contradicting = wrong_readings(rows)
+    if not contradicting:
         return None
     pair = exchanged(rows)
     if pair is not None:
-        one, two = pair
+        first, two = pair
         said = (
-            f"{one.source} and {two.source} seem exchanged: expected {reading(one.expected)} for the first and "
-            f"{reading(two.expected)} for the second, but their rows have {reading(one.pressure)} and {reading(two.pressure)}"
+            f"{first.source} and {two.source} seem exchanged: expected {reading(first.expected)} for the first and "
+            f"{reading(two.expected)} for the second, but their rows have {reading(first.pressure)} and {reading(two.pressure)}"
         )
-        return WrongRows((one.source, two.source), said, one.gross or two.gross)
-    gross = any(one.gross for one in found)
-    return WrongRows(tuple(one.source for one in found), "; ".join(map(_sentence, found)), gross)
+        return WrongRows((first.source, two.source), said, first.gross or two.gross)
+    gross = any(contradicting_reading.gross for contradicting_reading in contradicting)
+    return WrongRows(
+        tuple(contradicting_reading.source for contradicting_reading in contradicting),
+        "; ".join(map(_sentence, contradicting)),
+        gross,
+    )
 
 
 def by_fit(
@@ -490,14 +494,14 @@ def by_fit(
     ranked = left_out(fit, names, [row.source for row in rows])
     for deviance, chosen in ranked[:3]:
         rivals = [
-            one
-            for other, one in ranked
-            if other < deviance + DECISIVE_DEVIANCE and len(one) <= len(chosen) and one != chosen
+            rank
+            for other, rank in ranked
+            if other < deviance + DECISIVE_DEVIANCE and len(rank) <= len(chosen) and rank != chosen
         ]
         if not good(chosen):
             continue
         if rivals and any(good(rival) for rival in rivals[:2]):
-            all_named = tuple(dict.fromkeys(name for one in (chosen, *rivals) for name in one))
+            all_named = tuple(dict.fromkeys(name for law in (chosen, *rivals) for name in law))
             return WrongRows(all_named, f"{' or '.join(all_named)} contradicts the others; the data do not show which")
         sentences = [_photograph_error(name, rows) for name in chosen]
         return WrongRows(chosen, "; ".join(filter(None, sentences))) if all(sentences) else None
@@ -509,7 +513,7 @@ def left_out(
 ) -> list[tuple[float, tuple[str, ...]]]:
     """Return the deviance of the others without one or two photographs, by the fit's derivatives; the lowest first, one before
     two."""
-    labels, found = np.array([*names, *[""] * (len(fit.residuals) - fit.count)]), []
+    labels, left_out = np.array([*names, *[""] * (len(fit.residuals) - fit.count)]), []
     size = np.linalg.norm(fit.jacobian, axis=0)
     J, r = fit.jacobian / np.where(size == 0.0, 1.0, size), fit.residuals
     for count in (1, 2):
@@ -518,33 +522,35 @@ def left_out(
             kept = ~np.isin(labels, chosen)
             step, *_ = np.linalg.lstsq(J[kept], -r[kept], rcond=1e-12)
             part.append((float(np.sum((r[kept] + J[kept] @ step) ** 2)), chosen))
-        found += sorted(part)[:3]
-    return found
+        left_out += sorted(part)[:3]
+    return left_out
 
 
 def _photograph_error(name: str, rows: Sequence[HeightRow]) -> str:
     """Return the error of a photograph found by a fit; empty if an unsuitable law may be the reason."""
     i = next(k for k, row in enumerate(rows) if row.source == name)
-    one = WrongReading(name, rows[i].pressure, expected_without(rows, [name], rows[i]))
+    wrong_reading = WrongReading(name, rows[i].pressure, expected_without(rows, [name], rows[i]))
     order = sorted(range(len(rows)), key=lambda k: rows[k].height)
-    if i in (order[0], order[-1]) and not one.gross:
+    if i in (order[0], order[-1]) and not wrong_reading.gross:
         return ""
-    if abs(one.factor - 1.0) > READING_TOLERANCE:
-        return _sentence(one)
+    if abs(wrong_reading.factor - 1.0) > READING_TOLERANCE:
+        return _sentence(wrong_reading)
     return (
-        f"{name}: the others predict neither its outline nor its reading, {reading(one.pressure)}, though their heights "
-        "agree within a few percent: the part or the camera was moved for it, or its pressure is slightly off"
+        f"{name}: the others predict neither its outline nor its reading, {reading(wrong_reading.pressure)}, though their "
+        "heights agree within a few percent: the part or the camera was moved for it, or its pressure is slightly off"
     )
 
 
-def _sentence(one: WrongReading) -> str:
-    known = next((words for factor, words in FACTORS if abs(one.factor / factor - 1.0) < FACTOR_TOLERANCE), "")
-    if one.factor < 0.0:
-        known = "its sign is wrong" if abs(one.factor + 1.0) < FACTOR_TOLERANCE else "it is negative"
-    share = known or f"{one.factor:.3g} times as much"
+def _sentence(wrong_reading: WrongReading) -> str:
+    known = next(
+        (words for factor, words in FACTORS if abs(wrong_reading.factor / factor - 1.0) < FACTOR_TOLERANCE), ""
+    )
+    if wrong_reading.factor < 0.0:
+        known = "its sign is wrong" if abs(wrong_reading.factor + 1.0) < FACTOR_TOLERANCE else "it is negative"
+    share = known or f"{wrong_reading.factor:.3g} times as much"
     return (
-        f"{one.source} contradicts the others: expected {reading(one.expected)} at its height, its "
-        f"row has {reading(one.pressure)}, {share}"
+        f"{wrong_reading.source} contradicts the others: expected {reading(wrong_reading.expected)} at its height, its "
+        f"row has {reading(wrong_reading.pressure)}, {share}"
     )
 
 
@@ -576,13 +582,13 @@ def judge_outlines(
     bad: list[int] = []
     warnings: list[str] = []
     for k, (source, residuals) in enumerate(zip(sources, residuals_by_source(sources, fit.residuals), strict=True)):
-        found = {name: pair for name, pair in misfits(source, residuals).items() if fits_badly(*pair)}
-        bad += [k] if found else []
+        bad_misfits = {name: pair for name, pair in misfits(source, residuals).items() if fits_badly(*pair)}
+        bad += [k] if bad_misfits else []
         of = f" of {source.device}" if source.device else ""
         warnings += [
             f"{f'the pressures{of}' if name == source.readings else name}: the law cannot follow "
             f"{'them' if name == source.readings else 'it'} (chi squared {chi2:.0f} of {count} values)"
-            for name, (chi2, count) in found.items()
+            for name, (chi2, count) in bad_misfits.items()
             if name not in fit.excess
         ]
     for k in bad:
@@ -598,11 +604,11 @@ def judge_heights(source: HeightResiduals, fit: least_squares.LeastSquaresFit) -
     left = np.abs(fit.residuals[: fit.count]) / 1e3
     i = int(np.argmax(left / source.measured))
     if left[i] > MODEL_PRESSURE * source.measured[i] + MIN_MISFIT_ERRORS * source.height_errors[i]:
-        one = source.heights[i]
+        height = source.heights[i]
         return least_squares.Judgement(
             (
-                f"the law does not follow the heights: {one.source} is {one.height * 1e3:.4g} mm high, with a "
-                f"residual of {left[i] * 1e3:.3g} mm at {reading(one.pressure)}; check the pressures, the geometry of the "
+                f"the law does not follow the heights: {height.source} is {height.height * 1e3:.4g} mm high, with a "
+                f"residual of {left[i] * 1e3:.3g} mm at {reading(height.pressure)}; check the pressures, the geometry of the "
                 f"case and whether it is the part in the photographs, or try another law",
             )
         )
@@ -612,12 +618,12 @@ def judge_heights(source: HeightResiduals, fit: least_squares.LeastSquaresFit) -
 def within_chance(sources: Sequence[OutlineResiduals], fit: least_squares.LeastSquaresFit) -> bool:
     """Return whether a fit matches every photograph and the readings within their errors, with a plausible bench."""
     parts = zip(sources, residuals_by_source(sources, fit.residuals), strict=True)
-    return not any(fits_badly(*pair) for one in parts for pair in misfits(*one).values()) and not unbelievable(fit)
+    return not any(fits_badly(*pair) for part in parts for pair in misfits(*part).values()) and not unbelievable(fit)
 
 
 def _photographs(sources: Sequence[OutlineResiduals], k: int, fit: least_squares.LeastSquaresFit) -> list[str]:
     """Return the name of the photograph of each measured residual of the k-th source; that of a reading is its photograph's."""
-    source, before = sources[k], sum(one.count for one in sources[:k])
+    source, before = sources[k], sum(earlier.count for earlier in sources[:k])
     outlines = source.groups.tolist()[: source.count - len(source.read)]
     names = [*[""] * before, *outlines, *(source.shapes[i].source for i in source.read)]
     return [*names, *[""] * (fit.count - len(names))]
@@ -626,8 +632,10 @@ def _photographs(sources: Sequence[OutlineResiduals], k: int, fit: least_squares
 def _large_misfits(source: OutlineResiduals, fit: least_squares.LeastSquaresFit) -> list[str]:
     """Return the misfits beyond any law's and mesh's error."""
     matches = source.matches(fit.values)
-    away = [float(np.sqrt(np.mean(one.distances**2))) for one in matches]
-    limits = [MODEL_SHAPE * one.shape.height + MIN_MISFIT_ERRORS * float(np.median(one.shape.error)) for one in matches]
+    away = [float(np.sqrt(np.mean(match.distances**2))) for match in matches]
+    limits = [
+        MODEL_SHAPE * match.shape.height + MIN_MISFIT_ERRORS * float(np.median(match.shape.error)) for match in matches
+    ]
     shapes = [i for i in range(len(matches)) if away[i] > limits[i]]
     if shapes:
         i = max(shapes, key=lambda k: away[k] / limits[k])
@@ -637,10 +645,10 @@ def _large_misfits(source: OutlineResiduals, fit: least_squares.LeastSquaresFit)
             f"height of {matches[i].shape.height * 1e3:.4g} mm; are they of another device, or is the geometry of the case "
             f"wrong?"
         ]
-    off = [one.pressure - one.true_pressure for one in matches]
+    off = [match.pressure - match.true_pressure for match in matches]
     share = [
-        abs(by) / (MODEL_PRESSURE * abs(one.shape.pressure) + MIN_MISFIT_ERRORS * one.shape.pressure_error)
-        for by, one in zip(off, matches, strict=True)
+        abs(by) / (MODEL_PRESSURE * abs(match.shape.pressure) + MIN_MISFIT_ERRORS * match.shape.pressure_error)
+        for by, match in zip(off, matches, strict=True)
     ]
     i = int(np.argmax(share))
     if share[i] <= 1.0:

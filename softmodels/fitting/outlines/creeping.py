@@ -52,23 +52,25 @@ class Creep:
             for test, steps, base in zip(self.timetable.tests, self._steps, before, strict=True)
         ]
         self._walks = walks
-        found: dict[int, tuple[State, dict[str, sensitivity.Rate]]] = {}
+        photographs: dict[int, tuple[State, dict[str, sensitivity.Rate]]] = {}
         for test, steps, walk in zip(self.timetable.tests, self._steps, walks, strict=True):
             for (leg, share), state, rates in zip(steps, walk.states, walk.rates, strict=True):
                 if share == 1.0:
-                    found |= dict.fromkeys(test[leg].photographs, (state, rates))
-        return found
+                    photographs |= dict.fromkeys(test[leg].photographs, (state, rates))
+        return photographs
 
     def _chosen(self, test: Sequence[Leg], values: Mapping[str, float]) -> list[tuple[int, float]]:
         """Return the steps of a test: at the end of each the number of the leg and the share of it that is done."""
-        model, found = self.model, list[tuple[int, float]]()
+        model, places_and_weights = self.model, list[tuple[int, float]]()
         assert model.spectrum is not None
         model.set_parameters({**values, **dict.fromkeys(model.spectrum.names, USUAL_SHARE)})
         unit, start = model.system.stress_unit, self._begun()
         for number, leg in enumerate(test):
             rise = (leg.pressure(1.0, values) - leg.pressure(0.0, values)) / unit
             if not leg.duration:
-                found += [(number, share) for share in np.linspace(0.0, 1.0, FEWEST_STEPS + 1)[1:].tolist()]
+                places_and_weights += [
+                    (number, share) for share in np.linspace(0.0, 1.0, FEWEST_STEPS + 1)[1:].tolist()
+                ]
                 start = self._jumped(start, rise)
                 continue
             path = Continuation(model.solver, stability.Pressure(), start=start)
@@ -77,12 +79,12 @@ class Creep:
                     path, schedule.Ramp(rise, leg.duration, FEWEST_STEPS), STEP_TOLERANCE
                 ):
                     start = point.state
-                    found += [(number, share)] if share else []
+                    places_and_weights += [(number, share)] if share else []
             except (stability.PathEnd, newton.NoConvergence) as end:
                 raise problem.CannotEvaluate(
                     f"the device cannot follow the pressures of its photographs: {end}"
                 ) from None
-        return found
+        return places_and_weights
 
     def _begun(self, in_time: sensitivity.InTime | None = None) -> State:
         """Return the state at rest, where the device has hung for ever, and let its silicone remember only that."""
@@ -187,11 +189,11 @@ class Leg:
 
     def rises(self, share: float) -> dict[str, float]:
         """Return the derivatives of the pressure after a share of the leg by the hidden parameters."""
-        found: dict[str, float] = {}
+        rises: dict[str, float] = {}
         for level, weight in zip(self.levels, (1.0 - share, share), strict=True):
             if level and weight:
-                found[level] = found.get(level, 0.0) + weight
-        return found
+                rises[level] = rises.get(level, 0.0) + weight
+        return rises
 
     def pressure(self, share: float, values: Mapping[str, float]) -> float:
         """Return the pressure in Pa after a share of the leg."""
@@ -215,7 +217,7 @@ class Timetable:
         tests: list[tuple[outline.History, dict[int, list[int]]]] = []
         for i in order:
             own = histories[i]
-            test = next((one for one in tests if one[0][: len(own)] == own), None)
+            test = next((test_outlines for test_outlines in tests if test_outlines[0][: len(own)] == own), None)
             if test is None:
                 tests.append(test := (own, {}))
             test[1].setdefault(len(own) - 1, []).append(i)

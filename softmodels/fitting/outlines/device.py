@@ -172,8 +172,8 @@ class DeviceModel:
             if not goals or wanted[i] - goals[-1] > VALUE_TOLERANCE * abs(wanted[order[-1]]):
                 goals.append(float(wanted[i]))
             place[i] = len(goals) - 1
-        found = self._nearby(values, goals, quantity, place) or self._followed(goals, quantity)
-        states = [found[i] for i in place]
+        path_states = self._nearby(values, goals, quantity, place) or self._followed(goals, quantity)
+        states = [path_states[i] for i in place]
         self._asked = _SolvedStates(dict(values), quantity, np.asarray(requested, dtype=float), states, {})
         return states
 
@@ -204,7 +204,7 @@ class DeviceModel:
         base = self._base
         if base is None or base.quantity != quantity or len(base.states) != len(place):
             return []
-        eq, found = self.system, []
+        eq, nearby = self.system, []
         unit = eq.volume_unit if quantity == "volume" else eq.stress_unit
         for goal, i in zip(goals, [int(np.argmax(place == k)) for k in range(len(goals))], strict=True):
             state, (along, rates, stress) = base.states[i], base.answers[id(base.states[i])]
@@ -220,9 +220,9 @@ class DeviceModel:
             closest = near(self.solver, state, line, w, P / eq.stress_unit)
             if closest is None:
                 return []
-            found.append(closest)
+            nearby.append(closest)
         self.paths += 1
-        return found
+        return nearby
 
     def curve(self, state: State) -> grid.QuadraticCurve:
         """Return the outer curve of a state of the present parameters above the zero plane, in m."""
@@ -247,7 +247,11 @@ class DeviceModel:
             along, rates = self.sensitivity.rates(state, control, names)
         except newton.NoConvergence as failure:
             raise problem.CannotEvaluate(f"a state has no derivatives: {failure}") from None
-        answers = self._asked.answers if self._asked and any(state is one for one in self._asked.states) else {}
+        answers = (
+            self._asked.answers
+            if self._asked and any(state is asked_state for asked_state in self._asked.states)
+            else {}
+        )
         answers[id(state)] = (
             sensitivity.Rate(along.w / unit, along.P * eq.stress_unit / unit, along.V),
             rates,
@@ -274,12 +278,12 @@ def near(solver: Solver, base: State, line: Control, w: Array, P: float) -> Stat
     try:
         if solver.stale:
             solver.factorise(base)
-        found = solver.solve(line, w, P)
+        nearby_state = solver.solve(line, w, P)
     except newton.NoConvergence:
         return None
-    off, change = float(np.linalg.norm(found.w - w)), float(np.linalg.norm(found.w - base.w))
+    off, change = float(np.linalg.norm(nearby_state.w - w)), float(np.linalg.norm(nearby_state.w - base.w))
     sure = off < LARGEST_CORRECTION * max(change, 1e-300) or off < 1e-3 * float(np.linalg.norm(w))
-    return found if found.V > 0.0 and found.iterations <= AT_ONCE and sure else None
+    return nearby_state if nearby_state.V > 0.0 and nearby_state.iterations <= AT_ONCE and sure else None
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -395,7 +399,7 @@ class UnpressurisedShape:
             apex = "" if self.silhouette.flat else "the undeformed top is not flat; heights count from its apex"
             return "; ".join(filter(None, (apex, self._weightless())))
         dead, level = self.system.dead, self.level(values)
-        loads = ", ".join(f"{one.where} ({n:.3g} N)" for one, n in zip(dead.loads, dead.amounts, strict=True))
+        loads = ", ".join(f"{load.where} ({n:.3g} N)" for load, n in zip(dead.loads, dead.amounts, strict=True))
         side = "below" if level < 0.0 else "above"
         away = f"{abs(level) * 1e3:.3g} mm {side} the undeformed top" if level else "level with the undeformed top"
         zero = {

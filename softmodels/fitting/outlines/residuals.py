@@ -227,11 +227,11 @@ def residuals_by_source(sources: Sequence[OutlineResiduals], residuals: Array) -
 def misfits(source: OutlineResiduals, residuals: Array) -> dict[str, tuple[float, int]]:
     """Return the chi squared of each photograph's outline, and of the readings, with the number of residuals, the source's the
     first."""
-    found = {}
+    misfits = {}
     for name in dict.fromkeys(source.groups.tolist()):
         part = residuals[: source.count][source.groups == name]
-        found[name] = (float((part**2).sum()), len(part))
-    return found
+        misfits[name] = (float((part**2).sum()), len(part))
+    return misfits
 
 
 def fits_badly(chi2: float, count: int) -> bool:
@@ -323,7 +323,7 @@ def length_words(p: problem.Parameter) -> str:
 def all_nuisances(sources: Sequence[OutlineResiduals], free: Sequence[str]) -> list[problem.Parameter]:
     """Return the parameters of all devices of a fit; a free one is free for every device, or by its full name for one.
     Raises `OutlineFitError` for a name that no device has."""
-    found: dict[str, problem.Parameter] = {}
+    nuisance_by_name: dict[str, problem.Parameter] = {}
     known = [(*problem.BENCH, "poisson", *source.model.lengths, problem.LENGTHS) for source in sources]
     for name in free:
         if not any(
@@ -332,8 +332,8 @@ def all_nuisances(sources: Sequence[OutlineResiduals], free: Sequence[str]) -> l
             nuisances(sources[0], (name,))
     for source, names in zip(sources, known, strict=True):
         for p in nuisances(source, [name for name in names if {name, source.named(name)} & set(free)]):
-            found.setdefault(p.name, p)
-    return list(found.values())
+            nuisance_by_name.setdefault(p.name, p)
+    return list(nuisance_by_name.values())
 
 
 def readings_of(pressures: Array, bench: Mapping[str, float]) -> Array:
@@ -399,19 +399,19 @@ def plain_path(model: DeviceModel, heights: Array, pressures: Array) -> NeoHooke
     why = ""
     for _ in range(MAX_MODULUS_ROUNDS):
         try:
-            found = _plain_at(model, heights)
+            device_path = _plain_at(model, heights)
         except problem.CannotEvaluate as error:
             if not model.loaded:
                 raise
             model.modulus, why = 2.0 * model.modulus, str(error)
             continue
         if not model.loaded:
-            return found
-        told = ~found.silent if not found.silent.all() else found.elastic == found.elastic.max()
+            return device_path
+        told = ~device_path.silent if not device_path.silent.all() else device_path.elastic == device_path.elastic.max()
         # A median, so that one wrong reading does not change the shapes.
-        factor = float(np.median((pressures[told] - found.borne[told]) / found.elastic[told]))
+        factor = float(np.median((pressures[told] - device_path.borne[told]) / device_path.elastic[told]))
         if not abs(factor - 1.0) > MODULUS_TOLERANCE:
-            return found
+            return device_path
         model.modulus *= min(max(factor, 1 / MAX_MODULUS_FACTOR), MAX_MODULUS_FACTOR)
         why = f"the modulus does not converge near {model.modulus / 1e3:.4g} kPa"
     raise OutlineFitError(
@@ -446,16 +446,16 @@ def starts(
 
     Raises `OutlineFitError` as `plain_path`, or where its shadow at rest is not straight, see `UnpressurisedShape.check`.
     """
-    found = plain_path(model, heights, pressures)
-    plain = found.values
-    target, simulated = (pressures - found.borne) / errors, found.elastic / errors
+    states_of_path = plain_path(model, heights, pressures)
+    plain = states_of_path.values
+    target, simulated = (pressures - states_of_path.borne) / errors, states_of_path.elastic / errors
     factor = max(float(simulated @ target / (simulated @ simulated)), 1e-6)
     scaled = {name: value * factor if model.choice.unit(name) == "Pa" else value for name, value in plain.items()}
     scaled |= held
     names, free = model.choice.names, [name for name in model.choice.names if name not in held]
     if not (model.choice.law.linear and free) or len(heights) < len(plain):
-        return [scaled], found
-    A = np.array([[model.slopes(state, names).pressure[name] for name in names] for state in found.states])
+        return [scaled], states_of_path
+    A = np.array([[model.slopes(state, names).pressure[name] for name in names] for state in states_of_path.states])
     A /= errors[:, None]
     given = A @ [held.get(name, 0.0) for name in names]
     A = A[:, [name not in held for name in names]]
@@ -464,8 +464,8 @@ def starts(
     linear = {**held, **dict(zip(free, (solution / size).tolist(), strict=True))}
     first = names[0]
     if linear[first] <= 0.1 * scaled[first]:
-        return [scaled], found
-    return [linear, scaled], found
+        return [scaled], states_of_path
+    return [linear, scaled], states_of_path
 
 
 def volumes_of(model: DeviceModel, values: dict[str, float], heights: Array) -> tuple[Array, float]:
@@ -495,10 +495,10 @@ def volumes_of(model: DeviceModel, values: dict[str, float], heights: Array) -> 
             f"the case's device does not rise above {max(rises, default=0.0) * 1e3:.4g} mm{why}, but an outline is "
             f"{highest * 1e3:.4g} mm high: check the geometry and the photographs' scale"
         )
-    found = np.asarray(PchipInterpolator(rises, volumes)(np.maximum(heights, 0.0)))
-    if not math.isfinite(found.sum()) or found.min() <= volumes[0]:
+    volumes_at_heights = np.asarray(PchipInterpolator(rises, volumes)(np.maximum(heights, 0.0)))
+    if not math.isfinite(volumes_at_heights.sum()) or volumes_at_heights.min() <= volumes[0]:
         raise OutlineFitError("an outline has no height, so its volume is undetermined")
-    return found, volumes[0]
+    return volumes_at_heights, volumes[0]
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -525,9 +525,9 @@ class HeightResiduals:
         self.parameters = model.names
         self.fixed: frozenset[str] = frozenset()
         self.considered: tuple[str, ...] = ()
-        self.pressures = np.array([one.pressure for one in heights])
-        self.measured = np.array([one.height for one in heights])
-        self.height_errors = np.array([one.height_error for one in heights])
+        self.pressures = np.array([height.pressure for height in heights])
+        self.measured = np.array([height.height for height in heights])
+        self.height_errors = np.array([height.height_error for height in heights])
 
     @property
     def in_words(self) -> str:
@@ -566,15 +566,15 @@ class HeightResiduals:
         states = self.model.states(values, self.pressures, "pressure")
         self.model.set_parameters(values)
         slopes = [self.model.slopes(state, [*lengths], "pressure") for state in states]
-        rise = 1e3 * np.array([one.along_nodes[0, 0, 1] for one in slopes])  # mm per Pa
+        rise = 1e3 * np.array([slope.along_nodes[0, 0, 1] for slope in slopes])  # mm per Pa
         columns = (
-            -rise * min(one.pressure_error for one in self.heights),
+            -rise * min(height.pressure_error for height in self.heights),
             -rise * self.pressures * PRESSURE_SCALE_ERROR,
             -rise * self.pressures**2 / self.pressures.max() * LEAK_ERROR,
             1e3 * self.measured * SCALE_ERROR,
             np.full(len(rise), 1e3 * ZERO_ERROR),
             *(
-                1e3 * prior.error * np.array([one.nodes[name][0, 0, 1] for one in slopes])
+                1e3 * prior.error * np.array([slope.nodes[name][0, 0, 1] for slope in slopes])
                 for name, prior in lengths.items()
             ),
         )
@@ -611,7 +611,7 @@ def read_heights(path: Path, untrusted: bool = False, exclude: Sequence[str] = (
     if chosen is None or len(chosen[1]) < 2:
         raise OutlineFitError(f"{path} is not a table of heights; it needs the columns pressure_Pa and height_m")
     sheet, rows = chosen[0], tables.records(chosen[1])
-    found = []
+    heights = []
     keep = set(kept([(row.get("file") or sheet.place(number), None) for number, row in rows], exclude))
     for place, (line, row) in enumerate(rows):
         if place not in keep:
@@ -635,8 +635,8 @@ def read_heights(path: Path, untrusted: bool = False, exclude: Sequence[str] = (
         known = {
             name: value for name, value in zip(("pressure_error", "height_error"), errors, strict=True) if value > 0.0
         }
-        found.append(Height(row.get("file") or where, pressure, height, **known))
-    return sorted(found, key=lambda one: one.pressure)
+        heights.append(Height(row.get("file") or where, pressure, height, **known))
+    return sorted(heights, key=lambda one: one.pressure)
 
 
 def _header(rows: Sequence[tables.Line]) -> set[str]:
@@ -646,25 +646,25 @@ def _header(rows: Sequence[tables.Line]) -> set[str]:
 def check_heights(heights: Sequence[Height], width: float) -> list[Height]:
     """Return the usable heights, without those at rest; `OutlineFitError` if none is left, two have one pressure, or the
     unit is mistaken."""
-    for one in heights:
-        if one.pressure < 0.0 and one.height > MIN_HEIGHT:
+    for earlier in heights:
+        if earlier.pressure < 0.0 and earlier.height > MIN_HEIGHT:
             raise OutlineFitError(
-                f"{one.source} rises {one.height * 1e3:.4g} mm at a negative pressure, {one.pressure:.5g} Pa: is "
-                f"its sign wrong, or are its tubes exchanged? Correct it, or exclude it: --exclude {one.source}"
+                f"{earlier.source} rises {earlier.height * 1e3:.4g} mm at a negative pressure, {earlier.pressure:.5g} Pa: is "
+                f"its sign wrong, or are its tubes exchanged? Correct it, or exclude it: --exclude {earlier.source}"
             )
-    risen = [one for one in heights if one.pressure > 0.0 and one.height > 0.0]
+    risen = [height for height in heights if height.pressure > 0.0 and height.height > 0.0]
     if not risen:
         raise OutlineFitError("no height is above zero at a pressure above zero; give at least one")
-    highest = max(one.height for one in risen)
+    highest = max(earlier.height for earlier in risen)
     if highest > MAX_OUTLINE_HEIGHT * width or highest < 1e-4 * width:
         raise OutlineFitError(
             f"the largest height is {highest * 1e3:.4g} mm, for a device {width * 2e3:.4g} mm across: check the unit "
             "(heights are in metres)"
         )
-    for one, two in itertools.pairwise(risen):
-        if two.pressure - one.pressure <= 1e-6 * two.pressure:
+    for earlier, two in itertools.pairwise(risen):
+        if two.pressure - earlier.pressure <= 1e-6 * two.pressure:
             raise OutlineFitError(
-                f"{one.source} and {two.source} have the same pressure, {two.pressure:.5g} Pa; give only one"
+                f"{earlier.source} and {two.source} have the same pressure, {two.pressure:.5g} Pa; give only one"
             )
     return risen
 
@@ -689,8 +689,10 @@ def least_squares_of_heights(
         parameters = [p.changed(changes.get(p.name, {})) for p in (*choice.parameters(stiffer), *known)]
         source.fixed = frozenset(p.name for p in parameters if p.fixed)
         try:
-            found = least_squares.fit_parameters([source], parameters, loss=loss, errors="unknown", label=choice.name)
-            return dataclasses.replace(found, shared=source.shared(found.values, considered))
+            height_fit = least_squares.fit_parameters(
+                [source], parameters, loss=loss, errors="unknown", label=choice.name
+            )
+            return dataclasses.replace(height_fit, shared=source.shared(height_fit.values, considered))
         except (FitError, problem.CannotEvaluate) as error:
             troubles.append(str(error))
     raise FitError(f"{choice.name}: {troubles[0]}")

@@ -172,7 +172,7 @@ def correlation(outlines: Sequence[Outline]) -> float:
     The shape is taken out by a spline. Where what is left is far below the stated errors there is no noise to judge by, and
     the measurement's own smoothing span is believed.
     """
-    found = []
+    lengths = []
     for outline in outlines:
         part = rising(outline)
         if part is None or part.stop - part.start < 2 * POINTS_PER_KNOT:
@@ -180,8 +180,8 @@ def correlation(outlines: Sequence[Outline]) -> float:
         z, error = outline.z[part], outline.error[part]
         left = z - _spline(z)
         if float(np.sqrt(np.mean(left**2))) > 0.05 * float(np.median(error)):
-            found.append(problem.autocorrelation_time(left))
-    return min(max(float(np.median(found)), 1.0), MAX_CORRELATION_LENGTH) if found else SMOOTHING_POINTS / 2
+            lengths.append(problem.autocorrelation_time(left))
+    return min(max(float(np.median(lengths)), 1.0), MAX_CORRELATION_LENGTH) if lengths else SMOOTHING_POINTS / 2
 
 
 def _spline(z: Array) -> Array:
@@ -243,15 +243,16 @@ def _check_pressures(outlines: Sequence[Outline]) -> None:
             raise OutlineFitError(
                 f"{outline.source}: a pressure of {outline.pressure / 1e3:.4g} kPa is too high for silicone; check its unit"
             )
-    for one, two in itertools.pairwise(outlines):
-        same = two.pressure - one.pressure <= READING_TOLERANCE * abs(two.pressure)
+    for earlier, two in itertools.pairwise(outlines):
+        same = two.pressure - earlier.pressure <= READING_TOLERANCE * abs(two.pressure)
         if (
             same
-            and one.history == two.history
-            and abs(two.height - one.height) <= HEIGHT_TOLERANCE * max(abs(two.height), abs(one.height), MIN_HEIGHT)
+            and earlier.history == two.history
+            and abs(two.height - earlier.height)
+            <= HEIGHT_TOLERANCE * max(abs(two.height), abs(earlier.height), MIN_HEIGHT)
         ):
             raise OutlineFitError(
-                f"{one.source} and {two.source} have the same pressure, {two.pressure:.5g} Pa, and the same height: the "
+                f"{earlier.source} and {two.source} have the same pressure, {two.pressure:.5g} Pa, and the same height: the "
                 "measurement would count twice, so give only one of them"
             )
 
@@ -418,8 +419,8 @@ def outer_edges(body: Body) -> npt.NDArray[np.int32]:
     topology.create_connectivity(2, 1)
     edges_of = topology.connectivity(2, 1)
 
-    def edges(found: Sequence[int] | npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
-        return np.unique(np.concatenate([edges_of.links(facet) for facet in found] or [np.empty(0, dtype=np.int32)]))
+    def edges(outer: Sequence[int] | npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
+        return np.unique(np.concatenate([edges_of.links(facet) for facet in outer] or [np.empty(0, dtype=np.int32)]))
 
     plane = body.entities.get(body.actuator.cut_planes[0].name, (2, ()))[1]
     return np.intersect1d(edges(facets), edges(plane)).astype(np.int32)
@@ -436,8 +437,8 @@ def edge_nodes(eq: System, space: fem.FunctionSpace, edges: npt.NDArray[np.int32
     for row, edge in enumerate(edges):
         cell = cells_of.links(edge)[0]
         number = int(np.flatnonzero(edges_of.links(cell) == edge)[0])
-        found = sorted(layout.entity_closure_dofs(1, number))  # a cell's vertices come first
-        nodes[row] = space.dofmap.cell_dofs(cell)[found]
+        edge_nodes_sorted = sorted(layout.entity_closure_dofs(1, number))  # a cell's vertices come first
+        nodes[row] = space.dofmap.cell_dofs(cell)[edge_nodes_sorted]
     return nodes
 
 
@@ -610,10 +611,10 @@ def read_outlines(files: Sequence[Path], untrusted: bool = False, exclude: Seque
     """
     names: list[Path] = []
     for file in files:
-        found = sorted(p for p in file.glob("*.csv") if p.name != "heights.csv") if file.is_dir() else [file]
-        if not found:
+        outline_files = sorted(p for p in file.glob("*.csv") if p.name != "heights.csv") if file.is_dir() else [file]
+        if not outline_files:
             raise OutlineFitError(f"the folder {file} holds no outlines; create them with python -m measurement photos")
-        names += found
+        names += outline_files
     if not names:
         raise OutlineFitError("no measurements; give outlines made by python -m measurement photos")
     outlines = []
@@ -640,14 +641,14 @@ def kept(rows: Sequence[tuple[str, Path | None]], exclude: Sequence[str]) -> lis
     of them, or if nothing is left."""
     left = {}
     for name in exclude:
-        found = [
+        places = [
             i for i, (source, file) in enumerate(rows)
             if name in (source, Path(source).stem, *((str(file), file.name, file.stem) if file else ()))
         ]  # fmt: skip
-        if not found:
+        if not places:
             known = ", ".join(source for source, _ in rows)
             raise OutlineFitError(f"--exclude {name}: there is no such photograph; there are {known}")
-        left.update(dict.fromkeys(found))
+        left.update(dict.fromkeys(places))
     keep = [i for i in range(len(rows)) if i not in left]
     if rows and not keep:
         raise OutlineFitError("--exclude removes all measurements; keep at least one")
