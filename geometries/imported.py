@@ -53,7 +53,7 @@ class ImportedPart(Actuator):
     cavities: tuple[str, ...] = schema.list_field(
         (),
         "a point in the air of each cavity, such as 'at 10, 0, 4 mm', or faces of its wall, such as 'named chamber'; "
-        "not needed where the part has exactly one closed inner shell; 'none' for a part without air",
+        "not needed where the part has exactly one closed inner shell; 'none' for a solid part (no cavity)",
     )
     support: str = schema.text_field("", "held faces, such as 'x = 0 mm' or 'named flange'; three planes need none")
     surfaces: tuple[str, ...] = schema.list_field(
@@ -202,7 +202,7 @@ class ImportedPart(Actuator):
 MAIN = "solid"
 """Region of a file with one solid."""
 NONE = "none"
-"""What ``cavities`` says of a part without air."""
+"""What ``cavities`` says of a solid part."""
 
 
 def cavity_role(number: int) -> str:
@@ -627,7 +627,7 @@ class Boundary(abc.ABC):
         if not inner:
             raise GeometryError(
                 f"cavities is empty, and file {file} has no closed inner shell that could be the cavity: close its inlet where "
-                "it is drawn, name the planes of a part that is cut, or write cavities = ['none'] for a part without air"
+                "it is drawn, name the planes of a part that is cut, or write cavities = ['none'] for a solid part (no cavity)"
             )
         if len(inner) > 1:
             middles = sorted(tuple(1e3 * self.box(shell).mean(axis=0)) for shell in inner)

@@ -264,7 +264,7 @@ def _generate(actuator: Meshable, curving: str) -> None:
         raise MeshingError("Gmsh made no cells inside the solid; try a larger fillet (or none) or another cell size")
     if actuator.dimension == 3:
         # Flat tetrahedra are reshaped while the edges are still straight; curving them would turn some inside out.
-        with hushed(b"BFGS update error"):  # of Netgen's, at a cell so flat that one of its steps is left out
+        with quiet_output(b"BFGS update error"):  # of Netgen's, at a cell so flat that one of its steps is left out
             gmsh.model.mesh.optimize("Netgen")
     gmsh.model.mesh.setOrder(actuator.mesh_order)
     if actuator.mesh_order > 1 and _jacobian_ratios(actuator.dimension).min() < AIMED_JACOBIAN:
@@ -463,7 +463,7 @@ OUTPUT_STREAMS = (1, 2)
 
 
 @contextlib.contextmanager
-def hushed(words: bytes) -> Iterator[None]:
+def quiet_output(words: bytes) -> Iterator[None]:
     """Leave lines with these words out of what is written to standard output and errors; all other lines come afterwards.
 
     It is for short calls: what other threads write meanwhile comes late too.

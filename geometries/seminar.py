@@ -1310,8 +1310,8 @@ class _Pair:
     """One channel on the slab that is carried and on the other, and the distances from the crease within which all moves with
     its junction, and from which on nothing does."""
 
-    one: Junction
-    two: Junction
+    source: Junction
+    target: Junction
     inner: float
     outer: float
 
@@ -1346,8 +1346,8 @@ def carry_network(slab: SeminarActuator, other: SeminarActuator, points: Array) 
     """Return the distance of points from the air, shape (n,), and where the network's motion takes them, shape (n, 3)."""
     pairs = _pairs(slab, other)
     first, _ = tube_level(slab, points)
-    tube = _tube_map(slab, other, [(pair.one.line, pair.two.line) for pair in pairs])(points)
-    levels = np.array([_channel_level(pair.one, points) for pair in pairs])
+    tube = _tube_map(slab, other, [(pair.source.line, pair.target.line) for pair in pairs])(points)
+    levels = np.array([_channel_level(pair.source, points) for pair in pairs])
     nearest = levels.argmin(axis=0)
     near, moved_points = np.minimum(first, levels.min(axis=0)), tube.copy()
     for number, pair in enumerate(pairs):
@@ -1363,7 +1363,7 @@ def _nearest_places(pair: _Pair, points: Array, tube: Array, first: Array, secon
     """Return where points nearest to one channel go, and their distance from the air. ``points`` and ``tube``, where the
     manifold's motion takes them, are in m, shape (n, 3); ``first`` and ``second`` levels of the manifold and of the channel,
     shape (n,)."""
-    slab = pair.one.slab
+    slab = pair.source.slab
     square, two = np.maximum(first, 0.0) ** 2, np.maximum(second, 0.0) ** 2
     by_tube = np.where(square + two > 0.0, two / np.maximum(square + two, 1e-300), 0.5)[:, None]
     # Inside one's air the other's wall is the boundary.
@@ -1371,7 +1371,7 @@ def _nearest_places(pair: _Pair, points: Array, tube: Array, first: Array, secon
     by_tube = np.where((second < 0.0)[:, None] & (second <= first)[:, None], 0.0, by_tube)
     moved_points = by_tube * tube + (1.0 - by_tube) * _channel_map(pair, points)
     near = np.minimum(first, second)
-    along, _, _ = pair.one.local(points)
+    along, _, _ = pair.source.local(points)
     crease = np.hypot(np.maximum(first, 0.0), np.maximum(second, 0.0))
     # The channel's wall, prolonged, leaves the manifold at its back too, where there is no crease.
     front = smooth((along - slab.manifold_radius + 0.5 * slab.manifold_bore) / (0.8 * slab.manifold_bore))
@@ -1380,16 +1380,16 @@ def _nearest_places(pair: _Pair, points: Array, tube: Array, first: Array, secon
     if len(zone):
         some = points[zone]
         moved = weight[zone, None] * _crease_map(pair, some) + (1.0 - weight[zone, None]) * moved_points[zone]
-        target, _ = pair.one.level(some)
+        target, _ = pair.source.level(some)
         if slab.fillet == 0.0:
             moved = _onto_wall(pair, moved, first[zone], second[zone])
         else:
             fade = 1.0 - smooth(1.5 * np.abs(target) / slab.manifold_bore - 0.5)
             moved += fade[:, None] * (_onto_rounding(pair, moved, target) - moved)
-        if (pair.two.local(moved)[0] > pair.two.line.cones[0].end).any():
+        if (pair.target.local(moved)[0] > pair.target.line.cones[0].end).any():
             raise GeometryError(
-                f"the channel at {math.degrees(pair.two.line.angle):.3g} deg becomes so short that its end meets the crease at "
-                "the manifold, where the mesh cannot follow; make a new mesh"
+                f"the channel at {math.degrees(pair.target.line.angle):.3g} deg becomes so short that its end meets the crease "
+                "at the manifold, where the mesh cannot follow; make a new mesh"
             )
         moved_points[zone], near[zone] = moved, target
     return moved_points, near
@@ -1398,10 +1398,10 @@ def _nearest_places(pair: _Pair, points: Array, tube: Array, first: Array, secon
 def _onto_rounding(pair: _Pair, points: Array, target: Array) -> Array:
     """Return the points moved along the gradient until the rounded wall's level is what it was."""
     for _ in range(3):  # levels are distances: one step does nearly all
-        level, normal = pair.two.level(points)
+        level, normal = pair.target.level(points)
         gap = level - target
         points = points - gap[:, None] * normal
-        if np.abs(gap).max(initial=0.0) < 1e-7 * pair.two.slab.manifold_bore:
+        if np.abs(gap).max(initial=0.0) < 1e-7 * pair.target.slab.manifold_bore:
             break  # the next would be its square
     return points
 
@@ -1410,7 +1410,7 @@ def _onto_wall(pair: _Pair, points: Array, first: Array, second: Array) -> Array
     """Return the points moved until the level of the nearer of two walls that meet in a sharp crease is what it was."""
     nearer = first < second
     for _ in range(4):
-        (level_one, normal), (two, its_normal) = tube_level(pair.two.slab, points), pair.two.cone_level(points)
+        (level_one, normal), (two, its_normal) = tube_level(pair.target.slab, points), pair.target.cone_level(points)
         gap = np.where(nearer, level_one - first, two - second)
         points = points - gap[:, None] * np.where(nearer[:, None], normal, its_normal)
     return points
@@ -1418,11 +1418,11 @@ def _onto_wall(pair: _Pair, points: Array, first: Array, second: Array) -> Array
 
 def _crease_map(pair: _Pair, points: Array) -> Array:
     """Return the motion with the crease: components in the frame that rolls along both walls stay, in radii of the rounding."""
-    _, _, direction = pair.one.local(points)
-    centre, its_centre = pair.one.rim(direction)[0], pair.two.rim(direction)[0]
-    size = pair.two.slab.fillet / pair.one.slab.fillet if pair.one.slab.fillet else 1.0
-    shares = size * pair.one.shares(centre, points - centre)
-    return its_centre + np.einsum("nij,nj->ni", pair.two.frame(its_centre), shares)
+    _, _, direction = pair.source.local(points)
+    centre, its_centre = pair.source.rim(direction)[0], pair.target.rim(direction)[0]
+    size = pair.target.slab.fillet / pair.source.slab.fillet if pair.source.slab.fillet else 1.0
+    shares = size * pair.source.shares(centre, points - centre)
+    return its_centre + np.einsum("nij,nj->ni", pair.target.frame(its_centre), shares)
 
 
 def _channel_level(junction: Junction, points: Array) -> Array:
@@ -1451,9 +1451,9 @@ def _stretched_places(along: Array, length: Array, its_length: Array, *, rigid: 
 
 def _channel_map(pair: _Pair, points: Array) -> Array:
     """Return a channel onto the other's: shares of each cone's length from the crease on, angles and heights over the wall."""
-    line, its_line = pair.one.line, pair.two.line
-    along, radius, direction = pair.one.local(points)
-    begin, its_begin = pair.one.rim(direction)[1], pair.two.rim(direction)[1]
+    line, its_line = pair.source.line, pair.target.line
+    along, radius, direction = pair.source.local(points)
+    begin, its_begin = pair.source.rim(direction)[1], pair.target.rim(direction)[1]
     to = np.zeros_like(along)
     height = np.zeros_like(along)
     for number, (cone, its_cone) in enumerate(zip(line.cones, its_line.cones, strict=True)):
@@ -1468,7 +1468,7 @@ def _channel_map(pair: _Pair, points: Array) -> Array:
     size = its_line.cap + np.hypot(along - line.centre, radius) - line.cap
     cap = along > line.end
     to, height = np.where(cap, its_line.centre + size * np.cos(angle), to), np.where(cap, size * np.sin(angle), height)
-    return pair.two.place(to, height, direction)
+    return pair.target.place(to, height, direction)
 
 
 def _tube_map(

@@ -74,8 +74,8 @@ class Profiles:
         flat = max(next_dark - dark, lit - next_lit) < FLATNESS_TOLERANCE * (lit - dark)
         return 1.0 - dark / lit if flat else 0.0
 
-    def drawn(self, drawn: Drawn, z: Array, width: Array) -> Array:
-        """Return what ink leaves in the profiles (n, k), averaged over the stations' lengths; see `Drawn`."""
+    def drawn(self, drawn: InkModel, z: Array, width: Array) -> Array:
+        """Return what ink leaves in the profiles (n, k), averaged over the stations' lengths; see `InkModel`."""
         parts = range(self.points.shape[1])
         return np.asarray(np.mean([drawn(self.points[:, part], z, width) for part in parts], axis=0))
 
@@ -369,7 +369,7 @@ INK_REACH = 4.0
 Transmission = Callable[[Array], Array]
 """Share of light that the ink lets through at pixels (..., 2)."""
 
-Drawn = Callable[[Array, Array, Array], Array]
+InkModel = Callable[[Array, Array, Array], Array]
 """What ink leaves in profiles: of pixels (n, k, 2), their distances (n, k) from the edge in its widths and these (n,) in px."""
 
 
@@ -405,7 +405,7 @@ class Ink:
 
     def drawn(self, points: Array, z: Array, width: Array) -> Array:
         """Return the rest (n, k), as a share of the edge's rise, that the ink leaves in n profiles across an edge after
-        the light was divided by what it lets through; arguments are as of `Drawn`."""
+        the light was divided by what it lets through; arguments are as of `InkModel`."""
         places, rest = self.places(points), np.zeros(z.shape)
         length = np.linalg.norm(points[:, -1] - points[:, 0], axis=1)
         along = (points[:, -1] - points[:, 0]) / length[:, None]
@@ -460,7 +460,7 @@ class Shading:
     image: pictures.Pixels
     colour: ShadowColour
     through: Transmission | None = None
-    drawn: Drawn | None = None
+    drawn: InkModel | None = None
     light: npt.NDArray[np.float32] = dataclasses.field(default_factory=lambda: pictures.LIGHT_OF_SRGB)
 
     def level(self, points: Array) -> Array:

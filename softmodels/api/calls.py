@@ -262,7 +262,7 @@ def limit(
         formulation: As of a `Case`.
         components: As of a `Case`.
         solver: As of a `Case`.
-        hold: How long the pressure must be borne by a silicone with a memory, in s or a text such as ``"5 min"``; 0 for ever.
+        hold: How long a device of silicone with memory must survive at constant pressure: s, or ``"5 min"``; 0: unlimited.
         vacuum: Whether the pressure falls from ambient instead of rising.
 
     Raises:

@@ -291,17 +291,17 @@ class Photographs:
         except (OSError, KeyError, ValueError):
             return {}
 
-    async def change(self, one: ListedPhotograph, **entries: str) -> None:
+    async def change(self, photograph: ListedPhotograph, **entries: str) -> None:
         """Change entries of a photograph's row, write the list, and trace it anew. The row stays as it was after a
         ColumnError (its pressure cannot be read) or OSError (the list cannot be written)."""
-        before, one.row = one.row, {**one.row, **entries}
+        before, photograph.row = photograph.row, {**photograph.row, **entries}
         try:
-            self.pressure_of(one)
+            self.pressure_of(photograph)
             self.write_list()
         except (ColumnError, OSError):
-            one.row = before
+            photograph.row = before
             raise
-        await self.trace(one)
+        await self.trace(photograph)
 
     def write_list(self) -> None:
         """Write ``photos.csv`` of the photographs with a pressure, with all columns that their rows have."""
@@ -332,15 +332,15 @@ class Photographs:
         if name.lower().endswith(".csv"):
             return self._add_list(name, data)
         file = self.project.keep(PHOTOGRAPHS, name, data, PHOTOGRAPH)
-        one = ListedPhotograph(file, self.rows.get(file.name, dict.fromkeys(COLUMNS, "")))
+        photograph = ListedPhotograph(file, self.rows.get(file.name, dict.fromkeys(COLUMNS, "")))
         try:
-            one.preview = await self.tracer.ask("preview", str(file))
+            photograph.preview = await self.tracer.ask("preview", str(file))
         except jobs.AnswerError as error:
             file.unlink(missing_ok=True)
             raise jobs.AnswerError(f"{name}: {error}") from None
-        self.listed[file.name] = one
+        self.listed[file.name] = photograph
         self.changed.emit(file.name)
-        await self.trace(one)
+        await self.trace(photograph)
 
     def _add_list(self, name: str, data: bytes) -> None:
         with tempfile.TemporaryDirectory() as folder:
@@ -353,19 +353,19 @@ class Photographs:
         self.write_list()
         self.changed.emit("")
 
-    async def show(self, one: ListedPhotograph) -> None:
+    async def show(self, photograph: ListedPhotograph) -> None:
         """Make a photograph's preview, if there is none yet."""
-        if one.preview is None:
+        if photograph.preview is None:
             try:
-                one.preview = await self.tracer.ask("preview", str(one.file))
+                photograph.preview = await self.tracer.ask("preview", str(photograph.file))
             except jobs.AnswerError as error:
-                one.why = str(error)
+                photograph.why = str(error)
 
     async def find_plane(self, grid: str, pitch: str, lens: str) -> None:
         """Find the screen's plane in the photograph of its grid, and trace all anew; AnswerError if there is no such grid."""
-        found: replies.Plane = await self.tracer.ask("plane", str(self.listed[grid].file), pitch, self._lens(lens))
-        files.write_text(self.project / SETUP, found.setup)
-        self.plane, self.grid, self.pitch, self.lens = found, grid, pitch, lens
+        plane: replies.Plane = await self.tracer.ask("plane", str(self.listed[grid].file), pitch, self._lens(lens))
+        files.write_text(self.project / SETUP, plane.setup)
+        self.plane, self.grid, self.pitch, self.lens = plane, grid, pitch, lens
         self._write_bench()
         self.handles = replies.Handles()
         self.write_list()
@@ -390,20 +390,22 @@ class Photographs:
         return str(self.project / lens) if lens.endswith(".toml") else lens
 
     async def trace_all(self) -> None:
-        for one in self.shadows:
-            await self.trace(one)
+        for photograph in self.shadows:
+            await self.trace(photograph)
 
-    async def trace(self, one: ListedPhotograph) -> None:
+    async def trace(self, photograph: ListedPhotograph) -> None:
         """Find the edge in a photograph."""
-        if not self.setup or one.file.name == self.grid:
+        if not self.setup or photograph.file.name == self.grid:
             return
         try:
-            pressure = self.pressure_of(one)
-            one.traced = await self.tracer.ask("trace", str(one.file), self.setup, pressure, self.tone, one.anyway)
-            one.why = ""
+            pressure = self.pressure_of(photograph)
+            photograph.traced = await self.tracer.ask(
+                "trace", str(photograph.file), self.setup, pressure, self.tone, photograph.anyway
+            )
+            photograph.why = ""
         except (jobs.AnswerError, ColumnError) as error:
-            one.traced, one.why = None, str(error)
-        self.changed.emit(one.file.name)
+            photograph.traced, photograph.why = None, str(error)
+        self.changed.emit(photograph.file.name)
 
     async def begin(self) -> None:
         """Read where the handles of the project's setup are."""

@@ -178,7 +178,7 @@ class DevicePage(forms.TabPage):
         self.slider.props(f"max={top} step={top / 500}")
         self.slider.set_value(top)
         self._show(answer.states[self.pressures.index(top)])
-        self._plot(table.PathTable(one.row for one in answer.states))
+        self._plot(table.PathTable(solved.row for solved in answer.states))
         self._report(answer)
         for label in (self.limit, self.spread):
             label.set_text("")

@@ -173,7 +173,7 @@ def job_panel(bench: Bench, output: str, title: str, command: Callable[[], Comma
             spinner, state = ui.spinner(), tagged(ui.label(), f"state-{output}", "", "")
         sentence = tagged(ui.label(), f"why-{output}", "text-negative", "")
         line = tagged(ui.label(), f"line-{output}", "text-sm font-mono whitespace-pre-wrap break-words", "")
-        with ui.expansion("All it printed").classes("w-full").props("dense") as log:
+        with ui.expansion("Log").classes("w-full").props("dense") as log:
             whole = ui.code("", language="text").classes("w-full")
         frame = ui.html("", sanitize=False).classes("w-full")
 

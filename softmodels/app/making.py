@@ -1,4 +1,4 @@
-"""The pages of the material, of a better device within limits, and of the mould to cast one in."""
+"""The pages of the material, of optimised devices, and of the mould."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ class PhotographsPage(forms.TabPage):
         with ui.element("div").classes("two-columns"):
             with ui.column().classes("w-full min-w-0"):
                 kinds = "image/*,.heic,.tif,.tiff,.csv"
-                drop = "Drop photographs here, or take them"
+                drop = "Drop photographs here, or take some"
                 self.upload_box(drop, PHOTOGRAPH, kinds, "drop", self._uploaded)
                 with ui.card().classes("w-full"):
                     self._table()
@@ -173,17 +173,17 @@ class PhotographsPage(forms.TabPage):
         self.find.props(remove="loading")
         return None
 
-    async def _pressure(self, one: ListedPhotograph, text: str) -> None:
-        await self._change(one, pressure=text.strip(), error="")
+    async def _pressure(self, photograph: ListedPhotograph, text: str) -> None:
+        await self._change(photograph, pressure=text.strip(), error="")
 
-    async def _change(self, one: ListedPhotograph, **entries: str) -> None:
-        with self.saying(f"{one.file.name}: "):
-            await self.photos.change(one, **entries)
+    async def _change(self, photograph: ListedPhotograph, **entries: str) -> None:
+        with self.saying(f"{photograph.file.name}: "):
+            await self.photos.change(photograph, **entries)
             self.say("")
 
     async def _use(self) -> None:
-        if (one := self.photos.listed.get(self.shown)) is not None:
-            await self._change(one, use=photo_list.ANYWAY if self.anyway.value else "")
+        if (photograph := self.photos.listed.get(self.shown)) is not None:
+            await self._change(photograph, use=photo_list.ANYWAY if self.anyway.value else "")
 
     async def _tone(self) -> None:
         if self.tone.value != self.photos.tone:
@@ -218,23 +218,23 @@ class PhotographsPage(forms.TabPage):
     # -- the picture --------------------------------------------------------------------------------------------------
 
     async def _show(self) -> None:
-        one = self.photos.listed.get(self.shown)
-        if one is None:
+        photograph = self.photos.listed.get(self.shown)
+        if photograph is None:
             return
-        await self.photos.show(one)
-        if one.preview is None:
-            return self.say(one.why)
-        source, self.scale = picture_of(one.preview)
+        await self.photos.show(photograph)
+        if photograph.preview is None:
+            return self.say(photograph.why)
+        source, self.scale = picture_of(photograph.preview)
         self.image.set_source(source)
         self.image.set_visibility(True)
         self._draw()
-        traced = one.traced
-        words = [one.file.name, f"{one.preview.width} x {one.preview.height} px"]
-        if one.file.name == self.photos.grid and self.photos.plane is not None:
+        traced = photograph.traced
+        words = [photograph.file.name, f"{photograph.preview.width} x {photograph.preview.height} px"]
+        if photograph.file.name == self.photos.grid and self.photos.plane is not None:
             plane = self.photos.plane
             words.append(f"{len(plane.crossings)} crossings, residual to the plane {plane.residual * 1e6:.3g} um (rms)")
         height, error = (None, None) if traced is None else (traced.height, traced.height_error)
-        if (row := self.photos.measured.get(one.file.name)) is not None:
+        if (row := self.photos.measured.get(photograph.file.name)) is not None:
             height, error = float(row["height_m"]), float(row["height_error_m"])
         if height is not None and error is not None:
             words.append(f"height {height * 1e3:.4f} mm ± {error * 1e6:.1f} um")
@@ -242,7 +242,7 @@ class PhotographsPage(forms.TabPage):
             wide = f", drawn {traced.enlarged} times as wide" if traced.enlarged > 1 else ""
             words.append(f"band: its standard error{wide}")
         self.about.set_text("; ".join(words))
-        self._doubt(one)
+        self._doubt(photograph)
 
     def _doubt(self, photograph: ListedPhotograph) -> None:
         """Show what speaks against a photograph, which handle may cure it, and whether it shall be used anyway."""
@@ -456,22 +456,22 @@ class OverlayPage(forms.TabPage):
         solid = "" if device.is_section(case.actuator) else str(self.project / device.OUTPUT)
         if solid and ((stored := device.stored_run(self.project)[0]) is None or stored.actuator != case.actuator):
             return "this device is a solid: run it first, on the page Device"
-        one, pressure = photos.listed.get(name), self.measured[name]
-        if one is None:
+        photograph, pressure = photos.listed.get(name), self.measured[name]
+        if photograph is None:
             return f"{name} is no longer among the photographs"
         curve = await self.bench.slower.ask("outline", case.to_toml(), pressure, solid, kind="outline")
-        file, listing = self.project / OUTLINES / f"{one.file.stem}.csv", self.project / PHOTOS
-        found: replies.Overlay = await self.bench.tracer.ask(
+        file, listing = self.project / OUTLINES / f"{photograph.file.stem}.csv", self.project / PHOTOS
+        overlay: replies.Overlay = await self.bench.tracer.ask(
             "overlay", str(listing), photos.setup, str(file), curve, case.actuator.axial
         )
-        await photos.show(one)
-        if one.preview is None:
-            return one.why
-        source, scale = picture_of(one.preview)
+        await photos.show(photograph)
+        if photograph.preview is None:
+            return photograph.why
+        source, scale = picture_of(photograph.preview)
         self.image.set_source(source)
         self.image.set_visibility(True)
-        self.image.set_content(f'<polyline class="simulated" points="{points_text(found.curve, scale)}"/>')
+        self.image.set_content(f'<polyline class="simulated" points="{points_text(overlay.curve, scale)}"/>')
         self.about.set_text(
-            f"{pressure / case.cm:.4g} cm; measured and simulated heights differ by {found.difference * 1e6:.3g} um (rms)"
+            f"{pressure / case.cm:.4g} cm; measured and simulated heights differ by {overlay.difference * 1e6:.3g} um (rms)"
         )
         return ""

@@ -542,8 +542,8 @@ class LimitOptions:
                                           "with a unit (2kPa).")  # fmt: skip
     vacuum: bool = commands.flag_option("How much vacuum it can take, instead of pressure.")
     hold: float | None = commands.option(type=registry.QuantityType("s"),
-    help="Time for which the pressure, applied at once, must be borne by "
-                                "a silicone with a memory; default: for ever.")  # fmt: skip
+    help="Hold time the device must survive at constant pressure, applied at "
+                                "once (silicone with memory); default: unlimited.")  # fmt: skip
     vary: tuple[str, ...] = commands.option(multiple=True, metavar="NAME=VALUE+-HALF", help="A tolerance, such as "
                                    "membrane=2mm+-0.2mm (a thickness) or offset=0mm+-0.2mm (the cavity's height in the part); "
                                    "may be repeated.")  # fmt: skip

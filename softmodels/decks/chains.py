@@ -1,4 +1,4 @@
-"""A reduced model in the words of other programs: tables, a chain for MuJoCo, an FMU."""
+"""A reduced model in the words of other programs: tables, a MuJoCo model, an FMU."""
 
 from __future__ import annotations
 

@@ -261,7 +261,7 @@ class MeshedDesign:
     def _settled(self, load: EvaluatedLoad) -> State:
         """Return the state at a load, its tangent factorised; UnstableState where the device leaves it by itself."""
         state = self.states.states[load]
-        self.states.recall(load)
+        self.states.restore_friction(load)
         self.adjoint.prepare(state)
         if load.kind == PRESSURE:
             negative = Stability.of(self.solver).negative_eigenvalues()

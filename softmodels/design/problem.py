@@ -35,7 +35,7 @@ LIMIT_SEARCH_FACTOR = 1.15
 @checked
 @dataclasses.dataclass(frozen=True, eq=False)
 class DesignProblem:
-    """A design problem. Numbers are in SI units, texts carry a unit.
+    """A design problem. Numbers are in SI units, strings carry a unit.
 
     Attributes:
         case: The device at the start with its material, or a case file; its last pressure is the highest one available.

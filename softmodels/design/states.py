@@ -106,7 +106,7 @@ class WorkingStates:
                 potential.keep(here.w)
             self.states[load], self.followed[load] = here, PathData(remembered, rates_of_memory, histories)
 
-    def recall(self, load: trials.EvaluatedLoad) -> None:
+    def restore_friction(self, load: trials.EvaluatedLoad) -> None:
         """Let friction remember what it did where the step to a load began."""
         for term, remembered in zip(self._grips, self.followed[load].remembered, strict=True) if self._grips else ():
             term.recall(remembered)

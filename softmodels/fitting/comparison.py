@@ -505,7 +505,7 @@ class FitReport(cards.ResultCard):
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Plausibility of a fitted law: compare it with published values, because a common wrong factor of all pressures shows nowhere
+# Plausibility of a fitted law: compare it with published values, because a scale error common to all pressures shows nowhere
 # else.
 
 
@@ -654,7 +654,7 @@ def caution(known: Expected) -> str:
     if known.known:
         return ""
     return (
-        "the silicone is not given, so a common wrong factor of all pressures (such as the level of only "
+        "the silicone is not given, so a scale error common to all pressures (such as the level of only "
         "one tube) cannot be detected; name it with --silicone"
     )
 

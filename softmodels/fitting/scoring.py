@@ -53,7 +53,7 @@ class Score(cards.ResultCard):
 
     Attributes:
         material: Its name as asked for.
-        data: What it was held against.
+        data: What it was checked against.
         count: Measured values.
         rms: Root mean square of predicted minus measured, in ``unit``; across the outlines, where there are some.
         unit: Pa or m.

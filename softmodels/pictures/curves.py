@@ -327,15 +327,17 @@ def steps(rows: table.PathTable, words: labels.StateLabels) -> Figure:
     places = figure.subplots(len(panels), 1, sharex=True, height_ratios=(1.4, *(1.0 for _ in panels[1:])))
     timed = "time" in rows
     along = "time" if timed else "load_step"
-    come, asked = rows[along], rows["requested"] != 0
+    passed_rows, asked = rows[along], rows["requested"] != 0
     for axes, (variables, label) in zip(places, panels, strict=True):
         count = len(variables)
         shades = matplotlib.colormaps[LINES_CMAP](np.linspace(0.1, 0.8, count)) if count > 1 else [CURVE]
         for k, (name, colour) in enumerate(zip(variables, shades, strict=True), 1):
             values = rows.shown(name)
             cavity = f"cavity{k}" if count > 1 else None
-            axes.plot(come, values, _line_style(rows), color=colour, markersize=3.5, label=cavity)
-            axes.plot(come[asked], values[asked], "o", color=colour, mfc="white", markersize=8, markeredgewidth=2)
+            axes.plot(passed_rows, values, _line_style(rows), color=colour, markersize=3.5, label=cavity)
+            axes.plot(
+                passed_rows[asked], values[asked], "o", color=colour, mfc="white", markersize=8, markeredgewidth=2
+            )
             for row in limits(rows):
                 axes.plot(row[along], row.shown(name), "D", color=WARNING, markersize=8)
         axes.set(ylabel=label)

@@ -332,8 +332,8 @@ def convergence(states: States) -> list[str]:
     count = f"{len(states.cells)} cells of second order, {len(states.points)} nodes"
     return [
         f"{text}.",
-        f"Mesh: {count}. The mesh error was not estimated: halve the cell size in a copy of case.toml, run it, and hold both "
-        "results against each other by softmodels compare.",
+        f"Mesh: {count}. The mesh error was not estimated: halve the cell size in a copy of case.toml, run it, and "
+        "compare the two results with softmodels compare.",
         "The largest stress and stretch converge only at rounded corners; at sharp ones they grow with mesh refinement.",
     ]
 

@@ -199,7 +199,7 @@ def read_curve(
 
     Args:
         test: One of `TESTS`, or a synonym.
-        columns: Which columns to take, see `told_columns`; empty to go by the headers.
+        columns: Which columns to take, see `columns_of_text`; empty to go by the headers.
         specimen: Its sizes, where the file has forces, extensions or pressures.
         history: Return the whole test with its times; else the loading ramp.
         rate: Of the stretch in 1/s, instead of a column of times; `EQUILIBRIUM_RATE` for none.
@@ -207,7 +207,7 @@ def read_curve(
     if not isinstance(test, str) or test.lower() not in SYNONYMS:
         raise TensileError(f"test {brief(test)} is not one of {', '.join(TESTS)}{errors.meant(test, SYNONYMS)}")
     kind = SYNONYMS[test.lower()]
-    told = told_columns(columns) if columns else {}
+    told = columns_of_text(columns) if columns else {}
     try:
         table = read_table(path, told)
         if not told:
@@ -505,7 +505,7 @@ def _unit(text: str) -> str:
     return _CASES.get(unit.lower(), unit) if len(unit) > 1 else unit.replace("n", "N")
 
 
-def told_columns(text: str) -> dict[str, tuple[str, str | None]]:
+def columns_of_text(text: str) -> dict[str, tuple[str, str | None]]:
     """Read ``"strain=Engineering Strain[%],stress=5[MPa]"``: by kind, a header or a number from 1, and a unit or None."""
     told: dict[str, tuple[str, str | None]] = {}
     for part in re.findall(r"[^,\[]+(?:\[[^\]]*\])?", text):
@@ -525,18 +525,18 @@ def told_columns(text: str) -> dict[str, tuple[str, str | None]]:
 def read_table(path: Path, told: Mapping[str, tuple[str, str | None]]) -> CurveTable:
     """Find the header, also below other lines, and the numbers of the two columns of a curve, and its times, in a text or a
     workbook (see `softmodels.common.tables.read_sheets`); a row of units may stand below the header. ``told`` is of
-    `told_columns`, empty to go by the headers.
+    `columns_of_text`, empty to go by the headers.
 
     Raises `TensileError` for a file that cannot be read, no header or several that say what the columns are, or no numbers
     below it.
     """
 
-    def found(sheet: tables.Worksheet) -> _Header | None:
+    def header_of(sheet: tables.Worksheet) -> _Header | None:
         return _told_header(sheet.rows, told) if told else _header(sheet.rows)
 
     try:
         sheets = tables.read_sheets(path)
-        chosen = tables.pick(path, sheets, found)
+        chosen = tables.pick(path, sheets, header_of)
     except OSError as error:
         raise TensileError(f"the file cannot be read ({errors.reason(error)})") from None
     if chosen is not None:
@@ -609,7 +609,9 @@ def _told_header(rows: Sequence[tables.Line], told: Mapping[str, tuple[str, str 
             sign = _sign(kind, " ".join(told_over))
             made[kind] = CurveColumn(kind, unit, place, row[place].strip(), sign)
         else:
-            if numbers and not all(_is_number(row[one.place]) for kind, one in made.items() if kind != "time"):
+            if numbers and not all(
+                _is_number(row[made_column.place]) for kind, made_column in made.items() if kind != "time"
+            ):
                 continue
             columns = tuple(made[kind] for kind in (*DEFORMATIONS, *LOADS, "time") if kind in made)
             if not numbers:

@@ -64,7 +64,7 @@ class Creep:
         model, places_and_weights = self.model, list[tuple[int, float]]()
         assert model.spectrum is not None
         model.set_parameters({**values, **dict.fromkeys(model.spectrum.names, USUAL_SHARE)})
-        unit, start = model.system.stress_unit, self._begun()
+        unit, start = model.system.stress_unit, self._state_at_rest()
         for number, leg in enumerate(test):
             rise = (leg.pressure(1.0, values) - leg.pressure(0.0, values)) / unit
             if not leg.duration:
@@ -86,7 +86,7 @@ class Creep:
                 ) from None
         return places_and_weights
 
-    def _begun(self, in_time: sensitivity.InTime | None = None) -> State:
+    def _state_at_rest(self, in_time: sensitivity.InTime | None = None) -> State:
         """Return the state at rest, where the device has hung for ever, and let its silicone remember only that."""
         model, state = self.model, self._hung
         model.system.potential.keep(state.w, anew=True)
@@ -123,7 +123,7 @@ class Creep:
         levels = [level for level in self.timetable.levels if any(level in leg.levels for leg in test)]
         in_time = sensitivity.InTime(model.sensitivity, [self._own(name) for name in names], levels)
         back = {self._own(name): name for name in names}
-        state, along, done, walk = self._begun(in_time), None, 0.0, _Walk(dict(values), [], [])
+        state, along, done, walk = self._state_at_rest(in_time), None, 0.0, _Walk(dict(values), [], [])
         leg_before = 0
         for number, (leg, share) in enumerate(steps):
             done, leg_before = (0.0, leg) if leg != leg_before else (done, leg)

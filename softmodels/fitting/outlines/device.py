@@ -360,23 +360,25 @@ class UnpressurisedShape:
         """Return the derivatives of the level by parameters; see `state`."""
         if not self.loaded:
             return dict.fromkeys(names, 0.0)
-        rates, hung = self.rates(values, names), self._found(values)
+        rates, unpressurised = self.rates(values, names), self._found(values)
         if self.height_datum == "undeformed":
             return dict.fromkeys(names, 0.0)
         # The highest place moves along the curve without a first-order change of height.
-        piece, weights = self._place(hung.curve)
+        piece, weights = self._place(unpressurised.curve)
         moved = {name: self.silhouette.moved(rates[name].w, rates[name].X) for name in names}
         return {name: float(weights @ rate[piece, :, 1]) for name, rate in moved.items()}
 
     def rates(self, values: Mapping[str, float], names: Sequence[str]) -> dict[str, sensitivity.Rate]:
         """Return the derivatives of the state by parameters, at least these; see `state`."""
-        hung = self._found(values)
-        if left := [name for name in names if name not in hung.rates]:
+        unpressurised = self._found(values)
+        if left := [name for name in names if name not in unpressurised.rates]:
             try:
-                hung.rates.update(self.sensitivity.rates(hung.state, controls.pressure_control(0.0), left)[1])
+                unpressurised.rates.update(
+                    self.sensitivity.rates(unpressurised.state, controls.pressure_control(0.0), left)[1]
+                )
             except newton.NoConvergence as failure:
                 raise problem.CannotEvaluate(f"the state at zero pressure has no derivatives: {failure}") from None
-        return hung.rates
+        return unpressurised.rates
 
     def check(self, values: Mapping[str, float]) -> None:
         """Raise `OutlineFitError` for heights from a shadow that is not straight at zero pressure: the zero plane is then

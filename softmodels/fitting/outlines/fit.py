@@ -321,7 +321,7 @@ def _pairs(device: object, outlines: Outlines) -> list[tuple[Device, Outlines]]:
     if not isinstance(device, Sequence) or isinstance(device, str):
         return [(device, outlines)]  # type: ignore[list-item]
     if not device or not all(
-        isinstance(one, Sequence) and not isinstance(one, str) and len(one) == 2 for one in device
+        isinstance(part, Sequence) and not isinstance(part, str) and len(part) == 2 for part in device
     ):
         raise FitError(
             "several devices are given as pairs of a device and its outlines, such as [(disk, 'outlines_a'), (membrane, "

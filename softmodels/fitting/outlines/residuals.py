@@ -636,7 +636,7 @@ def read_heights(path: Path, untrusted: bool = False, exclude: Sequence[str] = (
             name: value for name, value in zip(("pressure_error", "height_error"), errors, strict=True) if value > 0.0
         }
         heights.append(Height(row.get("file") or where, pressure, height, **known))
-    return sorted(heights, key=lambda one: one.pressure)
+    return sorted(heights, key=lambda height_row: height_row.pressure)
 
 
 def _header(rows: Sequence[tables.Line]) -> set[str]:
