@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from measurement.outline import outline
+from softmodels.case import materials
 from softmodels.common import commands, pages, processes, units
 from softmodels.common.arrays import Array
 from softmodels.common.pages import Page
@@ -164,6 +165,35 @@ def draw_curves(report: comparison.FitReport) -> Figure:
     return figure
 
 
+def draw_law(report: comparison.FitReport) -> Figure:
+    """Plot the laws in uniaxial tension with the 95 % band of the fit: solid over the stretches that were fitted, dashed
+    beyond."""
+    figure, axes = style.chart(0.6 * style.WIDTH_INCHES)
+    ranges = [law.material.fitted_stretch or (1.0, 1.5) for law in report.laws]
+    least, most = min(low for low, _ in ranges), max(high for _, high in ranges)
+    stretch = np.linspace(least, most + 0.35 * (most - 1.0), 300)
+    for i, (law, (low, high)) in enumerate(zip(report.laws, ranges, strict=True)):
+        colour = style.LINE_COLOURS[i % len(style.LINE_COLOURS)]
+        try:
+            errors = law.errors
+            response = specimens.respond(law.material, stretch, parameters=errors.names)
+            half = least_squares.NORMAL_QUANTILE * np.linalg.norm(response.slopes @ errors.roots, axis=1)
+            axes.fill_between(
+                stretch, (response.stress - half) / 1e3, (response.stress + half) / 1e3, color=colour, alpha=0.18, lw=0
+            )
+        except materials.MaterialError:  # none was free, or the data do not determine it
+            response = specimens.respond(law.material, stretch)
+        fitted = (low <= stretch) & (stretch <= high)
+        for where, dashes, label in ((fitted, "-", law.choice.name), (~fitted | (stretch > high), "--", "")):
+            axes.plot(
+                stretch, np.where(where, response.stress / 1e3, np.nan), dashes, color=colour, lw=1.8, label=label
+            )
+    axes.axvspan(least, most, color=style.SPAN, alpha=0.5, lw=0, label="fitted range")
+    axes.set(xlabel="stretch", ylabel="nominal stress (kPa)", title="Uniaxial tension; bands: 95 % of the fit")
+    axes.legend(loc="upper left")
+    return figure
+
+
 def _gauge(law: comparison.FittedLaw, report: comparison.FitReport, curve: TensileCurve) -> float:
     number = next(i for i, c in enumerate(report.curves, 1) if c is curve)
     return law.fit.values.get(f"gauge{number}", 1.0)
@@ -236,7 +266,9 @@ SMALL_STYLE = {**style.STYLE, "font.size": 10, "axes.titlesize": 11, "legend.fon
 @matplotlib.rc_context(SMALL_STYLE)
 def figures(report: comparison.FitReport) -> dict[str, Figure]:
     """Return all pictures by the stem of their file's name."""
-    figures = {"curves": draw_curves(report), "residuals": draw_residuals(report)} if report.curves else {}
+    figures = {"law": draw_law(report)}
+    if report.curves:
+        figures |= {"curves": draw_curves(report), "residuals": draw_residuals(report)}
     for law, states in report.photographs.items():
         figures[f"outlines-{law}"] = draw_outlines(states, law)
         figures[f"photographs-{law}"] = draw_photographs(states, law)
@@ -276,6 +308,7 @@ def page(report: comparison.FitReport, figures: Mapping[str, Figure], tables: Ma
 
 
 CAPTIONS = {
+    "law": "Stress over stretch; dashed beyond the fitted range",
     "curves": "Measured curves and the fitted laws",
     "residuals": "Residuals of the curves (fit - measured)",
     "outlines": "Outlines, measured and simulated",
