@@ -117,7 +117,7 @@ def output_option(text: str) -> Any:
 
 
 class ColormapType(click.ParamType):
-    """A colour map by its name in matplotlib."""
+    """A colour map by its name in matplotlib; ``:linear`` or ``:bands`` make it a linear scale, or ten bands of it."""
 
     name = "NAME"
 
@@ -125,9 +125,12 @@ class ColormapType(click.ParamType):
         if value != COLORMAP:
             import matplotlib
 
-            if value not in matplotlib.colormaps:
-                near = errors.meant(value, matplotlib.colormaps)
-                self.fail(f"matplotlib has no colour map {value!r}{near or f'; {COLORMAP} is the default'}", param, ctx)
+            name, _, kind = str(value).partition(":")
+            if kind not in ("", "linear", "bands"):
+                self.fail(f"{value!r} ends in {kind!r}; a colour map may end in ':linear' or ':bands'", param, ctx)
+            if name not in matplotlib.colormaps:
+                near = errors.meant(name, matplotlib.colormaps)
+                self.fail(f"matplotlib has no colour map {name!r}{near or f'; {COLORMAP} is the default'}", param, ctx)
         return str(value)
 
 
@@ -174,7 +177,7 @@ COLORMAP = "viridis"
 """Colour map of fields in pictures, unless another one is asked for."""
 COLORMAP_OPTION: dict[str, Any] = {
     "type": ColormapType(), "default": COLORMAP, "show_default": True,
-    "help": "Colour map of stress and stretch, by matplotlib's name: viridis, cividis, gray.",
+    "help": "Colour map of stress and stretch, by matplotlib's name, such as cividis; with :linear or :bands a linear scale.",
 }  # fmt: skip
 
 

@@ -178,7 +178,7 @@ def view(look: offscreen.Look) -> dict[str, object]:
     states = look.states
     steps = _steps(states)
     meta, data = packed(look, steps)
-    colours, count = matplotlib.colormaps[look.colours](np.linspace(0, 1, 52))[:, :3], len(states.rows)
+    colours, count = style.colormap(look.colours)(np.linspace(0, 1, 52))[:, :3], len(states.rows)
     left = count - len(steps)
     return {
         "last": len(steps) - 1, "begin": steps.index(states.main), "axial": states.actuator.axial,
@@ -257,7 +257,7 @@ def packed(look: offscreen.Look, steps: list[int]) -> tuple[dict[str, object], b
             before[k] = column
     rest = look.rest(everything := np.arange(len(skin.images)))
     camera = offscreen.ViewCamera.around([rest, look.points(states.main, everything)], look.direction, look.up)
-    colours = (matplotlib.colormaps[look.colours](np.linspace(0, 1, 256))[:, :3] * 255).round().astype(int)
+    colours = (style.colormap(look.colours)(np.linspace(0, 1, 256))[:, :3] * 255).round().astype(int)
     meta = {
         "subject": style.subject(states.case), "vertices": len(places[0]), "triangles": len(triangles),
         "outside": int((skin.part == grid.OUTSIDE).sum()), "edges": len(edges), "cells": len(cells), "split": split.tolist(),

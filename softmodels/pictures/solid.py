@@ -194,9 +194,10 @@ Plane = tuple[Array, Array]
 """A unit normal and a point in m."""
 
 
-def best_plane(skin: grid.Surface, points: Array, up: Array, axial: bool) -> Plane:
+def best_plane(skin: grid.Surface, points: Array, up: Array, axial: bool, motion: Array | None = None) -> Plane:
     """Return the plane normal to a coordinate axis (only along ``up`` if ``axial``) that cuts the most cavities, and of these
-    the most air; undeformed nodes in m, shape (n, 3)."""
+    the most air; undeformed nodes in m, shape (n, 3). A bend is seen in its plane only: the device does not move mainly
+    along the normal, by its displacements ``motion``, shape (n, 3)."""
     vertices = skin.device(skin.points(points))
     count = max(skin.cavities, 1)
     cavities = [vertices[skin.device_triangles(skin.part == k)] for k in range(1, count + 1)]
@@ -204,7 +205,8 @@ def best_plane(skin: grid.Surface, points: Array, up: Array, axial: bool) -> Pla
     places = [_centre(corners), *(_centre(walls) for walls in cavities if len(walls))]
     best, most = (np.eye(3)[1], places[0]), (-1, -1.0)
     for normal in np.eye(3):
-        if axial and abs(normal @ up) > 0.5:
+        along = 0.0 if motion is None else ((motion @ normal) ** 2).sum() - 0.5 * (motion**2).sum()
+        if (axial and abs(normal @ up) > 0.5) or along > 0.0:
             continue
         for place in places:
             areas = [_section_area(walls, normal, place) for walls in cavities]
@@ -428,7 +430,8 @@ def tiled(images: Sequence[tuple[str, offscreen.Image]], foot: float = 0.0, name
 def cut(look: offscreen.Look) -> Figure:
     """Draw the device cut open through its channels, with the von Mises stress on the cut."""
     states, step, scale = look.states, look.states.main, look.scales["von_mises"]
-    plane = best_plane(states.skin, states.points, look.up, states.actuator.axial)
+    u = states.field(step, "displacement")
+    plane = best_plane(states.skin, states.points, look.up, states.actuator.axial, u)
     towards = plane[0] if plane[0] @ look.direction > 0 else -plane[0]
     direction = 0.8 * towards + 0.6 * look.direction
     layers = cut_open(states, step, plane, towards, scale) + look.plate_layers(step)

@@ -23,7 +23,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize, PowerNorm
+from matplotlib.colors import Colormap, Normalize, PowerNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.transforms import Bbox
@@ -84,6 +84,12 @@ def wrapped(text: str, width: float, size: float) -> str:
 # Colour scale and colour bar of a field, with axes and a scale bar, below a rendered image.
 
 
+def colormap(colours: str) -> Colormap:
+    """Return the colour map of a text such as ``"viridis"``, ``"gray:linear"`` or ``"viridis:bands"``, which has ten bands."""
+    name, _, kind = colours.partition(":")
+    return matplotlib.colormaps[name].resampled(10) if kind == "bands" else matplotlib.colormaps[name]
+
+
 class Scale:
     """The colour scale of a field, one of `coloured`, for all pictures of a run, from its value at rest up to nearly its
     largest nodal value in SI units, shape (n,) or (states, n).
@@ -100,11 +106,11 @@ class Scale:
         shown, how = fields.coloured()[field]
         self.what, self.unit, self.factor, self.low = shown.title, how.unit, how.factor, how.rest
         self._variable = shown.largest.name if shown.largest else ""
-        self.field, self.power = field, how.power
+        self.field, self.power = field, 1.0 if ":" in colours else how.power
         self.highest = self._highest(rows, values)[0]
         end = float(np.percentile(values, CLIPPING_PERCENTILE, axis=-1).max()) * self.factor
         self.top = self.low + _round_up(end - self.low) if end > self.low else self.low + 1.0
-        self.colours = matplotlib.colormaps[colours]
+        self.colours = colormap(colours)
 
     def _highest(self, rows: Sequence[table.Row], values: Array) -> tuple[float, str]:
         """Return the largest value of some states in the bar's unit, and where it is taken."""
