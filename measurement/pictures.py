@@ -31,7 +31,6 @@ from softmodels.common.arrays import Array
 
 
 READABLE_FORMATS = "JPEG, PNG, TIFF, HEIC, WebP, AVIF, JPEG 2000, MPO or BMP"
-"""The formats named to the user."""
 
 RAW_ENDINGS = frozenset(
     {f".{name}" for name in re.findall(r"\w+", """

@@ -101,7 +101,6 @@ class GridLook:
 
 
 PROFILE_SAMPLES = 161
-"""Points of a profile."""
 
 STATIONS_PER_LINE = 12
 """Places along one line between two crossings."""

@@ -151,7 +151,6 @@ def _wrapped_text(text: str, width: int = 105) -> str:
 
 
 FRAME_WIDTH_PX = 640
-"""Width in px of the animation."""
 
 COURSE_POINTS = 200
 """Heights at which the course through a run is drawn."""

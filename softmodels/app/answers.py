@@ -152,7 +152,6 @@ def linear(folder: str, pressure: float) -> replies.LinearAnswer:
 
 
 OUTLINE_SPACING = 1e-4
-"""Distance in m of the points of an outline."""
 
 
 def outline(case: str, pressure: float, folder: str = "") -> Array:

@@ -68,7 +68,6 @@ class Facets:
 EDGE_SAFETY_FACTOR = 0.72
 """Safety factor of the edge length, because triangles deviate more than their edges."""
 MAX_REFINEMENTS = 4
-"""Maximum number of refinements."""
 FINE_ENOUGH = 10_000
 """Number of triangles above which second order is accurate for the volume; fewer are curved to fourth order."""
 LEAST_COSINE = 0.7

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 MAX_TEXT_BYTES = 100_000_000
 """Bytes of a table or text at most: a test machine that writes 1 kHz for an hour fills 100 MB."""
 MAX_GEOMETRY_BYTES = 4_000_000_000
-"""Bytes of a drawing or mesh at most."""
 CHUNK_BYTES = 1 << 20
 _KINDS = (
     (stat.S_ISDIR, "a folder"), (stat.S_ISFIFO, "a named pipe"), (stat.S_ISCHR, "a device"), (stat.S_ISBLK, "a device"),

@@ -31,7 +31,6 @@ def cores() -> int:
 
 
 PR_SET_PDEATHSIG = 1
-"""PR_SET_PDEATHSIG of Linux' prctl."""
 
 
 def end_with_parent() -> None:

@@ -298,11 +298,9 @@ def inverse_left_jacobian(turn: Array) -> Array:
 
 
 RESPONSE_TOLERANCE = 1e-11
-"""Relative tolerance of the linear responses."""
 NORMAL_QUANTILE = 1.959963984540054
 """Half width of a 95 % interval in standard deviations."""
 MIN_TABLE_STATES = 4
-"""Minimum number of states of a table."""
 ZERO_LOAD_TOLERANCE = 1e-9
 """Relative size below which a load by symmetry does nothing."""
 

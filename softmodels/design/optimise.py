@@ -366,7 +366,6 @@ OBJECTIVE_TOLERANCE = 1e-4
 SAME_DIRECTION = 0.98
 """Cosine of the angle within which two steps have the same direction."""
 MOST_MESHES = 8
-"""Maximum number of meshes per pass."""
 MOST_STEPS = 60
 """Maximum number of steps per pass; the number of evaluations ends it earlier."""
 

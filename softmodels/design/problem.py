@@ -812,7 +812,6 @@ class ToleranceSpread:
 
 
 MAX_EVALUATIONS = 40
-"""Maximum number of evaluations per start."""
 
 
 class DesignEvaluator(Protocol):

@@ -240,7 +240,6 @@ Numbers = npt.NDArray[np.int64]
 EDGES = {2: ((0, 1), (1, 2), (0, 2)), 3: ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))}
 """Corners of each mid-edge node, in VTK's order, by dimension."""
 NEAREST_CELLS = 24
-"""Number of nearest cells in which a point is searched."""
 MAX_NEWTON_STEPS = 6
 """Iterations of Newton's method for the position in a curved cell."""
 MAX_OUTSIDE_DISTANCE = 0.1

@@ -259,7 +259,6 @@ ANSWERS = ("path", "limit")
 FIT = "fit"
 """What ``material`` is varied by: the covariance of the fit that is the case's band."""
 MAX_SAMPLES = 100_000
-"""Maximum number of samples."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -740,11 +739,9 @@ def dataset_of(plan: StudyPlan, answers: Mapping[int, Mapping[str, object]]) -> 
 FOLD_COUNT = 10
 """Parts of the samples; each is predicted by a surrogate of the others."""
 MIN_SURROGATE_SAMPLES = 8
-"""Minimum number of samples of a surrogate."""
 BASE_SAMPLES = 2**12
 """Base samples of a surrogate's indices."""
 BOOTSTRAP_SAMPLES = 100
-"""Bootstrap samples of the indices' intervals."""
 NORMAL_QUANTILE = 1.96
 """Half width of a 95 % interval in standard deviations."""
 

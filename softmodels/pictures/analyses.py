@@ -126,7 +126,6 @@ MAX_MODE_AMPLITUDE = 0.15
 AMPLITUDE_FACTORS = 0.6 ** np.arange(7)
 """Shares of it that are tried until no walls of a solid pass through each other."""
 MAX_MODES_DRAWN = 4
-"""Maximum number of modes drawn."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

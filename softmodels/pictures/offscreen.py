@@ -54,7 +54,6 @@ def can_render() -> bool:
 
 
 WIDTH_PX = round(WIDTH_INCHES * DPI)
-"""Width of a picture."""
 type Layer = tuple[PolyData, Style]
 """A mesh and its style."""
 type Shoot = Callable[[Sequence[Layer]], Image]
@@ -632,4 +631,3 @@ def outlined(images: Sequence[Image], covered: Image) -> list[Image]:
 
 
 OUTLINE_COLOUR = (150, 150, 150)
-"""Colour of the undeformed outline."""

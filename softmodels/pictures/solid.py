@@ -518,11 +518,9 @@ MAX_FRAMES = 40
 FRAME_COUNTS = (40, 32, 25, 19, 14, 10)
 """Numbers of frames tried until the GIF is small enough: fewer frames are better than colour banding."""
 FRAME_WIDTH_PX = 960
-"""Width of a frame in pixels."""
 SIZE_SAMPLE_FRAMES = 4
 """Number of frames to estimate the size of one in a GIF."""
 MAX_GIF_BYTES = 6_000_000
-"""Maximum size of a GIF, in bytes."""
 WEBP_QUALITY = 80
 """Quality of the WebP: below, shading shows blocks."""
 MOTION_SECONDS = 4.0

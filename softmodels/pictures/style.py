@@ -120,9 +120,7 @@ class Scale:
     def largest(self, rows: Sequence[table.Row], values: Array) -> str:
         """Return the largest value of the states in a picture, from their rows or their nodal values in SI units, in words."""
         value, place = self._highest(rows, values)
-        beyond = (
-            f"; at most {100 - CLIPPING_PERCENTILE:g} % of the nodes lie above the scale" if value > self.top else ""
-        )
+        beyond = f"; clipped at the {CLIPPING_PERCENTILE:g}th percentile" if value > self.top else ""
         return f"largest, {place}: {f'{value:.4g} {self.unit}'.strip()}{beyond}"
 
     @property

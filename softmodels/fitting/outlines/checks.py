@@ -242,7 +242,6 @@ def _subsets(indices: Sequence[int], size: int) -> list[tuple[int, ...]]:
 MIN_WIDTH_RATIO, MAX_WIDTH_RATIO = 0.82, 1.22
 """Maximum ratio of measured to simulated width at half the height."""
 OUTLINE_SPACING = 2e-5
-"""Spacing in m of points on a simulated outline."""
 
 
 def series_of(

@@ -437,7 +437,6 @@ def _largest_stretch(source: OutlineResiduals | HeightResiduals, fit: LeastSquar
 
 
 IGNORED_ERROR_FACTOR = 1e6
-"""Factor on the error of an ignored pressure."""
 STARTING_SHARE = 0.1
 """Of each branch."""
 

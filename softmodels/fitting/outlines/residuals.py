@@ -365,7 +365,6 @@ MAX_MODULUS_ROUNDS = 12
 MOST_BORNE = 0.7
 """Maximum pressure share of dead loads, relative to the silicone's, for a usable reading."""
 MAX_MODULUS_FACTOR = 3.0
-"""Largest factor on the modulus in one round."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -137,7 +137,6 @@ MAX_PRESSURE = 5e6
 """Maximum pressure in Pa of a silicone device."""
 
 READING_TOLERANCE = 1e-6
-"""Relative tolerance of equal readings."""
 
 HEIGHT_TOLERANCE = 0.1
 """Relative tolerance of equal heights; two states at one pressure past a limit point differ more."""
