@@ -196,17 +196,17 @@ Plane = tuple[Array, Array]
 
 def best_plane(skin: grid.Surface, points: Array, up: Array, axial: bool, motion: Array | None = None) -> Plane:
     """Return the plane normal to a coordinate axis (only along ``up`` if ``axial``) that cuts the most cavities, and of these
-    the most air; undeformed nodes in m, shape (n, 3). A bend is seen in its plane only: the device does not move mainly
-    along the normal, by its displacements ``motion``, shape (n, 3)."""
+    the most air; undeformed nodes in m, shape (n, 3). A device that bends by its displacements ``motion``, shape (n, 3), is
+    cut in the plane of the bend."""
     vertices = skin.device(skin.points(points))
     count = max(skin.cavities, 1)
     cavities = [vertices[skin.device_triangles(skin.part == k)] for k in range(1, count + 1)]
     corners = np.concatenate(cavities) if skin.cavities else vertices[skin.device_triangles(skin.part == grid.OUTSIDE)]
     places = [_centre(corners), *(_centre(walls) for walls in cavities if len(walls))]
     best, most = (np.eye(3)[1], places[0]), (-1, -1.0)
-    for normal in np.eye(3):
-        along = 0.0 if motion is None else ((motion @ normal) ** 2).sum() - 0.5 * (motion**2).sum()
-        if (axial and abs(normal @ up) > 0.5) or along > 0.0:
+    bend = None if motion is None else _normal_to_bend(points, motion)
+    for axis, normal in enumerate(np.eye(3)):
+        if (axial and abs(normal @ up) > 0.5) or bend not in (None, axis):
             continue
         for place in places:
             areas = [_section_area(walls, normal, place) for walls in cavities]
@@ -214,6 +214,14 @@ def best_plane(skin: grid.Surface, points: Array, up: Array, axial: bool, motion
             if met[0] > most[0] or (met[0] == most[0] and met[1] > 1.01 * most[1]):
                 best, most = (normal, place), met
     return best
+
+
+def _normal_to_bend(points: Array, motion: Array) -> int | None:
+    """Return the axis normal to the plane in which a device bends: where it moves grows along another; None without a bend."""
+    main = int(np.argmax((motion**2).sum(axis=0)))
+    with np.errstate(invalid="ignore"):  # at rest
+        grows = {k: abs(np.corrcoef(points[:, k], motion[:, main])[0, 1]) for k in range(3) if k != main}
+    return min(grows, key=grows.__getitem__) if max(grows.values()) > 0.7 else None
 
 
 def _centre(corners: Array) -> Array:
