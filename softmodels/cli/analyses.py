@@ -570,7 +570,7 @@ class LimitRequest:
         tolerances, count: Within which the device scatters, none for only the nominal device; how many devices.
         normal: Whether the tolerances are two standard deviations.
         column: Unit of the pressures.
-        hold: Time in s for which they must be borne; 0 for ever.
+        hold: Hold time in s that the device must survive; 0: unlimited.
     """
 
     case: Case

@@ -213,9 +213,9 @@ def middle(many: Sequence[Silicone]) -> Silicone:
 
 
 SILICONES: dict[str, Silicone] = {
-    product if one is middle(many) else f"{product}/{one.origin.key}": one
+    product if silicone is middle(many) else f"{product}/{silicone.origin.key}": silicone
     for product, many in PRODUCTS.items()
-    for one in many
+    for silicone in many
 }
 """By name: only the product for its `middle` source, ``product/source`` for the others."""
 
