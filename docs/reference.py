@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import geometries
@@ -25,6 +26,9 @@ GROUPS = {
     "Design, studies, mould, export": "optimise DesignProblem Keep study Study ReducedModel mould export",
 }
 """Names by subject. A public name that is in no group is listed under "More"; errors and warnings have a group of their own."""
+EXAMPLES = Path(__file__).parent / "examples"
+NAMES = EXAMPLES / "names.md"
+"""An example of each public name with its output; a test runs them."""
 PACKAGES = {"measurement": measurement, "geometries": geometries}
 
 
@@ -59,6 +63,18 @@ def fields_table(item: object) -> str:
     return "\n".join(["| argument | default | unit | meaning |", "|---|---|---|---|", *rows]) + "\n" if rows else ""
 
 
+def examples() -> dict[str, str]:
+    """Return the examples of public names, as typed and printed in Python, by name."""
+    _, *parts = NAMES.read_text(encoding="utf-8").split("\n## ")
+    return {name.strip(): code.strip() for name, _, code in (part.partition("\n") for part in parts)}
+
+
+def example(name: str) -> str:
+    """Return the part of a name's page with its example; empty where it has none."""
+    code = examples().get(name)
+    return f"\n## Example\n\n```pycon\n{code}\n```\n" if code else ""
+
+
 def pages() -> dict[str, str]:
     """Return the text of every reference page by its path."""
     texts = {}
@@ -72,7 +88,7 @@ def pages() -> dict[str, str]:
             if table and isinstance(item, type)
             else "\n"
         )
-        texts[place(name)] = f"::: softmodels.{name}\n{options}{table}"
+        texts[place(name)] = f"::: softmodels.{name}\n{options}{table}{example(name)}"
     for package, module in PACKAGES.items():
         own = [name for name in module.__all__ if name[0] != "_" and name not in softmodels.__all__]
         texts[f"reference/{package}.md"] = f"# {package}\n\n" + "\n".join(
@@ -101,9 +117,11 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """MkDocs calls this with the list of pages: add those of the reference."""
+    """MkDocs calls this with the list of pages: add those of the reference, and the gallery's files to download."""
     from mkdocs.structure.files import File
 
     for path, text in pages().items():
         files.append(File.generated(config, path, content=text))
+    for file in sorted(EXAMPLES.glob("*.py")):
+        files.append(File.generated(config, f"examples/{file.name}", abs_src_path=str(file)))
     return files

@@ -91,15 +91,15 @@ class Deck:
 
     def _elements(self, options: Mapping[str, str], lines: list[Line]) -> None:
         kind = options["TYPE"].upper()
-        found = TETRAHEDRA.match(kind) or TRIANGLES.match(kind)
-        if not found:
+        element_match = TETRAHEDRA.match(kind) or TRIANGLES.match(kind)
+        if not element_match:
             if OTHER_SOLIDS.match(kind):
                 raise GeometryError(
                     f"file {self.file} has cells of type {kind}; only tetrahedra of 4 or 10 nodes are supported"
                 )
             self._add("cell_sets", options.get("ELSET", ""), ())  # lines, masses and the like: known, but not read
             return
-        width = 1 + (6 if found[1] == "65" else int(found[1]))
+        width = 1 + (6 if element_match[1] == "65" else int(element_match[1]))
         numbers = [int(word) for _, words in lines for word in words if word]
         if len(numbers) % width:
             raise ValueError(f"{len(numbers)} numbers are no elements of {width - 1} nodes")
@@ -174,18 +174,18 @@ class Deck:
             for spelled, scope, text in self._names(name, body, "surfaces")
         }
         node_sets |= {key: nodes for key, (nodes, _) in surfaces.items() if nodes}
-        faces = {key: np.array([row[n] for n in found if n in row], int) for key, found in node_sets.items()}
+        faces = {key: np.array([row[n] for n in node_set if n in row], int) for key, node_set in node_sets.items()}
         # Beside nodes, shape (n,), the corners of triangles, shape (t, 3).
         faces |= {
             key: np.array([[row[n] for n in side] for side in sides]) for key, (_, sides) in surfaces.items() if sides
         }
         return meshio.Mesh(
-            _placed(points, self.places.get(name, [])),
+            _placed_nodes(points, self.places.get(name, [])),
             cells,
             point_sets=faces,
             cell_sets={
-                key: [np.flatnonzero(np.isin(block, list(found))) for block in blocks.values()]
-                for key, found in cell_sets.items()
+                key: [np.flatnonzero(np.isin(block, list(cell_set))) for block in blocks.values()]
+                for key, cell_set in cell_sets.items()
             },
         )
 
@@ -201,7 +201,7 @@ class Deck:
         self, name: str, body: Scope, scope: Scope, members: Sequence[tuple[str, str]], within: Within
     ) -> tuple[set[int], list[list[int]]]:
         """Return the nodes of a surface of nodes, and the corners of the sides of elements of another one."""
-        nodes, found = set[int](), list[list[int]]()
+        nodes, owned = set[int](), list[list[int]]()
         for member, side in members:
             if side == "NODES":
                 nodes |= self._members(name, body, scope, "node_sets", [member], within)
@@ -221,33 +221,33 @@ class Deck:
                     if solid
                     else mesh_arrays.SIDES[:1]
                 )
-                found += [[corners[i] for i in one] for one in sides if corners and not side.startswith("E")]
-        return nodes, found
+                owned += [[corners[i] for i in half] for half in sides if corners and not side.startswith("E")]
+        return nodes, owned
 
     def _members(
         self, name: str, body: Scope, scope: Scope, kind: str, members: Iterable[str], within: Within
     ) -> set[int]:
         """Return the numbers of a set's nodes or elements; those of other instances are left out."""
-        found: set[int] = set()
+        ids: set[int] = set()
         for member in members:
             of, dot, own = member.rpartition(".")
             if of and of.upper() != name:
                 continue
             where = body if dot else scope
             if own.isdigit():
-                found.add(int(own))
+                ids.add(int(own))
             elif own.startswith(NODES_OF):
                 cells = self._members(name, body, where, "cell_sets", [own.removeprefix(NODES_OF)], within)
-                found.update(node for cell in cells for node in body.cells.get(cell, ()))
+                ids.update(node for cell in cells for node in body.cells.get(cell, ()))
             elif (key := own.upper()) in (known := getattr(where, kind)) and (kind, key) not in within:
-                found |= self._members(name, body, where, kind, known[key], (*within, (kind, key)))
+                ids |= self._members(name, body, where, kind, known[key], (*within, (kind, key)))
             else:
                 of, text = within[-1]
                 raise GeometryError(
                     f"file {self.file}: the {'surface' if of == 'surfaces' else 'set'} {scope.spelled.get(text, text)} has "
                     f"{member!r}, which is not defined"
                 )
-        return found
+        return ids
 
 
 TETRAHEDRA = re.compile(r"C3D(4|10)(?!\d)")
@@ -312,7 +312,7 @@ def _has_tetrahedra(scope: Scope) -> bool:
     return any(len(nodes) in (4, 10) for nodes in scope.cells.values())
 
 
-def _placed(points: Array, lines: list[list[float]]) -> Array:
+def _placed_nodes(points: Array, lines: list[list[float]]) -> Array:
     """Return the places of a part's nodes where its instance stands, from its data lines: a translation, and after it a turn,
     about the axis through two points, by an angle in degrees."""
     for line in lines:

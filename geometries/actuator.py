@@ -86,7 +86,7 @@ class Designable:
 # Names and texts of a device in commands and messages.
 
 
-class Presented:
+class DeviceLabels:
     """Names and texts of a device for commands and messages."""
 
     stem: ClassVar[str] = "device"
@@ -152,7 +152,7 @@ class Castable:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Actuator(Designable, Castable, Presented, ABC):
+class Actuator(Designable, Castable, DeviceLabels, ABC):
     """A soft body around one air-filled cavity.
 
     Subclasses are frozen dataclasses whose fields come from `softmodels.common.schema`.
@@ -237,8 +237,8 @@ class Actuator(Designable, Castable, Presented, ABC):
 
     def check_size(self, name: str, *lengths: float, given: str = "") -> None:
         """Reject lengths of the whole device that suggest a wrong unit, such as of a parameter; ``given`` is said with it."""
-        if max(lengths) > schema.LONGEST:
-            self.reject(name, f"{given}the device passes {schema.LONGEST:g} m, which suggests a wrong unit")
+        if max(lengths) > schema.MAX_LENGTH:
+            self.reject(name, f"{given}the device passes {schema.MAX_LENGTH:g} m, which suggests a wrong unit")
 
     def check_least(self, names: str, share: float, of: str) -> None:
         """Reject lengths below a share of another one, but 0."""
@@ -263,7 +263,7 @@ class Actuator(Designable, Castable, Presented, ABC):
     def key(self) -> str:
         """Twelve hexadecimal digits that stay the same as long as every parameter does."""
         parameters = [(field.name, getattr(self, field.name)) for field in dataclasses.fields(self)]
-        return hashlib.sha256(repr((RECIPE, type(self).__name__, parameters)).encode()).hexdigest()[:12]
+        return hashlib.sha256(repr((MESH_KEY_VERSION, type(self).__name__, parameters)).encode()).hexdigest()[:12]
 
     @property
     def files(self) -> Mapping[str, str]:
@@ -568,7 +568,7 @@ def in_halves(up: Vector, level: float | None, why: str, *inlets: tuple[Vector, 
     return Recipe(pours=pours, why=why, inlets=inlets)
 
 
-RECIPE = 3
+MESH_KEY_VERSION = 3
 """Version in every key: increase it when the same parameters give another mesh, to invalidate cached meshes."""
 
 
@@ -576,29 +576,28 @@ RECIPE = 3
 # Reflections on the planes where a slice was cut out of a body: how many images of the slice make the whole, and which.
 
 
-NARROWEST = np.pi / 90
-"""Smallest angle between two planes in rad."""
+MIN_PLANE_ANGLE = np.pi / 90
 SAME_ANGLE = 1e-5
 """How far from 180/n degrees the angle between two planes may be, in rad: drawings are rounded."""
 SAME_IMAGE = 1e-2
-"""How far the entries of two matrices may differ for one image: above what `SAME_ANGLE` adds up to, below `NARROWEST`."""
+"""How far the entries of two matrices may differ for one image: above what `SAME_ANGLE` adds up to, below `MIN_PLANE_ANGLE`."""
 
 
 def reflected(normals: ArrayLike, count: int | None = None, dimension: int = 3) -> NDArray[np.float64]:
     """Return the first products of reflections on planes through the origin, whose unit normals have the shape (k,
     dimension): matrices that take a slice to its places, its neighbours, their neighbours and so on, shape (m, dimension,
     dimension), the identity first. All of them, which must be finitely many, if no count is given."""
-    one = np.eye(dimension)
-    mirrors = [one - 2 * np.outer(normal, normal) for normal in np.reshape(normals, (-1, dimension))]
-    found = [one]
-    for image in found:
+    identity = np.eye(dimension)
+    mirrors = [identity - 2 * np.outer(normal, normal) for normal in np.reshape(normals, (-1, dimension))]
+    corners_and_copies = [identity]
+    for image in corners_and_copies:
         for mirror in mirrors:
-            if len(found) == count:
-                return np.array(found)
+            if len(corners_and_copies) == count:
+                return np.array(corners_and_copies)
             new = image @ mirror
-            if np.abs(np.array(found) - new).max(axis=(1, 2)).min() > SAME_IMAGE:
-                found.append(new)
-    return np.array(found)
+            if np.abs(np.array(corners_and_copies) - new).max(axis=(1, 2)).min() > SAME_IMAGE:
+                corners_and_copies.append(new)
+    return np.array(corners_and_copies)
 
 
 def check_slice(normals: ArrayLike, texts: tuple[str, ...]) -> None:
@@ -609,7 +608,7 @@ def check_slice(normals: ArrayLike, texts: tuple[str, ...]) -> None:
     for i in range(len(outward)):
         for j in range(i):
             angle = float(np.arccos(np.clip(-outward[i] @ outward[j], -1.0, 1.0)))
-            parts = round(np.pi / max(angle, NARROWEST))
+            parts = round(np.pi / max(angle, MIN_PLANE_ANGLE))
             if parts < 2 or abs(angle - np.pi / parts) > SAME_ANGLE:
                 raise GeometryError(
                     f"planes has {texts[j]!r} and {texts[i]!r}, {np.degrees(angle):.6g} degrees apart in the part; "
@@ -828,7 +827,7 @@ class HeldTip(Actuator):
 # Fingers on a base: checks that they share, and figures of how they bend from the position of the tip.
 
 
-COARSEST = 10.0
+MAX_CELL_SIZE_RATIO = 10.0
 """Largest ratio of the cell size to the thinnest part: flatter cells are poor, and the size grades too steeply."""
 
 
@@ -856,23 +855,23 @@ class Finger(MirroredHalf, HeldTip):
         low, high = (np.asarray(places[name]) for name in ("tip", "tip_above"))
         return {"bend_angle": bend_angle(low, high), "tip_x": float(low[0]), "tip_z": float(low[2])}
 
-    def check_walls(self, names: Iterable[str], one: str, count: str) -> None:
+    def check_walls(self, names: Iterable[str], quantity: str, count: str) -> None:
         """Reject dimensions below `least_wall`, and a finger of impossible length: of one part's, times a number of parts."""
         for name in names:
-            if getattr(self, name) < self.least_wall * (1 - schema.ROUNDING):
+            if getattr(self, name) < self.least_wall * (1 - schema.BOUND_TOLERANCE):
                 length, least = (schema.shown(value, "m") for value in (getattr(self, name), self.least_wall))
                 raise GeometryError(f"{name} is {length}, but least_wall requires {least}")
-        if self.length > 0.1 * schema.LONGEST:
+        if self.length > 0.1 * schema.MAX_LENGTH:
             self.reject(
-                one,
+                quantity,
                 f"with {getattr(self, count)} {count} the device is {schema.shown(self.length, 'm')} long, and above "
-                f"{0.1 * schema.LONGEST:g} m this suggests a wrong unit",
+                f"{0.1 * schema.MAX_LENGTH:g} m this suggests a wrong unit",
             )
 
     def check_cells(self, solid: Iterable[str]) -> None:
         """Reject cells that are too large for the thinnest of some parts, or too many."""
         thinnest = min(solid, key=lambda name: float(getattr(self, name)))
-        limit = COARSEST * getattr(self, thinnest)
+        limit = MAX_CELL_SIZE_RATIO * getattr(self, thinnest)
         if self.cell_size > limit:
             self.reject("cell_size", f"with {self.given(thinnest)} it must be at most {schema.shown(limit, 'm')}")
         self.check_count()
@@ -902,10 +901,10 @@ def joined(pairs: Numbers, count: int) -> Numbers:
     (n, 2), are in one group. SciPy's `connected_components` gives the same; loading its sparse tree takes a third of a short
     run's time."""
     label = np.arange(count)
-    one, other = np.asarray(pairs, dtype=np.int64).reshape(-1, 2).T
-    while (apart := label[one] != label[other]).any():
-        one, other = one[apart], other[apart]
-        low, high = np.sort([label[one], label[other]], axis=0)
+    ends, other = np.asarray(pairs, dtype=np.int64).reshape(-1, 2).T
+    while (apart := label[ends] != label[other]).any():
+        ends, other = ends[apart], other[apart]
+        low, high = np.sort([label[ends], label[other]], axis=0)
         np.minimum.at(label, high, low)  # a group's head follows the lowest head that it is paired with
         while not np.array_equal(head := label[label], label):
             label = head
@@ -930,10 +929,9 @@ def joined_by(shared: Numbers) -> Numbers:
 # Walls that end anywhere else have a face missing. Every edge of a closed surface belongs to two of its facets: that is exact.
 
 
-NEAR = 1e-6
+POINT_TOLERANCE = 1e-6
 """What counts as the same place, in sizes of the device, and as the same direction."""
-NAMED = 6
-"""Most names that a message lists."""
+MAX_LISTED_NAMES = 6
 
 Ints = NDArray[np.int64]
 
@@ -957,7 +955,7 @@ class Opening:
         square = {
             hold.role
             for hold in holds
-            if hold.direction is None or abs(np.dot(hold.direction, self.normal)) > 1.0 - NEAR
+            if hold.direction is None or abs(np.dot(hold.direction, self.normal)) > 1.0 - POINT_TOLERANCE
         }
         return all(roles & square for roles in self.roles)
 
@@ -973,7 +971,7 @@ def check_closed(actuator: Actuator, openings: Iterable[Opening], holds: Iterabl
     for opening in openings:
         if opening.closed_by(holds):
             continue
-        shown = ", ".join(opening.faces[:NAMED]) or "without a name"
+        shown = ", ".join(opening.faces[:MAX_LISTED_NAMES]) or "without a name"
         place = ", ".join(f"{1e3 * x:.4g}" for x in opening.place)
         walls = f"the walls {opening.cavity!r} of {type(actuator).__name__}"
         where = f"{walls} end near {place} mm, where other faces are ({shown})"
@@ -998,17 +996,19 @@ def find_openings(actuator: Actuator) -> tuple[Opening, ...]:
 
     def nodes(name: str) -> Ints:
         if name not in members:  # a region and a face may bear one name
-            found = [gmsh.model.mesh.getNodesForPhysicalGroup(*group)[0] for *group, known in groups if known == name]
-            members[name] = np.unique(np.concatenate(found).astype(np.int64))
+            node_sets = [
+                gmsh.model.mesh.getNodesForPhysicalGroup(*group)[0] for *group, known in groups if known == name
+            ]
+            members[name] = np.unique(np.concatenate(node_sets).astype(np.int64))
         return members[name]
 
     symmetric = [*(plane.name for plane in actuator.cut_planes), *(["axis"] if d == 2 else [])]
     faces = {name for dimension, _, name in groups if dimension < d and name not in symmetric}
-    found = []
+    openings = []
     for cavity in cavity_roles(actuator):
         if cavity not in walls:
             continue  # which is reported where the mesh is read
-        rim = _rim(walls[cavity], d)
+        rim = _boundary_edges(walls[cavity], d)
         for name in symmetric:
             if name in walls:
                 rim = rim[~np.isin(rim, nodes(name)).all(axis=1)]
@@ -1022,11 +1022,11 @@ def find_openings(actuator: Actuator) -> tuple[Opening, ...]:
             )
             x, y, z = (float(value) for value in places.mean(axis=0))
             beside = tuple(sorted(faces & frozenset().union(*kinds)))
-            found.append(Opening(cavity, (x, y, z), _plane(actuator, places), kinds, beside))
-    return tuple(found)
+            openings.append(Opening(cavity, (x, y, z), _plane(actuator, places), kinds, beside))
+    return tuple(openings)
 
 
-def _rim(group: tuple[int, int], space: int) -> Ints:
+def _boundary_edges(group: tuple[int, int], space: int) -> Ints:
     """Return the edges that an odd number of a group's triangles have (or ends, of its lines in a section), shape (n, space -
     1)."""
     sides = []
@@ -1037,8 +1037,8 @@ def _rim(group: tuple[int, int], space: int) -> Ints:
             sides.append(np.concatenate([np.delete(corners, k, axis=1) for k in range(space)]))
     if not sides:
         return np.empty((0, space - 1), dtype=np.int64)
-    found, count = np.unique(np.sort(np.concatenate(sides), axis=1), axis=0, return_counts=True)
-    return np.asarray(found[count % 2 == 1])
+    edges, count = np.unique(np.sort(np.concatenate(sides), axis=1), axis=0, return_counts=True)
+    return np.asarray(edges[count % 2 == 1])
 
 
 def _pieces(edges: Ints) -> list[Ints]:
@@ -1056,7 +1056,7 @@ def _plane(actuator: Actuator, places: NDArray[np.float64]) -> Vector | None:
     images = [places - 2.0 * np.outer(places @ normal, normal) for normal in mirrors]
     points = np.concatenate([places, *images])
     normal = np.linalg.svd(points)[2][2]
-    if np.abs(points @ normal).max() > NEAR * actuator.size:
+    if np.abs(points @ normal).max() > POINT_TOLERANCE * actuator.size:
         return None
     x, y, z = (float(value) for value in np.round(normal, 9) + 0.0)
     return x, y, z

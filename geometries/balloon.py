@@ -88,9 +88,10 @@ class Balloon(Revolved):
 
     def check(self) -> None:
         polar = self.polar_radius or self.radius
-        if not FLATTEST <= polar / self.radius <= 1.0 / FLATTEST:
+        if not MIN_RADIUS_RATIO <= polar / self.radius <= 1.0 / MIN_RADIUS_RATIO:
             self.reject(
-                "polar_radius", f"it must be between {FLATTEST:g} and {1 / FLATTEST:g} times {self.told('radius')}"
+                "polar_radius",
+                f"it must be between {MIN_RADIUS_RATIO:g} and {1 / MIN_RADIUS_RATIO:g} times {self.told('radius')}",
             )
         self.check_size("radius", max(self.radius, polar) + self.wall, given="with its wall ")
         self.check_most("wall neck_wall", 1.0, "radius")
@@ -102,11 +103,11 @@ class Balloon(Revolved):
         self.check_cells("radius", "polar_radius")
 
     def _check_neck(self) -> None:
-        inside, outside = WIDEST * self.radius, WIDEST * (self.radius + self.wall)
+        inside, outside = MAX_NECK_RATIO * self.radius, MAX_NECK_RATIO * (self.radius + self.wall)
         if self.neck_radius + (self.neck_wall or self.wall) > outside or self.neck_radius > inside:
             self.reject(
                 "neck_radius",
-                f"with its wall it must be at most {WIDEST:g} of the balloon's, {schema.shown(inside, 'm')} inside and "
+                f"with its wall it must be at most {MAX_NECK_RATIO:g} of the balloon's, {schema.shown(inside, 'm')} inside and "
                 f"{schema.shown(outside, 'm')} outside",
             )
         self.check_most("neck_length", 20.0, "radius", "more than {}, suggests a wrong unit")
@@ -236,9 +237,9 @@ class Rounding(NamedTuple):
     angle: float
 
 
-FLATTEST = 0.2
+MIN_RADIUS_RATIO = 0.2
 """Smallest ratio of the polar to the equatorial radius, and of that to this."""
-WIDEST = 0.8
+MAX_NECK_RATIO = 0.8
 """Largest outer radius of the neck in outer radii of the balloon."""
 
 
@@ -352,7 +353,7 @@ class _Maker:
 
     def shell(self) -> list[revolved.Panel]:
         """From the neck, or the lower pole, to the far pole."""
-        meridian, found = self.meridian, []
+        meridian, shell = self.meridian, []
         stops = [0.0, *([self.rod_angle] if self.balloon.rod_radius else []), 0.5 * math.pi]
         first = "axis" if not self.balloon.neck_radius else ""
         angle, inside, outside = self.outer_angle, *self.begin
@@ -365,9 +366,9 @@ class _Maker:
             last = "axis" if stop == stops[-1] else ""
             left = self._arc(inside, to[0], cells, "" if bonded else "cavity")
             right = self._arc(outside, to[1], cells, "outer", True)
-            found.append(self._panel(left, right, (first, last)))
+            shell.append(self._panel(left, right, (first, last)))
             first, angle, (inside, outside) = "", stop, to
-        return found
+        return shell
 
     @property
     def rod_angle(self) -> float:

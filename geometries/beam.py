@@ -15,7 +15,7 @@ from softmodels.common import schema
 from softmodels.common.errors import GeometryError
 from softmodels.common.lazy import gmsh
 
-NEAR = 1e-9
+POINT_TOLERANCE = 1e-9
 """Tolerance of equal positions, in lengths of the beam."""
 GMSH_BOX = 1e-6
 """By how much Gmsh's boxes may be wider, in m."""
@@ -65,7 +65,7 @@ class Beam(actuator.MirroredHalf):
     @property
     def _cells(self) -> tuple[int, int, int]:
         """Number of cells along x, y and z in the modelled part."""
-        return tuple(math.ceil(edge / self.cell_size - NEAR) for edge in self._edges)  # type: ignore[return-value]
+        return tuple(math.ceil(edge / self.cell_size - POINT_TOLERANCE) for edge in self._edges)  # type: ignore[return-value]
 
     @property
     def _edges(self) -> tuple[float, float, float]:
@@ -141,7 +141,10 @@ class Beam(actuator.MirroredHalf):
             box = np.reshape(model.getBoundingBox(1, curve), (2, 3))
             along = int(np.argmax(box[1] - box[0]))
             mesh.setTransfiniteCurve(curve, self._cells[along] + 1)
-            if along == 1 and np.abs(box.mean(axis=0)[[0, 2]] - (low[0], low[2])).max() < NEAR * self.length + GMSH_BOX:
+            if (
+                along == 1
+                and np.abs(box.mean(axis=0)[[0, 2]] - (low[0], low[2])).max() < POINT_TOLERANCE * self.length + GMSH_BOX
+            ):
                 model.addPhysicalGroup(1, [curve], name="edge")
         for _, face in model.getEntities(2):
             mesh.setTransfiniteSurface(face)

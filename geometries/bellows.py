@@ -95,16 +95,16 @@ class Bellows(actuator.HeldTip, Revolved):
         def reject(why: str) -> None:
             raise GeometryError(f"rounding is {schema.shown(self.bend, 'm')}; {why}")
 
-        least, quarter = 0.5 * self.wall + schema.SHORTEST, 0.25 * self.pitch
-        if self.bend < least * (1 - schema.ROUNDING):
+        least, quarter = 0.5 * self.wall + schema.MIN_LENGTH, 0.25 * self.pitch
+        if self.bend < least * (1 - schema.BOUND_TOLERANCE):
             reject(
                 f"in the middle of a wall of {schema.shown(self.wall, 'm')} it must be at least {schema.shown(least, 'm')}"
             )
-        if self.bend > quarter * (1 + schema.ROUNDING):
+        if self.bend > quarter * (1 + schema.BOUND_TOLERANCE):
             reject(
                 f"it must be at most a quarter of pitch, {schema.shown(quarter, 'm')}, with which its ends are half circles"
             )
-        if 2.0 * self.bend > self.depth * (1 + schema.ROUNDING):
+        if 2.0 * self.bend > self.depth * (1 + schema.BOUND_TOLERANCE):
             reject(
                 f"root and crest together need {schema.shown(2 * self.bend, 'm')} between inner_radius and "
                 "outer_radius, less the "
@@ -122,14 +122,14 @@ class Bellows(actuator.HeldTip, Revolved):
         middle."""
         half, turn, bend = 0.5 * self.wall, 0.25 * self.pitch, self.bend
         root, crest = self.inner_radius + half, self.outer_radius - half
-        found: list[Cut] = []
+        cuts: list[Cut] = []
 
         def add(r: float, z: float, across: revolved.Place, centre: revolved.Place | None = None) -> None:
             """A cross-section around (r, z); ``across`` is the unit vector from the air outwards."""
             (x, y) = across
             cut = Cut((r - half * x, z - half * y), (r + half * x, z + half * y), centre)
-            if not found or math.dist(cut.inside, found[-1].inside) > NEAR * self.pitch:
-                found.append(cut)
+            if not cuts or math.dist(cut.inside, cuts[-1].inside) > ZERO_LENGTH_TOLERANCE * self.pitch:
+                cuts.append(cut)
 
         out, up, down = (1.0, 0.0), (0.0, 1.0), (0.0, -1.0)
         for k in range(self.convolutions):
@@ -146,15 +146,15 @@ class Bellows(actuator.HeldTip, Revolved):
             add(root + bend, second, up)
             add(root, second + bend, out, (root + bend, second + bend))
             add(root, high, out)
-        return found
+        return cuts
 
     @property
     def panels(self) -> tuple[revolved.Panel, ...]:
         through, wall, panels = self.rows, self.cuts, []
-        longest = min(self.cell_size, BENDING * math.sqrt(self.bend * self.wall))
+        longest = min(self.cell_size, CELL_LENGTH_RATIO * math.sqrt(self.bend * self.wall))
         for a, b in itertools.pairwise(wall):
             length = 0.5 * math.pi * self.bend if b.centre else math.dist(a.inside, b.inside)
-            count = max(3 if b.centre else 1, math.ceil(length / longest - schema.ROUNDING))
+            count = max(3 if b.centre else 1, math.ceil(length / longest - schema.BOUND_TOLERANCE))
             low, high = revolved.Side(a.inside, a.outside, through), revolved.Side(b.outside, b.inside, through)
             right, left = (
                 revolved.Side(
@@ -225,7 +225,7 @@ class Bellows(actuator.HeldTip, Revolved):
             ("outer_radius", "inner_radius", "wall", bend): self.depth - 2.0 * self.bend
         }
         lines |= {("pitch", "rounding"): 0.25 * self.pitch - self.rounding} if self.rounding else {}
-        met = {name for names, line in lines.items() if line < NEAR * self.pitch for name in names}
+        met = {name for names, line in lines.items() if line < ZERO_LENGTH_TOLERANCE * self.pitch for name in names}
         return tuple(name for name in super().movable if name not in met)
 
     @property
@@ -251,10 +251,10 @@ class Bellows(actuator.HeldTip, Revolved):
 # The half section of a bellows: cross-sections of the wall one after the other, and panels between neighbours.
 
 
-NEAR = 1e-9
+ZERO_LENGTH_TOLERANCE = 1e-9
 """Share of the pitch up to which a line has no length."""
 
-BENDING = 0.55
+CELL_LENGTH_RATIO = 0.55
 """Length of the wall's longest cells over the root of its thickness times its radius, within which a thin wall bends."""
 
 

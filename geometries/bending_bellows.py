@@ -71,7 +71,7 @@ class BendingBellows(actuator.Finger):
                 f"with {self.given('depth', 'wall')} the crests are at {_mm(self.crest)}, more than twice "
                 f"{self.told('length')}",
             )
-        if self.fold_radius - 0.5 * self.wall < 0.5 * self.least_wall * (1 - schema.ROUNDING):
+        if self.fold_radius - 0.5 * self.wall < 0.5 * self.least_wall * (1 - schema.BOUND_TOLERANCE):
             self.reject(
                 "wall",
                 f"with {self.given('pitch', 'depth')} the folds have a radius of {_mm(self.fold_radius)}, and "
@@ -242,7 +242,7 @@ def _base(bellows: BendingBellows, side: float) -> meshing.Entity:
 
 def _wall(bellows: BendingBellows, whole: bool = False) -> meshing.Entity:
     """Return the wall and the end plates: their section in the mirror plane, turned down to the base on one side or on both."""
-    occ, axis = gmsh.model.occ, 0.5 * meshing.MM * bellows.base
+    occ, axis = gmsh.model.occ, 0.5 * meshing.MM_PER_M * bellows.base
     first, last, outside = bellows.root, bellows.length - bellows.cap, bellows.crest
     lines = _Outline(bellows)
     lines.to(0.0, 0.0)
@@ -253,7 +253,7 @@ def _wall(bellows: BendingBellows, whole: bool = False) -> meshing.Entity:
     lines.to(bellows.length, outside)
     lines.to(bellows.length, 0.0)
     lines.to(last, 0.0)
-    lines.along([_turned(arc) for arc in reversed(bellows.arcs(False))])
+    lines.along([_reversed_arc(arc) for arc in reversed(bellows.arcs(False))])
     lines.to(first, 0.0)
     section = [(2, occ.addPlaneSurface([occ.addCurveLoop(lines.closed())]))]
     angle = -0.5 * math.pi
@@ -264,7 +264,7 @@ def _wall(bellows: BendingBellows, whole: bool = False) -> meshing.Entity:
     return next(entity for entity in turned if entity[0] == 3)
 
 
-def _turned(arc: Arc) -> Arc:
+def _reversed_arc(arc: Arc) -> Arc:
     """Return the same arc, run through from its end to its start."""
     return Arc(arc.centre, arc.radius, arc.crest, arc.end, arc.start)
 
@@ -278,7 +278,7 @@ class _Outline:
         self.curves: list[int] = []
 
     def _point(self, x: float, r: float) -> int:
-        return int(gmsh.model.occ.addPoint(meshing.MM * x, 0.0, meshing.MM * (self.axis + r)))
+        return int(gmsh.model.occ.addPoint(meshing.MM_PER_M * x, 0.0, meshing.MM_PER_M * (self.axis + r)))
 
     def to(self, x: float, r: float) -> None:
         """A straight piece to a point, unless the line is there already."""
@@ -323,7 +323,7 @@ def _role(bellows: BendingBellows, tag: int) -> str:
     if high[0] - low[0] < near:  # a flank across x, where two arcs of its own side of the wall end
         return "cavity" if min(abs(low[0] - x) for arc in inner for x in (arc.start, arc.end)) < near else "folds"
     middle = np.array(gmsh.model.getParametrizationBounds(2, tag)).mean(axis=0)
-    x, y, z = np.array(gmsh.model.getValue(2, tag, middle)) / meshing.MM
+    x, y, z = np.array(gmsh.model.getValue(2, tag, middle)) / meshing.MM_PER_M
     r = math.hypot(y, z - half)
     on = any(arc.start - near <= x <= arc.end + near and abs(arc.height(x) - r) < near for arc in inner)
     return "cavity" if on else "folds"

@@ -98,10 +98,10 @@ class Cylinder(actuator.Sectioned, actuator.Halved):
         self.check_size("length", self.outer_radius, self.height, given=given)
         if self.section == "axisymmetric" and self.strip:
             self.reject("strip", "an axisymmetric section cannot have a strip; use section half")
-        if self.strip and not NARROWEST <= self.strip <= WIDEST:
-            self.reject("strip", f"it must be 0 (none) or lie between {NARROWEST:g} and {WIDEST:g} deg")
-        self.check_most("cell_size", actuator.COARSEST, "wall")
-        self.check_most("cell_size", actuator.COARSEST, "cap")
+        if self.strip and not MIN_STRIP_ANGLE <= self.strip <= MAX_STRIP_ANGLE:
+            self.reject("strip", f"it must be 0 (none) or lie between {MIN_STRIP_ANGLE:g} and {MAX_STRIP_ANGLE:g} deg")
+        self.check_most("cell_size", actuator.MAX_CELL_SIZE_RATIO, "wall")
+        self.check_most("cell_size", actuator.MAX_CELL_SIZE_RATIO, "cap")
         self.check_most("cell_size", 1.0, "length")
         self.check_count(f" with {self.given('wall', 'fillet')}")
 
@@ -120,11 +120,11 @@ class Cylinder(actuator.Sectioned, actuator.Halved):
         wall, cap, arc = cell_sizes(self)
         radius, outer = self.inner_radius, self.outer_radius
         if self.dimension == 2:
-            return (self.wall * self.length / wall**2 + outer * self.cap / cap**2 + 20.0) / revolved.TRIANGLE
+            return (self.wall * self.length / wall**2 + outer * self.cap / cap**2 + 20.0) / revolved.TRIANGLE_AREA
         share = math.pi if self.section == "whole" else 0.5 * math.pi
         ring = 2.0 * radius * self.fillet**2 / arc**3 if self.fillet else 0.0
         tube = (outer**2 - radius**2) * self.length / wall**3
-        return share * (tube + outer**2 * self.cap / cap**3 + ring) / revolved.TETRAHEDRON
+        return share * (tube + outer**2 * self.cap / cap**3 + ring) / revolved.TETRAHEDRON_VOLUME
 
     @property
     def halved(self) -> bool:
@@ -269,7 +269,7 @@ class Cylinder(actuator.Sectioned, actuator.Halved):
 
     def build_whole(self) -> None:
         occ = gmsh.model.occ
-        (wall, cap), _ = _profile(self, lambda r, z: (meshing.MM * r, 0.0, meshing.MM * z))
+        (wall, cap), _ = _profile(self, lambda r, z: (meshing.MM_PER_M * r, 0.0, meshing.MM_PER_M * z))
         revolved.turn_fully(occ.fuse([(2, wall)], [(2, cap)])[0][0][1])
 
     def build(self) -> None:
@@ -280,14 +280,14 @@ class Cylinder(actuator.Sectioned, actuator.Halved):
 # How large the cells of a cylinder are.
 
 
-NARROWEST, WIDEST = 30.0, 330.0
+MIN_STRIP_ANGLE, MAX_STRIP_ANGLE = 30.0, 330.0
 """Least and largest angle of the strip in degrees: what is left of the circle on either side needs cells of its own."""
 
 WIDEST_PIECE = 90.0
 """Largest angle in degrees of one revolution step: the CAD kernel leaves a seam in a full turn, without a vertex at its
 centre."""
 
-THROUGH = {2: 2, 3: 1}
+CELLS_THROUGH_WALL = {2: 2, 3: 1}
 """Cells through the wall and the cap, by dimension; they are quadratic."""
 
 ALONG_ARC = 2
@@ -312,7 +312,7 @@ def azimuths(device: Cylinder, stripped: bool) -> list[float]:
 
 def cell_sizes(device: Cylinder) -> tuple[float, float, float]:
     """Cell sizes in m in the wall, in the cap and along the fillet."""
-    through = THROUGH[device.dimension]
+    through = CELLS_THROUGH_WALL[device.dimension]
     wall, cap = (min(device.cell_size, part / through) for part in (device.wall, device.cap))
     if device.stripped:  # cells as wide as a piece of the wall come out flat
         narrowest = min(b - a for a, b in itertools.pairwise(azimuths(device, True)))
@@ -349,7 +349,7 @@ def outline(tube: Cylinder) -> list[revolved.Side]:
 # The closed tube in Gmsh: one profile of two faces, meshed flat or turned around the axis.
 
 
-GROWTH = 0.5
+CELL_SIZE_GROWTH = 0.5
 """Growth of the cell size per distance from the fillet and the cap."""
 
 Edges = list[tuple[int, str]]
@@ -390,8 +390,8 @@ def build_solid(device: Cylinder) -> None:
     meshing.name_boundary(lambda tag: _role(device, tag))
     for role, place in device.anchors.items():
         near = 1e-7 * device.outer_radius
-        found = [tag for _, tag in gmsh.model.getEntities(0) if np.abs(meshing.place_of(tag) - place).max() < near]
-        meshing.name_groups(0, {role: found})
+        tags = [tag for _, tag in gmsh.model.getEntities(0) if np.abs(meshing.place_of(tag) - place).max() < near]
+        meshing.name_groups(0, {role: tags})
     size = _size(device)
     gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: size(math.hypot(x, y), z))
 
@@ -444,9 +444,9 @@ def _size(device: Cylinder) -> Callable[[float, float], float]:
     def size(r: float, z: float) -> float:
         above = max(0.0, z - device.straight)
         return min(
-            wall + GROWTH * above,
-            cap + GROWTH * max(0.0, device.length - z),
-            arc + GROWTH * max(0.0, math.hypot(r - ring[0], z - ring[1]) - device.fillet),
+            wall + CELL_SIZE_GROWTH * above,
+            cap + CELL_SIZE_GROWTH * max(0.0, device.length - z),
+            arc + CELL_SIZE_GROWTH * max(0.0, math.hypot(r - ring[0], z - ring[1]) - device.fillet),
         )
 
     return size

@@ -132,29 +132,30 @@ class HollowDisk(actuator.Wedged):
             self.reject("refinement", "it must be 1 (none) or more")
         self.check_most("cell_size", 1.0, "cavity_radius")
         for part, length in {"membrane": thinnest, "base": self.base, "wall": self.wall}.items():
-            if self.cell_size > actuator.COARSEST * length:
+            if self.cell_size > actuator.MAX_CELL_SIZE_RATIO * length:
                 self.reject(
-                    "cell_size", f"it must be at most {actuator.COARSEST:g} times {part}, {schema.shown(length, 'm')}"
+                    "cell_size",
+                    f"it must be at most {actuator.MAX_CELL_SIZE_RATIO:g} times {part}, {schema.shown(length, 'm')}",
                 )
         self.check_count(f" with refinement {self.refinement:g} and {self.given('fillet')}")
 
     def _check_profile(self) -> None:
-        if self.profile and not FEWEST <= len(self.profile) <= MOST:
+        if self.profile and not MIN_PROFILE_ENTRIES <= len(self.profile) <= MAX_PROFILE_ENTRIES:
             raise GeometryError(
-                f"profile has {len(self.profile)} {'entry' if len(self.profile) == 1 else 'entries'}; it takes {FEWEST} to "
-                f"{MOST}, from the axis to the cavity's edge, or none for a uniform membrane"
+                f"profile has {len(self.profile)} {'entry' if len(self.profile) == 1 else 'entries'}; it takes "
+                f"{MIN_PROFILE_ENTRIES} to {MAX_PROFILE_ENTRIES} from the axis to the cavity's edge, or none: a uniform one"
             )
         for k, share in enumerate(self.profile, 1):
-            if not LEAST_SHARE * (1 - schema.ROUNDING) <= share <= LARGEST_SHARE * (1 + schema.ROUNDING):
+            if not LEAST_SHARE * (1 - schema.BOUND_TOLERANCE) <= share <= LARGEST_SHARE * (1 + schema.BOUND_TOLERANCE):
                 limits = f"it must be between {LEAST_SHARE:g} and {LARGEST_SHARE:g} times membrane"
                 raise GeometryError(f"profile[{k}] is {share:g}; {limits}")
         thinnest, _ = self.membrane_top.extremes
-        if thinnest < schema.SHORTEST * (1 - schema.ROUNDING):
+        if thinnest < schema.MIN_LENGTH * (1 - schema.BOUND_TOLERANCE):
             listed = ", ".join(f"{share:g}" for share in self.profile)
             raise GeometryError(
                 f"profile is {listed}; the smooth line through them leaves a membrane of "
                 f"{schema.shown(max(thinnest, 0.0), 'm')} at "
-                f"its thinnest; the minimum is {schema.shown(schema.SHORTEST, 'm')}, so let neighbours differ less"
+                f"its thinnest; the minimum is {schema.shown(schema.MIN_LENGTH, 'm')}, so let neighbours differ less"
             )
 
     @property
@@ -174,11 +175,17 @@ class HollowDisk(actuator.Wedged):
         # Three quarters of a disk around each root, then rings of growing cells.
         if not solid:
             rings = (
-                0.5 * (core / cell) ** 2 + math.log(max(far / cell, 1.0)) / GROWTH**2 for _, cell, core in roots(self)
+                0.5 * (core / cell) ** 2 + math.log(max(far / cell, 1.0)) / CELL_SIZE_GROWTH**2
+                for _, cell, core in roots(self)
             )
-            return (1.5 * math.pi * sum(rings) + bulk) / revolved.TRIANGLE
-        rings = (0.5 * core**2 / cell**3 + 0.5 / (GROWTH**2 * cell) for _, cell, core in roots(self))
-        return self.angle / 360.0 * (bulk + 2.0 * math.pi * radius * 1.5 * math.pi * sum(rings)) / revolved.TETRAHEDRON
+            return (1.5 * math.pi * sum(rings) + bulk) / revolved.TRIANGLE_AREA
+        rings = (0.5 * core**2 / cell**3 + 0.5 / (CELL_SIZE_GROWTH**2 * cell) for _, cell, core in roots(self))
+        return (
+            self.angle
+            / 360.0
+            * (bulk + 2.0 * math.pi * radius * 1.5 * math.pi * sum(rings))
+            / revolved.TETRAHEDRON_VOLUME
+        )
 
     @property
     def size(self) -> float:
@@ -314,12 +321,14 @@ class HollowDisk(actuator.Wedged):
         if not self.profile:
             return {"membrane": self.membrane}
         gaps = len(self.profile) - 1
-        thickness = self.membrane_top.thickness(self.cavity_radius * np.linspace(0.0, 1.0, len(PARTS) * gaps + 1))
-        at = {f"membrane at entry {k} of profile": len(PARTS) * (k - 1) for k in range(1, gaps + 2)}
+        thickness = self.membrane_top.thickness(
+            self.cavity_radius * np.linspace(0.0, 1.0, len(ENTRY_PLACES) * gaps + 1)
+        )
+        at = {f"membrane at entry {k} of profile": len(ENTRY_PLACES) * (k - 1) for k in range(1, gaps + 2)}
         at |= {
-            f"membrane {part} from entry {k} to entry {k + 1} of profile": len(PARTS) * (k - 1) + place
+            f"membrane {part} from entry {k} to entry {k + 1} of profile": len(ENTRY_PLACES) * (k - 1) + place
             for k in range(1, gaps + 1)
-            for place, part in enumerate(PARTS[1:], 1)
+            for place, part in enumerate(ENTRY_PLACES[1:], 1)
         }
         return {name: float(thickness[place]) for name, place in at.items()}
 
@@ -336,7 +345,7 @@ class HollowDisk(actuator.Wedged):
         )  # fmt: skip
 
     def build_whole(self) -> None:
-        revolved.turn_fully(_face(self, (meshing.MM, 0.0, 0.0), (0.0, 0.0, meshing.MM))[0])
+        revolved.turn_fully(_face(self, (meshing.MM_PER_M, 0.0, 0.0), (0.0, 0.0, meshing.MM_PER_M))[0])
 
     def build(self) -> None:
         build_profile(self) if self.dimension == 2 else build_wedge(self)
@@ -359,44 +368,46 @@ def _radial(degrees: float) -> Vector:
 # peaks. Away from a thin part or a root the size grows linearly with distance, so neighbours stay alike.
 
 
-THROUGH = 2
-"""Cells through the thickness of each part."""
+CELLS_THROUGH_WALL = 2
 
-GROWTH = 0.5
-"""Growth of the cell size per distance."""
+CELL_SIZE_GROWTH = 0.5
 
 ALONG_ARC = 2
 """Cells along the fillet's quarter circle; two curved ones follow it within a thousandth of its radius."""
 
-TURN = 1.0
-"""Angle in radians by which a curved top may turn along a cell's edge, unless that takes more than `FINEST` of them."""
+MAX_TURN_PER_CELL = 1.0
+"""Angle in radians by which a curved top may turn along a cell's edge, or `MAX_CELLS_PER_ENTRY`."""
 
-FINEST = 3
+MAX_CELLS_PER_ENTRY = 3
 """Most edges between two entries of a profile that the top's curvature asks for."""
 
-SAMPLES = 257
+SIZE_SAMPLES = 257
 """Radii at which the size in a membrane of varying thickness is known; straight lines between them."""
 
 
 def part_size(disk: HollowDisk, part: str) -> float:
     """Return the cell size in m inside "membrane" (at its root), "base" or "wall"."""
     thickness: float = disk.height - disk.ceiling if part == "membrane" and disk.profile else getattr(disk, part)
-    return min(disk.cell_size, thickness / THROUGH)
+    return min(disk.cell_size, thickness / CELLS_THROUGH_WALL)
 
 
 def membrane_sizes(disk: HollowDisk) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return radii from the axis to the cavity's edge and the cell size in the membrane there, in m.
 
-    There are `THROUGH` cells through the thickness, none longer than the distance of a profile's entries or turning by more
-    than `TURN`, and the size grows no faster than `GROWTH` along the radius.
+    There are `CELLS_THROUGH_WALL` cells through it, none longer than the distance of profile entries or turning by more than
+    `MAX_TURN_PER_CELL`, and the size grows no faster than `CELL_SIZE_GROWTH` along the radius.
     """
-    radii = np.linspace(0.0, disk.cavity_radius, SAMPLES)
+    radii = np.linspace(0.0, disk.cavity_radius, SIZE_SAMPLES)
     apart = disk.cavity_radius / max(len(disk.profile) - 1, 1)
     longest = min(disk.cell_size, apart)
     top = disk.membrane_top
-    turning = np.clip(TURN / np.maximum(top.curvature(radii), TURN / longest), min(apart / FINEST, longest), None)
-    sizes = np.minimum(turning, top.thickness(radii) / THROUGH)
-    return radii, (sizes + GROWTH * np.abs(radii[:, None] - radii)).min(axis=1)
+    turning = np.clip(
+        MAX_TURN_PER_CELL / np.maximum(top.curvature(radii), MAX_TURN_PER_CELL / longest),
+        min(apart / MAX_CELLS_PER_ENTRY, longest),
+        None,
+    )
+    sizes = np.minimum(turning, top.thickness(radii) / CELLS_THROUGH_WALL)
+    return radii, (sizes + CELL_SIZE_GROWTH * np.abs(radii[:, None] - radii)).min(axis=1)
 
 
 def roots(disk: HollowDisk) -> list[tuple[float, float, float]]:
@@ -406,11 +417,11 @@ def roots(disk: HollowDisk) -> list[tuple[float, float, float]]:
     """
     size = min(disk.cell_size / disk.refinement, part_size(disk, "membrane"), part_size(disk, "wall"))
     upper = min(size, _arc_size(disk.fillet)) if disk.fillet > 0.0 else size
-    found = [(disk.ceiling, upper, disk.fillet + upper)]
+    roots = [(disk.ceiling, upper, disk.fillet + upper)]
     if disk.base_fillet > 0.0:
         lower = min(disk.cell_size, part_size(disk, "wall"), _arc_size(disk.base_fillet))
-        found.append((disk.base, lower, disk.base_fillet + lower))
-    return found
+        roots.append((disk.base, lower, disk.base_fillet + lower))
+    return roots
 
 
 def _arc_size(fillet: float) -> float:
@@ -428,10 +439,13 @@ def size_function(disk: HollowDisk) -> Callable[[float, float], float]:
         membrane = float(np.interp(r, radii, sizes)) if disk.profile else root
         return min(
             far,
-            membrane + GROWTH * max(0.0, ceiling - z, r - radius),
-            base + GROWTH * max(0.0, z - floor),
-            wall + GROWTH * max(0.0, radius - r, floor - z),
-            *(cell + GROWTH * max(0.0, math.hypot(r - radius, z - height) - core) for height, cell, core in rings),
+            membrane + CELL_SIZE_GROWTH * max(0.0, ceiling - z, r - radius),
+            base + CELL_SIZE_GROWTH * max(0.0, z - floor),
+            wall + CELL_SIZE_GROWTH * max(0.0, radius - r, floor - z),
+            *(
+                cell + CELL_SIZE_GROWTH * max(0.0, math.hypot(r - radius, z - height) - core)
+                for height, cell, core in rings
+            ),
         )
 
     return size
@@ -517,13 +531,12 @@ class MembraneTop:
 # The hollow disk's half profile: a closed outline of lines, arcs and the membrane's top.
 
 
-FEWEST, MOST = 2, 12
-"""Entries of a membrane's profile."""
+MIN_PROFILE_ENTRIES, MAX_PROFILE_ENTRIES = 2, 12
 
 LEAST_SHARE, LARGEST_SHARE = 0.1, 10.0
 """Smallest and largest entry of a membrane's profile."""
 
-PARTS = ("", "a quarter of the way", "half way", "three quarters of the way")
+ENTRY_PLACES = ("", "a quarter of the way", "half way", "three quarters of the way")
 """Of the way from an entry of a membrane's profile to the next, where its thickness is a clearance."""
 
 
@@ -638,7 +651,7 @@ def _name_rim(disk: HollowDisk) -> None:
     meshing.name_group(1, rim, "support")
     places = {"anchor0": np.zeros(3), "anchor1": disk.outer_radius * np.array(disk.radial)}
     for role in {hold.role for hold in disk.holds if hold.point}:
-        found = [
+        tags = [
             tag for _, tag in gmsh.model.getEntities(0) if np.abs(meshing.place_of(tag) - places[role]).max() < near
         ]
-        meshing.name_group(0, found, role)
+        meshing.name_group(0, tags, role)

@@ -65,38 +65,38 @@ class FaceNumberError(GeometryError):
 def faces(field: str, text: str) -> Faces:
     """Read a choice of faces; GeometryError if it has none of this module's forms."""
     _check_size(field, text)
-    if found := re.fullmatch(r"\s*([xyz])\s*=\s*(.+)", text):
-        x, y, z = (float(axis == found[1]) for axis in actuator.AXES)
-        return Faces(text, normal=(x, y, z), at=_number(field, found[2], "m"))
-    if found := re.fullmatch(r"\s*normal" + ",".join([NUMBER] * 3) + r"(?:at\s*(.+))?", text):
-        direction = np.array([_number(field, part) for part in found.groups()[:3]])
+    if match := re.fullmatch(r"\s*([xyz])\s*=\s*(.+)", text):
+        x, y, z = (float(axis == match[1]) for axis in actuator.AXES)
+        return Faces(text, normal=(x, y, z), at=_number(field, match[2], "m"))
+    if match := re.fullmatch(r"\s*normal" + ",".join([NUMBER] * 3) + r"(?:at\s*(.+))?", text):
+        direction = np.array([_number(field, part) for part in match.groups()[:3]])
         if not direction.any():
             raise GeometryError(f"{field} is {text!r}; a normal must not have zero length")
         x, y, z = (float(part) for part in direction / np.linalg.norm(direction))
-        return Faces(text, normal=(x, y, z), at=_number(field, found[4], "m") if found[4] else 0.0)
+        return Faces(text, normal=(x, y, z), at=_number(field, match[4], "m") if match[4] else 0.0)
     ranges = r"\s*in" + ",".join([NUMBER + r"\.\." + NUMBER] * 3) + r"([a-z]+)\s*"
     # "0..2" would be read as the number "0." and a stray point.
-    if found := re.fullmatch(ranges, re.sub(r"\.\.", " .. ", text)):
-        values = [_number(field, f"{number} {found[7]}", "m") for number in found.groups()[:6]]
+    if match := re.fullmatch(ranges, re.sub(r"\.\.", " .. ", text)):
+        values = [_number(field, f"{number} {match[7]}", "m") for number in match.groups()[:6]]
         if any(low > high for low, high in zip(values[::2], values[1::2], strict=True)):
             raise GeometryError(f"{field} is {text!r}; each range runs from its lower end to its higher one")
         return Faces(text, box=(tuple(values[::2]), tuple(values[1::2])))
-    if found := re.fullmatch(r"\s*named\s+(.*\S)\s*", text):
-        return Faces(text, name=found[1])
-    if found := re.fullmatch(r"\s*colou?red\s+(\w+|#[0-9a-fA-F]{6})\s*", text):
-        if found[1] not in COLOURS and not found[1].startswith("#"):
+    if match := re.fullmatch(r"\s*named\s+(.*\S)\s*", text):
+        return Faces(text, name=match[1])
+    if match := re.fullmatch(r"\s*colou?red\s+(\w+|#[0-9a-fA-F]{6})\s*", text):
+        if match[1] not in COLOURS and not match[1].startswith("#"):
             raise GeometryError(f"{field} is {text!r}; write the colour as #rrggbb or one of {', '.join(COLOURS)}")
-        return Faces(text, colour=COLOURS.get(found[1]) or _bytes(found[1]))
+        return Faces(text, colour=COLOURS.get(match[1]) or _bytes(match[1]))
     raise GeometryError(f"{field} is {text!r}; write {FORMS}{_about_commas(text)}")
 
 
 def point(field: str, text: str) -> tuple[float, float, float]:
     """Read a point, in m; GeometryError if it is not of the form ``at 10, 0, 4 mm``."""
     _check_size(field, text)
-    found = re.fullmatch(r"\s*at" + ",".join([NUMBER] * 3) + r"([a-z]+)\s*", text)
-    if not found:
+    match = re.fullmatch(r"\s*at" + ",".join([NUMBER] * 3) + r"([a-z]+)\s*", text)
+    if not match:
         raise GeometryError(f"{field} is {text!r}; write a point as 'at 10, 0, 4 mm'{_about_commas(text)}")
-    x, y, z = (_number(field, f"{number} {found[4]}", "m") for number in found.groups()[:3])
+    x, y, z = (_number(field, f"{number} {match[4]}", "m") for number in match.groups()[:3])
     return x, y, z
 
 

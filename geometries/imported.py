@@ -57,7 +57,7 @@ class ImportedPart(Actuator):
     cavities: tuple[str, ...] = schema.list_field(
         (),
         "a point in the air of each cavity, such as 'at 10, 0, 4 mm', or faces of its wall, such as 'named chamber'; "
-        "not needed where the part has exactly one closed inner shell; 'none' for a part without air",
+        "not needed where the part has exactly one closed inner shell; 'none' for a solid part (no cavity)",
     )
     support: str = schema.text_field("", "held faces, such as 'x = 0 mm' or 'named flange'; three planes need none")
     surfaces: tuple[str, ...] = schema.list_field(
@@ -142,17 +142,17 @@ class ImportedPart(Actuator):
     @property
     def patches(self) -> dict[str, str]:
         """Faces of the outside by the names that the user gives them."""
-        found: dict[str, str] = {}
+        patches: dict[str, str] = {}
         taken = {OUTER, "support", "axis", MAIN, *(f"plane{i}" for i in range(3))}
         for text in self.surfaces:
             name, _, which = (part.strip() for part in text.partition("="))
             if not (re.fullmatch(r"[a-z]\w*", name) and which):
                 raise GeometryError(f"surfaces has {text!r}; write a name and its faces, such as 'pad = coloured red'")
-            if name in taken or name in found or re.fullmatch(r"cavity\d*", name):
+            if name in taken or name in patches or re.fullmatch(r"cavity\d*", name):
                 raise GeometryError(f"surfaces has {text!r}; the name {name!r} is taken, so use another")
             faces("surfaces", which)
-            found[name] = which
-        return found
+            patches[name] = which
+        return patches
 
     @property
     def airless(self) -> bool:
@@ -246,7 +246,7 @@ class ImportedPart(Actuator):
 MAIN = "solid"
 """Region of a file with one solid."""
 NONE = "none"
-"""What ``cavities`` says of a part without air."""
+"""What ``cavities`` says of a solid part."""
 
 
 def cavity_role(number: int) -> str:
@@ -281,14 +281,14 @@ def region_name(text: str) -> str:
 
 def region_names(file: str, texts: Iterable[str]) -> dict[str, str]:
     """Return a file's names by those of their regions; `GeometryError` for two that become one."""
-    found: dict[str, str] = {}
+    region_names: dict[str, str] = {}
     for text in texts:
-        if (other := found.setdefault(region_name(text), text)) != text:
+        if (other := region_names.setdefault(region_name(text), text)) != text:
             raise GeometryError(
                 f"file {file}: {other!r} and {text!r} both become the region {region_name(text)}; names of regions have small "
                 "letters, digits and _: rename one of them in the program that wrote the file"
             )
-    return found
+    return region_names
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -299,27 +299,27 @@ def region_names(file: str, texts: Iterable[str]) -> dict[str, str]:
 # shells and faces of like shape do not matter. Gmsh loses colours where an assembly moves the part; the copy is unmoved.
 
 
-REST = r"(?:[^';]|'[^']*')*;"
+ENTITY_REST = r"(?:[^';]|'[^']*')*;"
 """Up to the end of an instance; semicolons in texts do not count."""
 FACE = re.compile(r"#(\d+)\s*=\s*(?:ADVANCED_FACE|FACE_SURFACE)\s*\(\s*'((?:[^']|'')*)'")
 SOLID = re.compile(r"#(\d+)\s*=\s*(?:MANIFOLD_SOLID_BREP|BREP_WITH_VOIDS|FACETED_BREP)\s*\(\s*'((?:[^']|'')*)'")
-STYLE = re.compile(r"(#\d+\s*=\s*)\w*STYLED_ITEM\s*\(" + REST)
+STYLE = re.compile(r"(#\d+\s*=\s*)\w*STYLED_ITEM\s*\(" + ENTITY_REST)
 MOVE = re.compile(r"(ITEM_DEFINED_TRANSFORMATION\s*\(\s*'[^']*'\s*,\s*'[^']*'\s*,)\s*(#\d+)\s*,\s*#\d+\s*\)")
 CONTEXT = re.compile(r"#(\d+)\s*=[^;=]*GEOMETRIC_REPRESENTATION_CONTEXT")
 ESCAPE = re.compile(r"\\X\\([0-9A-F]{2})|\\X2\\([0-9A-F]+)\\X0\\|\\X4\\([0-9A-F]+)\\X0\\|\\S\\(.)|\\(\\)")
 
-SHADES, STEP = 16, 16
+SHADES_PER_COLOUR, SHADE_STEP = 16, 16
 """Values of each of red, green and blue that mark a face: and how far apart, to survive rounding."""
 
 
 def face_names(path: str | Path) -> dict[str, list[int]]:
     """Return the names that a file gives to faces, and the numbers of the instances that have each; faces without a name are
     left out."""
-    found = defaultdict(list)
+    face_names = defaultdict(list)
     for number, text in FACE.findall(_read(path)):
         if name := _plain(text).strip():
-            found[name].append(int(number))
-    return dict(found)
+            face_names[name].append(int(number))
+    return dict(face_names)
 
 
 def named_surfaces(path: str | Path, name: str) -> list[int]:
@@ -327,14 +327,18 @@ def named_surfaces(path: str | Path, name: str) -> list[int]:
     session whose model stays as it is. GeometryError if too many faces have this name, or the CAD kernel changed one beyond
     recognition."""
     wanted = face_names(path)[name]
-    if len(wanted) >= SHADES**3:
+    if len(wanted) >= SHADES_PER_COLOUR**3:
         raise GeometryError(f"{len(wanted)} faces of {path} are named {name!r}; pick them by plane, box or colour")
-    marks = {_mark(_shades(k)): k for k in range(len(wanted))}
-    colours = _colours(_marked(_read(path), dict(zip(wanted, marks, strict=True))))
-    found = {place: marks[_mark(colour)] for place, colour in enumerate(colours) if colour and _mark(colour) in marks}
-    if set(found.values()) != set(marks.values()):
+    marks = {_mark_of_colour(_shades(k)): k for k in range(len(wanted))}
+    colours = _colours(_with_marked_faces(_read(path), dict(zip(wanted, marks, strict=True))))
+    named_surfaces = {
+        place: marks[_mark_of_colour(colour)]
+        for place, colour in enumerate(colours)
+        if colour and _mark_of_colour(colour) in marks
+    }
+    if set(named_surfaces.values()) != set(marks.values()):
         raise GeometryError(f"a face named {name!r} in {path} is lost on import; pick it by plane, box or colour")
-    return list(found)
+    return list(named_surfaces)
 
 
 def solid_names(path: str | Path) -> list[str]:
@@ -345,16 +349,16 @@ def solid_names(path: str | Path) -> list[str]:
     """
     text = _read(path)
     bodies = [(int(number), _plain(name).strip()) for number, name in SOLID.findall(text)]
-    if not any(name for _, name in bodies) or len(bodies) >= SHADES**3:
+    if not any(name for _, name in bodies) or len(bodies) >= SHADES_PER_COLOUR**3:
         return [""] * len(gmsh.model.getEntities(3))
     marks = {_shades(k): number for k, (number, _) in enumerate(bodies)}
-    names = {_mark(mark): name for mark, (_, name) in zip(marks, bodies, strict=True)}
-    seen = _colours(_marked(text, {number: mark for mark, number in marks.items()}), 3)
-    return [names.get(_mark(colour), "") if colour else "" for colour in seen]
+    names = {_mark_of_colour(mark): name for mark, (_, name) in zip(marks, bodies, strict=True)}
+    seen = _colours(_with_marked_faces(text, {number: mark for mark, number in marks.items()}), 3)
+    return [names.get(_mark_of_colour(colour), "") if colour else "" for colour in seen]
 
 
 def _read(path: str | Path) -> str:
-    return files.read_file(path, files.GEOMETRY).decode(
+    return files.read_file(path, files.MAX_GEOMETRY_BYTES).decode(
         "latin-1"
     )  # any byte is a letter, so that the copy holds the same bytes
 
@@ -362,8 +366,8 @@ def _read(path: str | Path) -> str:
 def _plain(text: str) -> str:
     r"""Return a name without the escapes of ISO 10303-21: ``''``, ``\\``, ``\X\E9``, ``\X2\00E9\X0\``, ``\S\i``."""
 
-    def letter(found: re.Match[str]) -> str:
-        short, two, four, shifted, slash = found.groups()
+    def letter(match: re.Match[str]) -> str:
+        short, two, four, shifted, slash = match.groups()
         if short:
             return chr(int(short, 16))
         if two or four:
@@ -377,15 +381,15 @@ def _plain(text: str) -> str:
     return plain
 
 
-def _unmoved(text: str) -> str:
+def _without_placements(text: str) -> str:
     """Return the file with every part of an assembly where it was drawn."""
     return MOVE.sub(r"\1 \2, \2)", text)
 
 
-def _marked(text: str, marks: dict[int, Colour]) -> str:
+def _with_marked_faces(text: str, marks: dict[int, Colour]) -> str:
     """Return the file with these colours on these faces and no other."""
     text = STYLE.sub(
-        r"\1 CARTESIAN_POINT('', (0., 0., 0.));", _unmoved(text)
+        r"\1 CARTESIAN_POINT('', (0., 0., 0.));", _without_placements(text)
     )  # what refers to a style still finds something
     context = CONTEXT.search(text)
     if context is None:
@@ -431,12 +435,16 @@ def _colours(text: str, dimension: int = 2) -> list[Colour | None]:
 
 def _shades(number: int) -> Colour:
     """Return the colour that marks something by a number."""
-    return STEP * (number // SHADES**2), STEP * (number // SHADES % SHADES), STEP * (number % SHADES)
+    return (
+        SHADE_STEP * (number // SHADES_PER_COLOUR**2),
+        SHADE_STEP * (number // SHADES_PER_COLOUR % SHADES_PER_COLOUR),
+        SHADE_STEP * (number % SHADES_PER_COLOUR),
+    )
 
 
-def _mark(colour: Colour) -> Colour:
+def _mark_of_colour(colour: Colour) -> Colour:
     """Return the mark that a colour was: rounding moves it by a little."""
-    red, green, blue = (STEP * (shade // STEP) + STEP // 2 for shade in colour)
+    red, green, blue = (SHADE_STEP * (shade // SHADE_STEP) + SHADE_STEP // 2 for shade in colour)
     return red, green, blue
 
 
@@ -446,7 +454,7 @@ def _mark(colour: Colour) -> Colour:
 
 SAME_COLOUR = 2
 """How far red, green and blue may be off: they are written in decimals and rounded."""
-TILT = 1e-4
+PLANE_TOLERANCE = 1e-4
 """How far off, over its distance from the origin, a face may lie from a plane whose normal was typed with few digits."""
 
 
@@ -463,11 +471,11 @@ def chosen(
             raise GeometryError(f"{field} is {choice.text!r}; {listed('name', sorted(known))}")
         return _at(named_surfaces(file, choice.name), tags, pieces)
     if choice.colour is not None:
-        colours = _colours(_unmoved(_read(file)))
+        colours = _colours(_without_placements(_read(file)))
         wanted = np.array(choice.colour)
-        places = [i for i, one in enumerate(colours) if one and np.abs(wanted - one).max() <= SAME_COLOUR]
+        places = [i for i, colour in enumerate(colours) if colour and np.abs(wanted - colour).max() <= SAME_COLOUR]
         if not places:
-            seen = sorted({"#{:02x}{:02x}{:02x}".format(*one) for one in colours if one})
+            seen = sorted({"#{:02x}{:02x}{:02x}".format(*colour) for colour in colours if colour})
             raise GeometryError(f"{field} is {choice.text!r}; {listed('colour', seen)}")
         return _at(places, tags, pieces)
     if choice.box is not None:
@@ -496,7 +504,7 @@ def _in_box(tag: int, box: tuple[tuple[float, ...], tuple[float, ...]], near: fl
 
 def _in_plane(tag: int, normal: NDArray[np.float64], at: float, near: float) -> bool:
     points = surface_points(tag)
-    typed = 0.0 if np.abs(normal).max() == 1.0 else TILT * float(np.linalg.norm(points, axis=1).max())
+    typed = 0.0 if np.abs(normal).max() == 1.0 else PLANE_TOLERANCE * float(np.linalg.norm(points, axis=1).max())
     return bool(np.abs(points @ normal - at).max() < near + typed)
 
 
@@ -590,9 +598,9 @@ class Boundary(abc.ABC):
         picks nothing, or something that cannot have this role."""
         part, left, roles = self.part, self.every, dict[str, mesh_arrays.Ints]()
 
-        def take(role: str, found: mesh_arrays.Ints) -> None:
+        def take(role: str, reference: mesh_arrays.Ints) -> None:
             nonlocal left
-            roles[role], left = found, left[~np.isin(left, found)]
+            roles[role], left = reference, left[~np.isin(left, reference)]
 
         for i, text in enumerate(part.planes):
             take(f"plane{i}", self._in_cut_plane(text, left))
@@ -636,14 +644,14 @@ class Boundary(abc.ABC):
 
     def _some(self, what: str, field: str, text: str, left: mesh_arrays.Ints) -> mesh_arrays.Ints:
         """Return the faces among ``left`` that a text picks; there must be some."""
-        found = self.chosen(field, text, left)
-        if not len(found):
+        faces_left = self.chosen(field, text, left)
+        if not len(faces_left):
             ends = zip(actuator.AXES, *(1e3 * self.box(self.every)), strict=True)
             spans = ", ".join(f"{name} {low:.4g} to {high:.4g}" for name, low, high in ends)
             raise GeometryError(
                 f"{what}; the part has no such face, or it already belongs to a cut plane or a cavity (it spans {spans} mm)"
             )
-        return found
+        return faces_left
 
     def _in_cut_plane(self, text: str, left: mesh_arrays.Ints) -> mesh_arrays.Ints:
         """Return all faces in the plane of those that a text picks, which must go through the origin."""
@@ -666,7 +674,7 @@ class Boundary(abc.ABC):
             raise GeometryError(
                 f"cavities is empty, and file {file} has no closed inner shell that could be the cavity, and no inlet that "
                 "could be closed: close it where it is drawn, name the planes of a part that is cut, or write "
-                "cavities = ['none'] for a part without air"
+                "cavities = ['none'] for a solid part (no cavity)"
             )
         if len(inner) > 1:
             middles = sorted(tuple(1e3 * self.box(shell).mean(axis=0)) for shell in inner)
@@ -695,7 +703,7 @@ class Boundary(abc.ABC):
 
 MOST_TRIANGLES = 1_000_000
 
-SAMPLES = 5
+CURVATURE_SAMPLES = 5
 """Places in each direction of a face's parameters where its curvature is looked at."""
 
 
@@ -707,13 +715,13 @@ def expected_triangles(faces: mesh_arrays.Ints, cell_size: float, curvature: flo
         around = 2.0 * np.pi / (curvature * np.maximum(_curvatures(face), 1e-30))
         sizes = np.minimum(cell_size, around)
         total += float(gmsh.model.occ.getMass(2, face)) * float(np.mean(sizes**-2.0))
-    return total / revolved.TRIANGLE
+    return total / revolved.TRIANGLE_AREA
 
 
 def _curvatures(face: int) -> np.ndarray:
     """Return the largest curvature (1/m) at places all over a face."""
     low, high = gmsh.model.getParametrizationBounds(2, face)
-    share = (np.arange(SAMPLES) + 0.5) / SAMPLES
+    share = (np.arange(CURVATURE_SAMPLES) + 0.5) / CURVATURE_SAMPLES
     u, v = (low[i] + share * (high[i] - low[i]) for i in range(2))
     places = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1)
     largest, smallest = gmsh.model.getPrincipalCurvatures(face, list(places))[:2]
@@ -751,8 +759,8 @@ class Solids(Boundary):
     def every(self) -> mesh_arrays.Ints:
         """Surfaces that bound the union of the solids, without those between two of them."""
         volumes = [(3, tag) for tag in self.tags]
-        found = gmsh.model.getBoundary(volumes, combined=len(volumes) > 1, oriented=False)
-        return np.array([abs(tag) for _, tag in found], dtype=np.int64)
+        boundary = gmsh.model.getBoundary(volumes, combined=len(volumes) > 1, oriented=False)
+        return np.array([abs(tag) for _, tag in boundary], dtype=np.int64)
 
     @property
     def volume(self) -> float:
@@ -774,8 +782,8 @@ class Solids(Boundary):
         return [np.array(sorted(shell), dtype=np.int64) for shell in shells([int(tag) for tag in among])]
 
     def chosen(self, field: str, text: str, among: mesh_arrays.Ints) -> mesh_arrays.Ints:
-        found = chosen(field, faces(field, text), among.tolist(), self.near, self.part.file, self.made)
-        return np.array(found, dtype=np.int64)
+        chosen_faces = chosen(field, faces(field, text), among.tolist(), self.near, self.part.file, self.made)
+        return np.array(chosen_faces, dtype=np.int64)
 
     def points(self, faces: mesh_arrays.Ints) -> Array:
         return np.concatenate([np.zeros((0, 3)), *(surface_points(tag) for tag in faces)])
@@ -789,9 +797,11 @@ class Solids(Boundary):
 
     def nearest(self, place: Vector, pieces: list[mesh_arrays.Ints]) -> mesh_arrays.Ints:
         probe = gmsh.model.occ.addPoint(*place)
-        found = min(pieces, key=lambda piece: min(gmsh.model.occ.getDistance(0, probe, 2, tag)[0] for tag in piece))
+        nearest_piece = min(
+            pieces, key=lambda piece: min(gmsh.model.occ.getDistance(0, probe, 2, tag)[0] for tag in piece)
+        )
         gmsh.model.occ.remove([(0, probe)])
-        return found
+        return nearest_piece
 
     def inwards(self, normal: Array, faces: mesh_arrays.Ints) -> bool:
         return bool(normal @ self.centre > 0)
@@ -813,15 +823,15 @@ def glued(part: ImportedActuator, plugs: Sequence[tuple[int, int]] = ()) -> Soli
     gmsh.model.occ.synchronize()
     regions: dict[str, list[int]] = defaultdict(list)
     owner: dict[int, str] = {}
-    for name, found in zip(names, made, strict=False):
-        for _, tag in found:
+    for name, pieces_of_region in zip(names, made, strict=False):
+        for _, tag in pieces_of_region:
             if tag in owner:
                 raise GeometryError(
                     f"file {part.file}: the solids {owner[tag]} and {name} overlap; cut one by the other"
                 )
             owner[tag] = name
             regions[name].append(tag)
-    pieces = tuple(tuple(tag for _, tag in found) for found in made[len(volumes) :])
+    pieces = tuple(tuple(tag for _, tag in tools) for tools in made[len(volumes) :])
     solids = Solids(part, dict(regions), pieces)
     _check_touching(part, solids, owner)
     return solids
@@ -833,12 +843,14 @@ def _skin(volumes: Sequence[tuple[int, int]]) -> set[tuple[int, int]]:
 
 def _names(file: str, volumes: list[tuple[int, int]]) -> list[str]:
     """Return the names of the regions of a file's solids, in the order of the volumes."""
-    found = []
+    region_names_of_parts = []
     for number, (own, volume) in enumerate(zip(solid_names(file), volumes, strict=True), 1):
         label = str(gmsh.model.getEntityName(*volume)).rpartition("/")[2]
-        found.append(next((text for text in (own, label) if not NAMELESS.fullmatch(text)), f"solid {number}"))
-    region_names(file, found)
-    return [region_name(text) for text in found]
+        region_names_of_parts.append(
+            next((text for text in (own, label) if not NAMELESS.fullmatch(text)), f"solid {number}")
+        )
+    region_names(file, region_names_of_parts)
+    return [region_name(text) for text in region_names_of_parts]
 
 
 def _check_touching(part: ImportedActuator, solids: Solids, owner: dict[int, str]) -> None:
@@ -863,7 +875,7 @@ def _check_touching(part: ImportedActuator, solids: Solids, owner: dict[int, str
 # A STEP file in Gmsh: its unit, its volumes, its mesh.
 
 
-FINE = 40
+CELLS_PER_CIRCLE = 40
 """Cells around a circle in the mesh of walls that the cavities' volumes are measured on."""
 
 
@@ -881,18 +893,18 @@ def _read_step(part: ImportedActuator) -> Reading:
     with meshing.private_model():
         solids = open_part(part)
         roles = solids.roles()
-        expected = expected_triangles(solids.every, part.cell_size, max(part.curvature, FINE))
+        expected = expected_triangles(solids.every, part.cell_size, max(part.curvature, CELLS_PER_CIRCLE))
         if expected > MOST_TRIANGLES:
             raise GeometryError(
                 f"cell_size is {schema.shown(part.cell_size, 'm')} with curvature {part.curvature:g}; about "
                 f"{expected:.2g} triangles "
                 f"are expected on the part's faces and {MOST_TRIANGLES:,} are allowed"
             )
-        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", FINE)
+        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", CELLS_PER_CIRCLE)
         gmsh.option.setNumber("Mesh.MeshSizeMax", part.cell_size)
         gmsh.model.mesh.generate(2)
         gmsh.model.mesh.setOrder(2)
-        volumes = tuple(_enclosed(solids, roles[cavity_role(i)]) for i in range(part.cavity_count))
+        volumes = tuple(_enclosed_volume(solids, roles[cavity_role(i)]) for i in range(part.cavity_count))
         return Reading(
             solids.outward(roles),
             _gauge(part, roles.get("support", np.empty(0, dtype=np.int64))),
@@ -909,9 +921,9 @@ def build_part(part: ImportedActuator) -> None:
     for name, tags in solids.regions.items():
         gmsh.model.addPhysicalGroup(3, tags, name=name)
     every, roles = solids.every, solids.roles()
-    places = {role: np.flatnonzero(np.isin(every, found)) for role, found in roles.items()}
-    for names, found in meshing.disjoint(places, len(every), OUTER).items():
-        gmsh.model.addPhysicalGroup(2, every[found].tolist(), name=names)
+    places = {role: np.flatnonzero(np.isin(every, groups)) for role, groups in roles.items()}
+    for names, groups in meshing.disjoint(places, len(every), OUTER).items():
+        gmsh.model.addPhysicalGroup(2, every[groups].tolist(), name=names)
     gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", part.curvature)
     gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 1)
     gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: min(other, part.cell_size))
@@ -943,7 +955,7 @@ def open_part(part: ImportedActuator, unit: str = "M") -> Solids:
 def _surface(metre: float) -> Surface:
     """Return corners in m and triangles of the current model's surfaces, of which a metre has so many of its units."""
     low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
-    gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", FINE)
+    gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", CELLS_PER_CIRCLE)
     gmsh.option.setNumber("Mesh.MeshSizeMax", float(np.linalg.norm(high - low)) / 20.0)
     gmsh.model.mesh.generate(2)
     tags, places, _ = gmsh.model.mesh.getNodes()
@@ -971,7 +983,7 @@ def _plug(solids: Solids, opening: Inlet, metre: float) -> tuple[int, int]:
     return plug
 
 
-def _enclosed(solids: Solids, tags: mesh_arrays.Ints) -> float:
+def _enclosed_volume(solids: Solids, tags: mesh_arrays.Ints) -> float:
     """Volume within a wall by the divergence theorem on its mesh, -1/3 int x . n: cut planes through the origin add nothing."""
     total = 0.0
     for tag in tags:
@@ -1002,11 +1014,11 @@ def _gauge(part: ImportedActuator, support: mesh_arrays.Ints) -> Vector:
     if not len(corners):
         raise GeometryError(f"file {part.file} has no corner to follow; split an edge where the motion matters")
     held = np.mean([gmsh.model.occ.getCenterOfMass(2, tag) for tag in support] or [np.zeros(3)], axis=0)
-    found = _corner(part, corners, held)
-    if part.gauge_point and math.dist(found, point("gauge_point", part.gauge_point)) > 1e-4:
-        near = ", ".join(f"{value * 1e3:.6g}" for value in found)
+    gauge = _corner(part, corners, held)
+    if part.gauge_point and math.dist(gauge, point("gauge_point", part.gauge_point)) > 1e-4:
+        near = ", ".join(f"{value * 1e3:.6g}" for value in gauge)
         raise GeometryError(f"gauge_point is {part.gauge_point!r}; it must be a corner, the nearest is at {near} mm")
-    return found
+    return gauge
 
 
 @registry.register_device
@@ -1060,13 +1072,13 @@ class ImportedActuator(ImportedPart):
 # surfaces only; the solid between them is meshed by Gmsh, in a separate process.
 
 
-FARTHEST = 1e3
+MAX_COORDINATE = 1e3
 """Distance in m of a corner of a surface from the origin, above which its file is damaged or in another unit."""
-FLAT = 1e-9
+ZERO_VOLUME_TOLERANCE = 1e-9
 """Six times the volume of a surface, in cubes of its extent, that is no more than rounding."""
-SAME = 1e-6
+CORNER_TOLERANCE = 1e-6
 """Corners of an STL file's triangles this near to each other, over its extent, are one."""
-FEATURE = math.radians(40.0)
+MIN_EDGE_ANGLE = math.radians(40.0)
 """Angle between triangles of an STL file from which their edge is one of the part."""
 Sets = list[tuple[str, Sequence[Any]]]
 """Names of a file, and of each block of cells those that have the name; None for none."""
@@ -1081,15 +1093,15 @@ def read_mesh(
     kind = Path(file).suffix.lower()
     if kind not in FORMATS:
         raise GeometryError(f"file is {file!r}; meshes are read from {', '.join(FORMATS)}, drawings from STEP")
-    found = _by_meshio(file, FORMATS[kind])
+    mesh_read = _by_meshio(file, FORMATS[kind])
     if kind == ".stl":
-        return _filled(file, close(_closed(file, found, unit)), cell_size)
-    cells, blocks = _tetrahedra(file, found)
-    sets = _physical_groups(file, found) if kind == ".msh" else list(found.cell_sets.items())
-    faces, regions = _face_names(found, sets), _region_names(found, sets, blocks)
+        return _meshed_solid(file, close(_is_closed(file, mesh_read, unit)), cell_size)
+    cells, blocks = _tetrahedra(file, mesh_read)
+    sets = _physical_groups(file, mesh_read) if kind == ".msh" else list(mesh_read.cell_sets.items())
+    faces, regions = _face_names(mesh_read, sets), _region_names(mesh_read, sets, blocks)
     if kind == ".msh":
         cells, regions = _each_once(cells, regions)
-    mesh = mesh_arrays.Tetrahedra.made(unit * np.asarray(found.points, dtype=float)[:, :3], cells, faces, regions)
+    mesh = mesh_arrays.Tetrahedra.made(unit * np.asarray(mesh_read.points, dtype=float)[:, :3], cells, faces, regions)
     if len(bodies := mesh.bodies) > 1:
         places = "; ".join(
             ", ".join(f"{1e3 * x:.4g}" for x in mesh.points[mesh.cells[body]].mean(axis=(0, 1))) for body in bodies[:2]
@@ -1106,7 +1118,7 @@ def _by_meshio(file: str, format_name: str) -> Any:
 
     try:
         files.check_file(file)
-        content = b"" if format_name == "stl" else files.read_file(file, files.GEOMETRY)
+        content = b"" if format_name == "stl" else files.read_file(file, files.MAX_GEOMETRY_BYTES)
     except OSError as error:
         raise GeometryError(f"file {file} cannot be read ({errors.reason(error)})") from None
     try:
@@ -1119,11 +1131,11 @@ def _by_meshio(file: str, format_name: str) -> Any:
                 with tempfile.NamedTemporaryFile(suffix=".msh") as plain:
                     plain.write(_without_groups(content))
                     plain.flush()
-                    found = meshio.read(plain.name, format_name)
+                    mesh = meshio.read(plain.name, format_name)
             elif format_name == "abaqus":
-                found = abaqus.Deck(file, content.decode("utf-8", errors="replace")).mesh()
+                mesh = abaqus.Deck(file, content.decode("utf-8", errors="replace")).mesh()
             else:
-                found = meshio.read(file, format_name)
+                mesh = meshio.read(file, format_name)
     except OSError as error:
         raise GeometryError(f"file {file} cannot be read ({errors.reason(error)})") from None
     except GeometryError:
@@ -1133,47 +1145,47 @@ def _by_meshio(file: str, format_name: str) -> Any:
     except Exception as error:  # meshio raises what its readers happen to meet
         words = " ".join(str(error).split())[:200] or "no reason given"
         raise GeometryError(f"file {file} is not a mesh of the format of its extension ({words})") from None
-    if len(found.points) > Path(file).stat().st_size:  # a count in its header that no numbers follow
+    if len(mesh.points) > Path(file).stat().st_size:  # a count in its header that no numbers follow
         raise GeometryError(
             f"file {file} is not a mesh of the format of its extension (it announces more nodes than it has bytes)"
         )
-    if not len(found.points) or not np.isfinite(found.points).all() or np.shape(found.points)[1] != 3:
+    if not len(mesh.points) or not np.isfinite(mesh.points).all() or np.shape(mesh.points)[1] != 3:
         raise GeometryError(f"file {file} has no nodes in three dimensions")
-    return found
+    return mesh
 
 
-def _tetrahedra(file: str, found: Any) -> tuple[mesh_arrays.Ints, list[int]]:
+def _tetrahedra(file: str, mesh: Any) -> tuple[mesh_arrays.Ints, list[int]]:
     """Return all tetrahedra of one order, and the cell blocks that they come from."""
-    kinds = [block.type for block in found.cells]
+    kinds = [block.type for block in mesh.cells]
     if other := sorted({kind for kind in kinds if kind.startswith(OTHER_CELLS)}):
         raise GeometryError(f"file {file} has {', '.join(other)} cells; only tetrahedra of 4 or 10 nodes are supported")
     blocks = [i for i, kind in enumerate(kinds) if kind in ("tetra", "tetra4", "tetra10")]
     if not blocks:
         raise GeometryError(f"file {file} has no tetrahedra; it has {', '.join(sorted(set(kinds))) or 'no cells'}")
-    if len({np.shape(found.cells[i].data)[1] for i in blocks}) > 1:
+    if len({np.shape(mesh.cells[i].data)[1] for i in blocks}) > 1:
         raise GeometryError(f"file {file} mixes tetrahedra of 4 and of 10 nodes; mesh it with one kind")
-    cells = np.concatenate([np.asarray(found.cells[i].data, dtype=np.int64) for i in blocks])
-    if cells.min() < 0 or cells.max() >= len(found.points):
+    cells = np.concatenate([np.asarray(mesh.cells[i].data, dtype=np.int64) for i in blocks])
+    if cells.min() < 0 or cells.max() >= len(mesh.points):
         raise GeometryError(f"file {file} has cells with undefined nodes")
     return cells, blocks
 
 
-def _face_names(found: Any, sets: Sets) -> dict[str, mesh_arrays.Ints]:
+def _face_names(mesh: Any, sets: Sets) -> dict[str, mesh_arrays.Ints]:
     """Return by name the nodes of node sets, and the corners of the triangles of surfaces, sets and physical surfaces."""
-    names = {name: np.asarray(nodes, dtype=np.int64) for name, nodes in found.point_sets.items()}
+    names = {name: np.asarray(nodes, dtype=np.int64) for name, nodes in mesh.point_sets.items()}
     chosen = defaultdict[str, list[mesh_arrays.Ints]](list)
     for name, parts in sets:
         chosen[name] += [
             np.asarray(block.data)[np.asarray(part, dtype=np.int64), :3]
-            for block, part in zip(found.cells, parts, strict=False)
+            for block, part in zip(mesh.cells, parts, strict=False)
             if block.type.startswith("triangle") and part is not None and len(part)
         ]
     return names | {name: np.concatenate(triangles) for name, triangles in chosen.items() if triangles}
 
 
-def _region_names(found: Any, sets: Sets, blocks: list[int]) -> dict[str, mesh_arrays.Ints]:
+def _region_names(mesh: Any, sets: Sets, blocks: list[int]) -> dict[str, mesh_arrays.Ints]:
     """Return the cells by name, counted among the tetrahedra."""
-    starts = dict(zip(blocks, np.cumsum([0] + [len(found.cells[i].data) for i in blocks]).tolist(), strict=False))
+    starts = dict(zip(blocks, np.cumsum([0] + [len(mesh.cells[i].data) for i in blocks]).tolist(), strict=False))
     chosen = defaultdict[str, list[mesh_arrays.Ints]](list)
     for name, parts in sets:
         chosen[name] += [np.asarray(parts[i], dtype=np.int64) + start for i, start in starts.items() if i < len(parts)
@@ -1204,15 +1216,15 @@ def _without_groups(content: bytes) -> bytes:
     return content
 
 
-def _physical_groups(file: str, found: Any) -> Sets:
+def _physical_groups(file: str, mesh: Any) -> Sets:
     """Return the physical groups with a name of a Gmsh file: of each block of cells those in it."""
-    content = files.read_file(file, files.GEOMETRY)
+    content = files.read_file(file, files.MAX_GEOMETRY_BYTES)
     begin, end = _section(content, b"PhysicalNames")
     named = [
         (int(d), int(number), name.decode("utf-8", "replace")) for d, number, name in GROUP.findall(content[begin:end])
     ]
     try:
-        entities, data = _entities(content), found.cell_data
+        entities, data = _entities(content), mesh.cell_data
     except (ValueError, OverflowError, StopIteration):
         raise GeometryError(
             f"file {file} is not a mesh of the format of its extension (its section $Entities is damaged)"
@@ -1220,7 +1232,7 @@ def _physical_groups(file: str, found: Any) -> Sets:
     sets: Sets = []
     for dimension, number, name in named:
         parts = []
-        for i, block in enumerate(found.cells):
+        for i, block in enumerate(mesh.cells):
             part = np.arange(len(block.data) if block.dim == dimension else 0)
             if entities is None:
                 marks = data["gmsh:physical"][i] if "gmsh:physical" in data else np.zeros(len(block.data))
@@ -1250,15 +1262,15 @@ def _entities(content: bytes) -> dict[tuple[int, int], set[int]] | None:
         at += values.nbytes
         return values.tolist()  # type: ignore[no-any-return]
 
-    found = {}
+    entities = {}
     for dimension, count in enumerate(take("<u8", 4) if end else ()):
         for _ in range(int(count)):
             (tag,) = take("<i4", 1)
             take("<f8", 3 if dimension == 0 and version == b"4.1" else 6)
-            found[dimension, int(tag)] = {abs(int(number)) for number in take("<i4", int(take("<u8", 1)[0]))}
+            entities[dimension, int(tag)] = {abs(int(number)) for number in take("<i4", int(take("<u8", 1)[0]))}
             if dimension:
                 take("<i4", int(take("<u8", 1)[0]))
-    return found
+    return entities
 
 
 def _each_once(
@@ -1270,7 +1282,7 @@ def _each_once(
         return cells, regions
     kept = np.sort(first)
     number = np.searchsorted(kept, first)[same.ravel()]
-    return cells[kept], {name: np.unique(number[found]) for name, found in regions.items()}
+    return cells[kept], {name: np.unique(number[region]) for name, region in regions.items()}
 
 
 def read_surfaces(file: str, unit: float) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
@@ -1278,32 +1290,32 @@ def read_surfaces(file: str, unit: float) -> tuple[NDArray[np.float64], mesh_arr
     no such file, no STL, or a surface that is not closed."""
     if Path(file).suffix.lower() != ".stl":
         raise GeometryError(f"file is {file!r}; surfaces are read from .stl")
-    return _closed(file, _by_meshio(file, "stl"), unit)
+    return _is_closed(file, _by_meshio(file, "stl"), unit)
 
 
-def _closed(file: str, found: Any, unit: float) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
-    triangles = [np.asarray(block.data, dtype=np.int64) for block in found.cells if block.type == "triangle"]
+def _is_closed(file: str, arrays: Any, unit: float) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
+    triangles = [np.asarray(block.data, dtype=np.int64) for block in arrays.cells if block.type == "triangle"]
     if not triangles:
         raise GeometryError(f"file {file} has no triangles")
-    places = unit * np.asarray(found.points, dtype=float)
+    places = unit * np.asarray(arrays.points, dtype=float)
     extent = float(np.abs(places).max()) if np.isfinite(places).all() else math.inf
-    if extent > FARTHEST:
+    if extent > MAX_COORDINATE:
         raise GeometryError(
-            f"file {file} has a corner {extent:.4g} m from its origin, but at most {FARTHEST:g} m is allowed; check its unit, "
-            f"or repair it in the program that wrote it"
+            f"file {file} has a corner {extent:.4g} m from its origin, more than {MAX_COORDINATE:g} m; check its unit, "
+            "or repair it in the program that wrote it"
         )
-    points, triangles_of_all = _joined(places, np.concatenate(triangles))
+    points, triangles_of_all = _with_common_corners(places, np.concatenate(triangles))
     _check_closed(file, points, triangles_of_all)
     a, b, c = np.moveaxis(points[triangles_of_all], 1, 0)
     if (
         not abs(np.einsum("ij,ij->", a - points[0], np.cross(b - points[0], c - points[0])))
-        > FLAT * np.ptp(points, axis=0).max() ** 3
+        > ZERO_VOLUME_TOLERANCE * np.ptp(points, axis=0).max() ** 3
     ):
         raise GeometryError(f"file {file} encloses no volume; repair it in the program that wrote it")
     return points, triangles_of_all
 
 
-def _filled(file: str, surface: Surface, cell_size: float) -> mesh_arrays.Tetrahedra:
+def _meshed_solid(file: str, surface: Surface, cell_size: float) -> mesh_arrays.Tetrahedra:
     """Return the solid between the surfaces of an STL file, meshed."""
     try:
         nodes, cells = meshing.apart(_fill, *surface, cell_size)
@@ -1315,9 +1327,11 @@ def _filled(file: str, surface: Surface, cell_size: float) -> mesh_arrays.Tetrah
     return mesh_arrays.Tetrahedra.made(nodes, cells, {}, {})
 
 
-def _joined(points: NDArray[np.float64], triangles: mesh_arrays.Ints) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
+def _with_common_corners(
+    points: NDArray[np.float64], triangles: mesh_arrays.Ints
+) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
     """Return an STL file's triangles with common corners: it lists each corner with each triangle anew."""
-    near = SAME * float(np.linalg.norm(np.ptp(points, axis=0)))
+    near = CORNER_TOLERANCE * float(np.linalg.norm(np.ptp(points, axis=0)))
     pairs = scipy.spatial.cKDTree(points).query_pairs(near, output_type="ndarray")
     group = actuator.joined(pairs, len(points))
     _, first = np.unique(group, return_index=True)
@@ -1343,12 +1357,12 @@ def _fill(
 ) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
     """Mesh the solid between closed surfaces: nodes in m, and tetrahedra. The largest surface is the outside."""
     try:
-        return _meshed(points, triangles, cell_size, True)
+        return _mesh_surfaces(points, triangles, cell_size, True)
     except Exception:  # bare: Gmsh finds no parameters of some surfaces; then their own triangles have to do
-        return _meshed(points, triangles, cell_size, False)
+        return _mesh_surfaces(points, triangles, cell_size, False)
 
 
-def _meshed(
+def _mesh_surfaces(
     points: NDArray[np.float64], triangles: mesh_arrays.Ints, cell_size: float, anew: bool
 ) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
     """See `_fill`; ``anew`` meshes the surfaces anew with cells of their own, else the file's triangles stay."""
@@ -1356,12 +1370,12 @@ def _meshed(
         tag = gmsh.model.addDiscreteEntity(2)
         gmsh.model.mesh.addNodes(2, tag, np.arange(1, len(points) + 1), points.ravel())
         gmsh.model.mesh.addElementsByType(tag, 2, [], (triangles + 1).ravel())
-        gmsh.model.mesh.classifySurfaces(FEATURE, True, anew, math.pi)
+        gmsh.model.mesh.classifySurfaces(MIN_EDGE_ANGLE, True, anew, math.pi)
         if anew:
             gmsh.model.mesh.createGeometry()
-        found = shells([tag for _, tag in gmsh.model.getEntities(2)])
-        outer = max(found, key=_extent)
-        loops = [gmsh.model.geo.addSurfaceLoop(shell) for shell in [outer, *(s for s in found if s is not outer)]]
+        surfaces = shells([tag for _, tag in gmsh.model.getEntities(2)])
+        outer = max(surfaces, key=_extent)
+        loops = [gmsh.model.geo.addSurfaceLoop(shell) for shell in [outer, *(s for s in surfaces if s is not outer)]]
         solid = gmsh.model.geo.addVolume(loops)
         gmsh.model.geo.synchronize()
         gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 1)
@@ -1426,7 +1440,11 @@ class Triangles(Boundary):
             low, high = (np.array(end) for end in choice.box)
             return among[((corners > low - near) & (corners < high + near)).all(axis=(1, 2))]
         normal = np.array(choice.normal)
-        typed = 0.0 if np.abs(normal).max() == 1.0 else TILT * float(np.linalg.norm(corners, axis=2).max(initial=0.0))
+        typed = (
+            0.0
+            if np.abs(normal).max() == 1.0
+            else PLANE_TOLERANCE * float(np.linalg.norm(corners, axis=2).max(initial=0.0))
+        )
         return among[(np.abs(corners @ normal - choice.at) < near + typed).all(axis=1)]
 
     def points(self, faces: mesh_arrays.Ints) -> Array:

@@ -29,11 +29,11 @@ from geometries.revolved import Revolved
 from softmodels.common import schema
 from softmodels.common.errors import GeometryError
 
-ROUNDEST = 0.8
+MAX_EDGE_SLOPE_DEPTH = 0.8
 """Largest depth of the slope at the held edge in thicknesses: some of the edge has to be held."""
-DEEPEST = 20.0
+MAX_DEPTH_RATIO = 20.0
 """Largest depth of the chamber, and thickness of plate and rings, in radii."""
-ROUNDED = 1 / 3
+BONDED_SLOPE_SIZE = 1 / 3
 """Width and depth of the slope at the held edge, in thicknesses, where a plate is bonded on."""
 
 
@@ -94,21 +94,21 @@ class Membrane(Revolved):
         self.check_most("thickness", 1.0, "radius")
         self.check_least("thickness", 1e-3, "radius")
         doubtful = "more than {}, suggests a wrong unit"
-        self.check_most("chamber_depth", DEEPEST, "radius", doubtful)
+        self.check_most("chamber_depth", MAX_DEPTH_RATIO, "radius", doubtful)
         self.check_most("cell_size", 1.0, "radius")
         self._check_clamp()
         self.check_below("plate_radius", "radius")
         for name, owner in (("plate_thickness", "plate_radius"), ("ring_thickness", "rings")):
             if getattr(self, name) and not getattr(self, owner):
                 self.reject(name, f"it needs {owner}")
-            self.check_most(name, DEEPEST, "radius", doubtful)
+            self.check_most(name, MAX_DEPTH_RATIO, "radius", doubtful)
         self._check_rings()
         self.check_cells()
 
     def _check_clamp(self) -> None:
         given = f"with {self.given('radius')} "
         self.check_size("clamp_width", self.radius + self.clamp_width, given=given)
-        deepest, inside = ROUNDEST * self.thickness, self.radius - max(self.plate_radius, *self.rings, 0.0)
+        deepest, inside = MAX_EDGE_SLOPE_DEPTH * self.thickness, self.radius - max(self.plate_radius, *self.rings, 0.0)
         rounding = f"clamp_rounding is {schema.shown(self.slope, 'm')}"
         if self.clamp_rounding and self.clamp_width:
             raise GeometryError(
@@ -117,7 +117,7 @@ class Membrane(Revolved):
             )
         if self.slope > deepest or self.slope >= inside > 0.0:
             raise GeometryError(
-                f"{rounding}; it must be at most {ROUNDEST:g} of thickness, {schema.shown(deepest, 'm')}, and less "
+                f"{rounding}; it must be at most {MAX_EDGE_SLOPE_DEPTH:g} of thickness, {schema.shown(deepest, 'm')}, and less "
                 "than what is bare "
                 f"inside the clamp, {schema.shown(inside, 'm')}"
             )
@@ -150,60 +150,60 @@ class Membrane(Revolved):
     @property
     def parts(self) -> list[tuple[float, float, str, float]]:
         """What covers it from the axis outwards: inner and outer radius, face, thickness in m of what is bonded on it."""
-        found: list[tuple[float, float, str, float]] = []
+        parts: list[tuple[float, float, str, float]] = []
         at = self.plate_radius
         if at:
-            found.append((0.0, at, "plate", self.plate_thickness))
+            parts.append((0.0, at, "plate", self.plate_thickness))
         for k, (inner, outer) in enumerate(self.ring_pairs, 1):
-            found += [(at, inner, "top", 0.0), (inner, outer, f"ring{k}", self.ring_thickness)]
+            parts += [(at, inner, "top", 0.0), (inner, outer, f"ring{k}", self.ring_thickness)]
             at = outer
-        found.append((at, self.radius - self.slope, "top", 0.0))
+        parts.append((at, self.radius - self.slope, "top", 0.0))
         if self.clamp_width:
-            found.append((self.radius, self.radius + self.clamp_width, "clamp_top", 0.0))
-        return found
+            parts.append((self.radius, self.radius + self.clamp_width, "clamp_top", 0.0))
+        return parts
 
     @property
     def strips(self) -> list[Strip]:
         """The membrane cut at all radii where something begins or its cells change, from the axis outwards."""
         across = self.thickness / self.rows
-        largest = min(self.cell_size, revolved.NEEDLE * across)
+        largest = min(self.cell_size, revolved.MAX_CELL_ASPECT_RATIO * across)
         first = min(largest, across)
-        found: list[Strip] = []
+        strips: list[Strip] = []
         for inner, outer, part, height in self.parts:
             if inner == 0.0:
-                pieces = _reversed(revolved.graded(outer, first, largest))
+                pieces = _reversed_panel(revolved.graded(outer, first, largest))
             elif part == "clamp_top":
                 pieces = revolved.graded(outer - inner, first, largest)
             else:
                 half = revolved.graded(0.5 * (outer - inner), first, largest)
-                pieces = [*half, *_reversed(half)]
+                pieces = [*half, *_reversed_panel(half)]
             begin = inner
             for k, (length, cells, growth) in enumerate(pieces, 1):
                 end = outer if k == len(pieces) else begin + length
-                found.append(Strip(begin, end, cells, growth, part, height))
+                strips.append(Strip(begin, end, cells, growth, part, height))
                 begin = end
         if slope := self.slope:
-            cells = max(1, math.ceil(slope / across - revolved.ROUNDING))
-            found.append(Strip(self.radius - slope, self.radius, cells, 1.0, "top", 0.0, slope))
-        return found
+            cells = max(1, math.ceil(slope / across - revolved.ZERO_LENGTH_TOLERANCE))
+            strips.append(Strip(self.radius - slope, self.radius, cells, 1.0, "top", 0.0, slope))
+        return strips
 
     @property
     def panels(self) -> tuple[revolved.Panel, ...]:
         through, edge = self.rows, self.radius + self.clamp_width
-        rim, along, found = "rim" if self.clamp_width else "clamp", self.strips, []
+        rim, along, panels = "rim" if self.clamp_width else "clamp", self.strips, []
         for k, strip in enumerate(along):
             within = "cavity" if strip.inner < self.radius else "clamp"
             ends = ("axis" if strip.inner == 0.0 else "", rim if strip.outer == edge else "")
             above = "" if strip.height else strip.part
-            found.append(_panel("solid", strip, (0.0, self.thickness), (within, above), ends, through))
+            panels.append(_panel("solid", strip, (0.0, self.thickness), (within, above), ends, through))
             if strip.height:
                 span = (self.thickness, self.thickness + strip.height)
                 before = along[k - 1].part if k else "axis"
                 left = "axis" if k == 0 else strip.part if before != strip.part else ""
                 right = strip.part if along[k + 1].part != strip.part else ""
                 cells = max(through, round(strip.height / self.cell_size))
-                found.append(_panel(strip.part, strip, span, ("", strip.part), (left, right), cells))
-        return tuple(found)
+                panels.append(_panel(strip.part, strip, span, ("", strip.part), (left, right), cells))
+        return tuple(panels)
 
     @property
     def rows(self) -> int:
@@ -220,7 +220,7 @@ class Membrane(Revolved):
         if self.clamp_rounding is not None or self.clamp_width:
             return self.clamp_rounding or 0.0
         bare = self.radius - max(self.plate_radius, *self.rings, 0.0)
-        return min(ROUNDED * self.thickness, 0.5 * bare) if self.plate_radius else 0.0
+        return min(BONDED_SLOPE_SIZE * self.thickness, 0.5 * bare) if self.plate_radius else 0.0
 
     @property
     def thinnest(self) -> float:
@@ -331,7 +331,7 @@ class Strip(NamedTuple):
     slope: float = 0.0
 
 
-def _reversed(pieces: list[tuple[float, int, float]]) -> list[tuple[float, int, float]]:
+def _reversed_panel(pieces: list[tuple[float, int, float]]) -> list[tuple[float, int, float]]:
     return [(length, cells, 1.0 / growth) for length, cells, growth in reversed(pieces)]
 
 

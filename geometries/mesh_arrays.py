@@ -45,7 +45,7 @@ class MeshArrays:
         return np.asarray(np.take_along_axis(self.cells[cell], order[side], axis=1))
 
 
-KINDS = {4: 4, 11: 10}
+NODES_OF_GMSH_TYPE = {4: 4, 11: 10}
 """Gmsh's tetrahedra of first and second order, with their number of nodes."""
 
 
@@ -73,7 +73,7 @@ def read_arrays(path: Path) -> MeshArrays:
         places.reshape(-1, 3),
         whole,
         {name: np.concatenate(each) for name, each in regions.items()},
-        _owned(whole, faces),
+        _cells_and_sides(whole, faces),
         {name: each[0] if len(each) == 1 else np.unique(np.concatenate(each)) for name, each in nodes.items()},
     )
 
@@ -83,7 +83,7 @@ def _cells_of(group: int) -> Ints:
     parts = []
     for entity in gmsh.model.getEntitiesForPhysicalGroup(3, group):
         for kind, _, nodes in zip(*gmsh.model.mesh.getElements(3, entity), strict=True):
-            width = KINDS.get(int(kind), 0)
+            width = NODES_OF_GMSH_TYPE.get(int(kind), 0)
             if not width:
                 raise MeshFileError("the mesh has cells that are no tetrahedra")
             parts.append(nodes.astype(np.int64).reshape(-1, width)[:, TO_GMSH[:width]])
@@ -100,15 +100,17 @@ def _corners_of(group: int) -> Ints:
     return np.concatenate(parts)
 
 
-def _owned(cells: Ints, corners: Mapping[str, Ints]) -> dict[str, Ints]:
+def _cells_and_sides(cells: Ints, corners: Mapping[str, Ints]) -> dict[str, Ints]:
     """Return the cell and side of the faces of each role, by their corners."""
     sides = np.sort(cells[:, SIDES].reshape(-1, 3), axis=1)
     keys = {tuple(side): place for place, side in enumerate(sides.tolist())}
-    found = {}
+    cells_and_sides = {}
     for name, triangles in corners.items():
-        places = np.array([keys[tuple(one)] for one in np.sort(triangles, axis=1).tolist()], dtype=np.int64)
-        found[name] = np.column_stack([places // 4, places % 4])
-    return found
+        places = np.array(
+            [keys[tuple(corner_triple)] for corner_triple in np.sort(triangles, axis=1).tolist()], dtype=np.int64
+        )
+        cells_and_sides[name] = np.column_stack([places // 4, places % 4])
+    return cells_and_sides
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -122,7 +124,7 @@ SIDES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
 """Corners of a tetrahedron's sides, turned so that their normals point outward."""
 MIDDLES = np.array([[6, 5, 4], [4, 8, 7], [5, 9, 8], [7, 9, 6]])
 """Nodes inside the edges of those sides, in the order of VTK and Abaqus."""
-TURNED = np.array([1, 0, 2, 3, 4, 6, 5, 8, 7, 9])
+MIRRORED_NODE_ORDER = np.array([1, 0, 2, 3, 4, 6, 5, 8, 7, 9])
 """The nodes of a tetrahedron whose first two corners are exchanged."""
 
 TO_GMSH = np.array([0, 1, 2, 3, 4, 5, 6, 7, 9, 8])
@@ -158,12 +160,12 @@ class Tetrahedra:
         if not np.abs(heights).min() > 1e-12 * np.abs(heights).max():
             x, y, z = 1e3 * points[cells[np.abs(heights).argmin()]].mean(axis=0)
             raise GeometryError(f"the mesh has a cell without volume near {x:.4g}, {y:.4g}, {z:.4g} mm")
-        order = TURNED[:width]
+        order = MIRRORED_NODE_ORDER[:width]
         cells = np.where(heights[:, None] < 0, cells[:, order], cells)
         kept = {}
         for name, nodes in faces.items():
-            found = number[nodes]
-            kept[name] = found[(found >= 0).reshape(len(found), -1).all(axis=1)]
+            cells_read = number[nodes]
+            kept[name] = cells_read[(cells_read >= 0).reshape(len(cells_read), -1).all(axis=1)]
         return cls(points, cells, kept, regions)
 
     @functools.cached_property
@@ -251,9 +253,9 @@ def triangle_tables(width: int) -> tuple[Array, Array, Array]:
     """Return the values and two slopes of the shape functions of a triangle of 3 nodes, or 6 with those inside the edges
     behind the corners, at the points of `RULE`, shape (q, width) each."""
     s, t, r = RULE[:, 1], RULE[:, 2], RULE[:, 0]
-    o, one = np.zeros_like(s), np.ones_like(s)
+    o, ones = np.zeros_like(s), np.ones_like(s)
     if width == 3:
-        return RULE, np.stack([-one, one, o], axis=1), np.stack([-one, o, one], axis=1)
+        return RULE, np.stack([-ones, ones, o], axis=1), np.stack([-ones, o, ones], axis=1)
     value = [r * (2 * r - 1), s * (2 * s - 1), t * (2 * t - 1), 4 * r * s, 4 * s * t, 4 * t * r]
     along = [1 - 4 * r, 4 * s - 1, o, 4 * (r - s), 4 * t, -4 * t]
     across = [1 - 4 * r, o, 4 * t - 1, -4 * s, 4 * s, 4 * (r - t)]

@@ -82,7 +82,7 @@ SETTINGS = {
 DRAWN_IN = "Geometry.OCCTargetUnit"
 """Gmsh's option with the unit of a drawing's numbers; empty for the kernel's own, mm."""
 
-SOUND, USABLE = 0.1, 0.05
+AIMED_JACOBIAN, MIN_JACOBIAN = 0.1, 0.05
 """Least Jacobian determinant of a curved cell over that of the same cell with straight edges: below the first, Gmsh's own aim,
 nodes are moved; cells below the second are straightened. A flat cell is as flat without curved edges, so that its shape says
 nothing here."""
@@ -98,13 +98,13 @@ EDGES = ((0, 1), (1, 2), (2, 0), (3, 0), (2, 3), (1, 3))
 MOST_CELLS = 5_000_000
 """More than a machine of 100 GB solves for."""
 
-QUICK = 10_000
+MAX_CELLS_IN_PROCESS = 10_000
 """Up to this many cells a device is meshed within a second or so, in this very process."""
 
-ROUNDS = 10
+MAX_STRAIGHTENING_ROUNDS = 10
 """How often straightened cells may spoil their neighbours before that is given up."""
 
-ROUNDING = 1e-9
+STRAIGHT_TOLERANCE = 1e-9
 """Share of half an edge's length by which its middle is off the straight one, above which the edge is curved."""
 
 
@@ -125,7 +125,7 @@ class MeshSummary:
 def private_model() -> Iterator[None]:
     """Return a fresh, current Gmsh model; afterwards a caller's own Gmsh session is as it was."""
 
-    with processes.LOCK:
+    with processes.WORKER_LOCK:
         yield from _fresh_model()
 
 
@@ -201,17 +201,17 @@ def write_mesh(actuator: Meshable, path: Path, stopped: Callable[[], bool] = boo
     return path
 
 
-class SpoiltCells(MeshingError):
+class InvalidCellsError(MeshingError):
     """Curved edges spoil cells, and moving nodes in one way does not mend them."""
 
 
 def _make_curved(actuator: Meshable, path: Path, stopped: Callable[[], bool]) -> None:
     """Mesh a device into a file in the first of `CURVINGS` that makes its cells sound."""
     try:
-        if actuator.expected_cells <= QUICK:
+        if actuator.expected_cells <= MAX_CELLS_IN_PROCESS:
             return _make(actuator, path, CURVINGS[0])
         return apart(_make, actuator, path, CURVINGS[0], stopped=stopped)
-    except SpoiltCells:
+    except InvalidCellsError:
         pass
     if processes.pickled((_make, (actuator, path, CURVINGS[1]))) is not None:
         with contextlib.suppress(MeshingError):  # spoilt, or its process has ended
@@ -220,7 +220,7 @@ def _make_curved(actuator: Meshable, path: Path, stopped: Callable[[], bool]) ->
 
 
 def _make(actuator: Meshable, path: Path, curving: str) -> None:
-    """Mesh a device into a file with a private model of Gmsh's; `SpoiltCells` if a way of `CURVINGS` leaves some."""
+    """Mesh a device into a file with a private model of Gmsh's; `InvalidCellsError` if a way of `CURVINGS` leaves some."""
     with private_model():
         try:
             actuator.build()
@@ -264,16 +264,16 @@ def _generate(actuator: Meshable, curving: str) -> None:
         raise MeshingError("Gmsh made no cells inside the solid; try a larger fillet (or none) or another cell size")
     if actuator.dimension == 3:
         # Flat tetrahedra are reshaped while the edges are still straight; curving them would turn some inside out.
-        with hushed(b"BFGS update error"):  # of Netgen's, at a cell so flat that one of its steps is left out
+        with quiet_output(b"BFGS update error"):  # of Netgen's, at a cell so flat that one of its steps is left out
             gmsh.model.mesh.optimize("Netgen")
     gmsh.model.mesh.setOrder(actuator.mesh_order)
-    if actuator.mesh_order > 1 and _curvings(actuator.dimension).min() < SOUND:
+    if actuator.mesh_order > 1 and _jacobian_ratios(actuator.dimension).min() < AIMED_JACOBIAN:
         # Curving an edge onto an arc bends a flat cell too far; moving the inner nodes usually mends it.
         with contextlib.suppress(Exception):  # bare: its solver gave up, and the cells are judged next
             gmsh.model.mesh.optimize(curving or CURVINGS[0])
-        if _curvings(actuator.dimension).min() < USABLE:
+        if _jacobian_ratios(actuator.dimension).min() < MIN_JACOBIAN:
             if curving:
-                raise SpoiltCells(f"{curving} leaves cells that curved edges spoil")
+                raise InvalidCellsError(f"{curving} leaves cells that curved edges spoil")
             if straight := _straighten(actuator.dimension):
                 gmsh.model.setAttribute(STRAIGHT, [str(straight)])
     worst = _worst(actuator.dimension)
@@ -308,7 +308,7 @@ def _check_cells() -> None:
         )
 
 
-def _curvings(dimension: int) -> NDArray[np.float64]:
+def _jacobian_ratios(dimension: int) -> NDArray[np.float64]:
     """Return of each cell its least Jacobian determinant over that of the same cell with straight edges."""
     tags, nodes, at = _curved_cells(dimension)
     corners = at[nodes[:, : dimension + 1]]
@@ -339,13 +339,13 @@ def _straighten(dimension: int) -> int:
     _, nodes, at = _curved_cells(dimension)
     boundary = np.concatenate([gmsh.model.mesh.getNodes(d, includeBoundary=True)[0] for d in range(dimension)])
     moved = set[int]()
-    for _ in range(ROUNDS):
-        spoilt = nodes[_curvings(dimension) < USABLE]
+    for _ in range(MAX_STRAIGHTENING_ROUNDS):
+        spoilt = nodes[_jacobian_ratios(dimension) < MIN_JACOBIAN]
         if not len(spoilt):
             break
         for k, (a, b) in enumerate(EDGES[: nodes.shape[1] - dimension - 1]):
             middles, chords = spoilt[:, dimension + 1 + k], 0.5 * (at[spoilt[:, a]] + at[spoilt[:, b]])
-            bent = np.linalg.norm(at[middles] - chords, axis=1) > ROUNDING * np.linalg.norm(
+            bent = np.linalg.norm(at[middles] - chords, axis=1) > STRAIGHT_TOLERANCE * np.linalg.norm(
                 chords - at[spoilt[:, a]], axis=1
             )
             for middle, chord in zip(middles[bent].tolist(), chords[bent], strict=True):
@@ -381,7 +381,7 @@ def _measure(dimension: int) -> float:
 # sentence, and its output is hidden.
 
 
-LOOK = 0.02
+POLLING_INTERVAL = 0.02
 """Polling interval in seconds for the end of the task or a stop request."""
 
 WORKER = """
@@ -413,17 +413,19 @@ def apart[T](task: Callable[..., T], *arguments: Any, stopped: Callable[[], bool
             while process.poll() is None:
                 if stopped():
                     raise MeshingStopped
-                time.sleep(LOOK)
+                time.sleep(POLLING_INTERVAL)
         finally:
             if process.poll() is None:
                 process.kill()
                 process.wait()
         if process.returncode:
-            time.sleep(LOOK)  # a batch queue signals all processes of a job, this one perhaps a moment later
+            time.sleep(
+                POLLING_INTERVAL
+            )  # a batch queue signals all processes of a job, this one perhaps a moment later
             if stopped():
                 raise MeshingStopped
             errors.seek(0)
-            raise MeshingError(_death(process.returncode, errors.read().decode(errors="replace")))
+            raise MeshingError(_end_of_process(process.returncode, errors.read().decode(errors="replace")))
         answer.seek(0)
         done, value = pickle.load(answer)
     if not done:
@@ -440,7 +442,7 @@ def answer_to(order: bytes) -> bytes:
         return pickle.dumps((False, error))
 
 
-def _death(status: int, words: str) -> str:
+def _end_of_process(status: int, words: str) -> str:
     """Return why a process ended, as a sentence."""
     if status == -signal.SIGKILL:
         return "the mesher was killed, most likely out of memory; use larger cells (--cell-size)"
@@ -457,21 +459,20 @@ def _death(status: int, words: str) -> str:
 # Words that a library below prints by itself, kept off the terminal.
 
 
-STREAMS = (1, 2)
-"""Standard output and errors."""
+OUTPUT_STREAMS = (1, 2)
 
 
 @contextlib.contextmanager
-def hushed(words: bytes) -> Iterator[None]:
+def quiet_output(words: bytes) -> Iterator[None]:
     """Leave lines with these words out of what is written to standard output and errors; all other lines come afterwards.
 
     It is for short calls: what other threads write meanwhile comes late too.
     """
     library = ctypes.CDLL(None)
     with contextlib.ExitStack() as stack:
-        for stream in STREAMS:
+        for stream in OUTPUT_STREAMS:
             with contextlib.suppress(OSError):  # closed, as in a service: no output is shown there
-                stack.enter_context(_filtered(stream, words))
+                stack.enter_context(_without_start(stream, words))
         try:
             yield
         finally:
@@ -479,7 +480,7 @@ def hushed(words: bytes) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _filtered(stream: int, words: bytes) -> Iterator[None]:
+def _without_start(stream: int, words: bytes) -> Iterator[None]:
     before = os.dup(stream)
     with tempfile.TemporaryFile() as heard:
         os.dup2(heard.fileno(), stream)
@@ -554,12 +555,12 @@ def _place(actuator: Meshable) -> Path | None:
         return None
     fields = [(field.name, getattr(actuator, field.name)) for field in dataclasses.fields(actuator)]
     drawn = actuator.digest() if hasattr(actuator, "digest") else ""
-    key = repr((kind.__qualname__, fields, drawn, _mesher()))
+    key = repr((kind.__qualname__, fields, drawn, _mesher_versions()))
     return folder() / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.msh"
 
 
 @functools.cache
-def _mesher() -> str:
+def _mesher_versions() -> str:
     """Return what meshes: Gmsh and this package."""
     source = hashlib.sha256(gmsh.__version__.encode())
     for file in sorted(Path(__file__).parent.rglob("*.py")):
@@ -569,9 +570,11 @@ def _mesher() -> str:
 
 def _forget_old(place: Path) -> None:
     """Take away what is beyond `MOST_KEPT`."""
-    found = sorted(((file.stat().st_mtime, file.stat().st_size, file) for file in place.glob("*.msh")), reverse=True)
+    kept_files = sorted(
+        ((file.stat().st_mtime, file.stat().st_size, file) for file in place.glob("*.msh")), reverse=True
+    )
     total = 0
-    for _, size, file in found:
+    for _, size, file in kept_files:
         total += size
         if total > MOST_KEPT:
             file.unlink(missing_ok=True)
@@ -613,7 +616,7 @@ def load_mesh(path: str | Path, dimension: int | None = None) -> list[tuple[int,
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"{path} is not a file")
-    _check(path, files.read_file(path, files.GEOMETRY))
+    _check(path, files.read_file(path, files.MAX_GEOMETRY_BYTES))
     with tempfile.TemporaryDirectory() as folder:
         alone = Path(folder) / "alone.msh"  # nothing of Gmsh's beside it
         alone.symlink_to(path.resolve())
@@ -621,8 +624,10 @@ def load_mesh(path: str | Path, dimension: int | None = None) -> list[tuple[int,
             gmsh.merge(str(alone))
         except Exception as error:  # Gmsh raises bare Exception
             raise MeshFileError(f"{path} is a broken mesh file ({str(error).strip() or 'no reason given'})") from None
-    if dimension not in (None, found := gmsh.model.getDimension()):
-        raise MeshFileError(f"{path} is the mesh of another device: its cells have {found} dimensions, not {dimension}")
+    if dimension not in (None, top_dimension := gmsh.model.getDimension()):
+        raise MeshFileError(
+            f"{path} is the mesh of another device: its cells have {top_dimension} dimensions, not {dimension}"
+        )
     return named_groups()
 
 
@@ -638,8 +643,8 @@ def disjoint(groups: Mapping[str, NDArray[np.int64]], count: int, rest: str) -> 
         inside[members, column] = True
     kinds, kind = np.unique(inside, axis=0, return_inverse=True)
     names = [JOINT.join(itertools.compress(groups, row)) or rest for row in kinds]
-    found = {name: np.flatnonzero(kind.ravel() == k) for k, name in enumerate(names)}
-    return dict(reversed(found.items()))  # in the order of the groups, the rest last
+    groups_by_name = {name: np.flatnonzero(kind.ravel() == k) for k, name in enumerate(names)}
+    return dict(reversed(groups_by_name.items()))  # in the order of the groups, the rest last
 
 
 def straight_edges() -> int:
@@ -751,13 +756,12 @@ def mirror_mesh(mirror: Mirror) -> None:
 Entity = tuple[int, int]
 Vector = tuple[float, float, float]
 
-MM = 1e3
-"""Model lengths in one metre."""
+MM_PER_M = 1e3
 
 
 def add_block(low: Vector, high: Vector) -> Entity:
     """Add a block with sides along the axes, its corners in m."""
-    return (3, int(gmsh.model.occ.addBox(*(MM * np.array(low)), *(MM * np.subtract(high, low)))))
+    return (3, int(gmsh.model.occ.addBox(*(MM_PER_M * np.array(low)), *(MM_PER_M * np.subtract(high, low)))))
 
 
 def one_solid(solids: Sequence[Entity]) -> Entity:
@@ -776,8 +780,8 @@ def bond(layers: Mapping[str, Sequence[Entity]], role_of: Callable[[int], str]) 
     _, parts = gmsh.model.occ.fragment([every[0][0]], [solid for solid, _ in every[1:]])
     gmsh.model.occ.synchronize()
     regions: dict[str, list[int]] = defaultdict(list)
-    for (_, name), found in zip(every, parts, strict=True):
-        regions[name] += [tag for _, tag in found]
+    for (_, name), part in zip(every, parts, strict=True):
+        regions[name] += [tag for _, tag in part]
     name_groups(3, regions)
     solids = [(3, tag) for tags in regions.values() for tag in tags]
     roles: dict[str, list[int]] = defaultdict(list)
@@ -788,13 +792,15 @@ def bond(layers: Mapping[str, Sequence[Entity]], role_of: Callable[[int], str]) 
 
 def set_sizes(size: Callable[[float, float, float], float]) -> None:
     """Let cells have a size in m that is a function of the place in m; the mesh is written in m."""
-    gmsh.option.setNumber("Mesh.ScalingFactor", 1.0 / MM)
-    gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: MM * size(x / MM, y / MM, z / MM))
+    gmsh.option.setNumber("Mesh.ScalingFactor", 1.0 / MM_PER_M)
+    gmsh.model.mesh.setSizeCallback(
+        lambda dim, tag, x, y, z, other: MM_PER_M * size(x / MM_PER_M, y / MM_PER_M, z / MM_PER_M)
+    )
 
 
 def face_block(tag: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the corners in m of the block around a face, which is larger by up to 1e-10 m."""
-    low, high = np.array(gmsh.model.occ.getBoundingBox(2, tag)).reshape(2, 3) / MM
+    low, high = np.array(gmsh.model.occ.getBoundingBox(2, tag)).reshape(2, 3) / MM_PER_M
     return low, high
 
 
@@ -816,8 +822,8 @@ def place_of(tag: int) -> NDArray[np.float64]:
 
 def corners_of(tag: int, dimension: int = 2) -> NDArray[np.float64]:
     """Return the corner points of a face or a curve of the CAD model, shape (n, 3)."""
-    found = gmsh.model.getBoundary([(dimension, tag)], combined=False, oriented=False, recursive=True)
-    return np.array([place_of(point) for _, point in found])
+    boundary = gmsh.model.getBoundary([(dimension, tag)], combined=False, oriented=False, recursive=True)
+    return np.array([place_of(point) for _, point in boundary])
 
 
 def name_groups(dimension: int, groups: Mapping[str, list[int]]) -> None:

@@ -95,10 +95,10 @@ class PneuNet(actuator.Finger):
     def check(self) -> None:
         self.check_walls(self.walls, "chamber_length", "chambers")
         for name in ("chamber_width", "chamber_height", "side_wall", "top_wall", "base"):
-            if getattr(self, name) > 0.1 * schema.LONGEST:
-                self.reject(name, f"above {schema.shown(0.1 * schema.LONGEST, 'm')} this suggests a wrong unit")
+            if getattr(self, name) > 0.1 * schema.MAX_LENGTH:
+                self.reject(name, f"above {schema.shown(0.1 * schema.MAX_LENGTH, 'm')} this suggests a wrong unit")
         for along in ("width", "height") if self.chambers > 1 else ():
-            if getattr(self, f"channel_{along}") > getattr(self, f"chamber_{along}") * (1 - schema.ROUNDING):
+            if getattr(self, f"channel_{along}") > getattr(self, f"chamber_{along}") * (1 - schema.BOUND_TOLERANCE):
                 chamber = self.told(f"chamber_{along}")
                 why = "the channel between chambers is smaller than they are, so that it must be below"
                 self.reject(f"channel_{along}", f"{why} {chamber}")
@@ -109,7 +109,7 @@ class PneuNet(actuator.Finger):
                 f"{schema.shown(self.chamber_height + self.top_wall, 'm')} above the base; with gap 0 the chambers "
                 "share their walls",
             )
-        if self.paper and self.base - self.paper < 2.0 * self.least_wall * (1 - schema.ROUNDING):
+        if self.paper and self.base - self.paper < 2.0 * self.least_wall * (1 - schema.BOUND_TOLERANCE):
             self.reject(
                 "paper", f"with {self.given('base')} less than {self.given('least_wall')} is left above and below it"
             )
@@ -284,14 +284,17 @@ class PneuNet(actuator.Finger):
         )  # fmt: skip
 
     def build_whole(self) -> None:
-        body = _whole(self.upper, self.sides)
+        body = _mirrored_block(self.upper, self.sides)
         body = Box((*body.low[:2], body.low[2] if self.sides == 2 else -0.5 * self.base), body.high)
-        _without(body, [_whole(box, self.sides, below) for box in self.air + self.gaps for below in range(self.sides)])
+        _cut_block(
+            body,
+            [_mirrored_block(box, self.sides, below) for box in self.air + self.gaps for below in range(self.sides)],
+        )
         gmsh.model.occ.synchronize()
 
     def build(self) -> None:
         """Fill the current Gmsh model (mm) with what is meshed, its roles, its regions and its cell sizes."""
-        solid = _without(self.upper, [*self.air, *self.gaps])
+        solid = _cut_block(self.upper, [*self.air, *self.gaps])
         meshing.bond({"solid": [solid], **_base(self)}, lambda tag: _role(self, tag))
         meshing.set_sizes(lambda x, y, z: self.cell_size)
 
@@ -339,7 +342,7 @@ def _add(box: Box) -> meshing.Entity:
     return meshing.add_block(box.low, box.high)
 
 
-def _whole(box: Box, sides: int, below: int = -1) -> Box:
+def _mirrored_block(box: Box, sides: int, below: int = -1) -> Box:
     """Return a block on both sides of the mirror plane: above the base, below it (1), or from below to above (-1 of two
     sides)."""
     (x0, _, z0), (x1, y1, z1) = box.low, box.high
@@ -350,7 +353,7 @@ def _whole(box: Box, sides: int, below: int = -1) -> Box:
     return Box((x0, -y1, z0), (x1, y1, z1))
 
 
-def _without(body: Box, empty: list[Box]) -> meshing.Entity:
+def _cut_block(body: Box, empty: list[Box]) -> meshing.Entity:
     """Return a block with others cut out of it."""
     return meshing.one_solid(gmsh.model.occ.cut([_add(body)], [_add(box) for box in empty])[0])
 
@@ -388,7 +391,8 @@ def _role(finger: PneuNet, tag: int) -> str:
             return role
     # One face may run along several boxes, as the base's does under the chambers and the channel.
     if all(
-        any(box.holds(corner, corner, near) for box in finger.air) for corner in meshing.corners_of(tag) / meshing.MM
+        any(box.holds(corner, corner, near) for box in finger.air)
+        for corner in meshing.corners_of(tag) / meshing.MM_PER_M
     ):
         return "cavity"
     return "chamber_walls" if flat == 0 else "outer"

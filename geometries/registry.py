@@ -30,7 +30,9 @@ def _list_variant_fields(device: type[Actuator]) -> None:
     kinds = inspect.Parameter
     given = [kinds("cls", kinds.POSITIONAL_OR_KEYWORD), kinds("name", kinds.POSITIONAL_OR_KEYWORD, default="default")]
     fields = [
-        kinds(one.name, kinds.KEYWORD_ONLY, default=one.default) for one in dataclasses.fields(device) if one.init
+        kinds(field.name, kinds.KEYWORD_ONLY, default=field.default)
+        for field in dataclasses.fields(device)
+        if field.init
     ]
     variant.__signature__ = inspect.Signature([*given, *fields])  # type: ignore[attr-defined]
     device.variant = classmethod(checked(variant))  # type: ignore[assignment]
@@ -168,7 +170,7 @@ def field_option(
     text += "" if default is None else f"  [default: {_friendly(default, kind.unit)}]"
     return click.option(
         flag(name), name, type=_type(kind), metavar=metavar, default=None, help=text, multiple=again,
-        callback=functools.partial(_typed, kind),
+        callback=functools.partial(_choice_of_text, kind),
     )  # fmt: skip
 
 
@@ -214,7 +216,7 @@ def check_meaning(made: Actuator, values: Mapping[str, Any]) -> None:
             raise GeometryError(f"{flag(name)} has no effect with {flag(other)}{given}; leave one of them out")
 
 
-def _typed(kind: schema.Kind, ctx: click.Context, param: click.Parameter, value: Any) -> Any:
+def _choice_of_text(kind: schema.Kind, ctx: click.Context, param: click.Parameter, value: Any) -> Any:
     """Turn the text of a choice back into the choice, which may be a number; several that are none into None."""
     if isinstance(kind, schema.Choice):
         return next((known for known in kind.choices if str(known) == value), value)

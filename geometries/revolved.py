@@ -80,7 +80,7 @@ class Revolved(actuator.Wedged):
     def carried(self, other: Self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the points of the boundary at the same share of the same edge of the other's outline; see
         `Actuator.carried`."""
-        if type(other) is not type(self) or [one.role for one in self.edges] != [one.role for one in other.edges]:
+        if type(other) is not type(self) or [edge.role for edge in self.edges] != [edge.role for edge in other.edges]:
             raise GeometryError(
                 f"points can only be mapped between devices whose outlines have the same edges; this {type(self).__name__} has "
                 f"{len(self.edges)} and the other {type(other).__name__} {len(other.edges)}, or others"
@@ -109,7 +109,7 @@ class Revolved(actuator.Wedged):
     @property
     def expected_cells(self) -> float:
         if self.dimension == 3:
-            return self.solid_volume / self.copies / (TETRAHEDRON * self.wedge_size**3)
+            return self.solid_volume / self.copies / (TETRAHEDRON_VOLUME * self.wedge_size**3)
         return sum(2.0 * panel.sides[0].cells * panel.sides[1].cells for panel in self.panels)
 
     @property
@@ -122,7 +122,10 @@ class Revolved(actuator.Wedged):
 
     def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         points = np.asarray(points, dtype=float)
-        flat, near = np.column_stack([np.hypot(points[:, 0], points[:, 1]), points[:, 2]]), NEAR * self.size
+        flat, near = (
+            np.column_stack([np.hypot(points[:, 0], points[:, 1]), points[:, 2]]),
+            ZERO_DISTANCE_TOLERANCE * self.size,
+        )
         here = (np.abs(points[:, 1]) < near) & (points[:, 0] > -near)
         missed = [side.missed(flat) for side in self.profile]
         return here & (np.min(missed, axis=0) < near)
@@ -139,11 +142,11 @@ class Revolved(actuator.Wedged):
         beside the thinnest wall; without any, nothing does. GeometryError for the first parameter found impossible, with its
         value and the limit."""
         if radii:
-            needle = NEEDLE * self.thinnest / max(self.through, 1.0)
+            needle = MAX_CELL_ASPECT_RATIO * self.thinnest / max(self.through, 1.0)
             longest = min(needle, *(getattr(self, name) for name in radii if getattr(self, name)))
             if self.cell_size > longest:
                 self.reject("cell_size",
-                f"it must be at most {schema.shown(longest, 'm')}: {NEEDLE:g} times a cell's width through "
+                f"it must be at most {schema.shown(longest, 'm')}: {MAX_CELL_ASPECT_RATIO:g} times a cell's width through "
                             f"the wall, and {' and '.join(radii)}")  # fmt: skip
         if not 1 <= self.rows <= MOST_THROUGH or self.through != round(self.through):
             self.reject("through", f"it must be a whole number from 1 to {MOST_THROUGH}")
@@ -185,13 +188,11 @@ def through_field(default: float = 2.0, more: str = "") -> Any:
 
 Place = tuple[float, float]
 
-GROWTH = 1.3
-"""Ratio of neighbouring cells' lengths where they grow."""
+CELL_GROWTH_RATIO = 1.3
 
-ROUNDING = 1e-9
-"""Share of a length that is none."""
+ZERO_LENGTH_TOLERANCE = 1e-9
 
-GAUSS = 24
+GAUSS_POINTS = 24
 """Points of the rule that integrates over a side; arcs of up to half a circle come out to rounding."""
 
 
@@ -235,7 +236,7 @@ class Side:
             along = end - start
             return np.clip((places - start) @ along / (along @ along), 0.0, 1.0)
         x, y = ((places - self.centre) / self.axes).T
-        return np.clip(_wrapped(np.arctan2(y, x) - self._angle(self.start)) / self.turn, 0.0, 1.0)
+        return np.clip(_wrapped_angles(np.arctan2(y, x) - self._angle(self.start)) / self.turn, 0.0, 1.0)
 
     def missed(self, places: Array) -> Array:
         """Return how far places (n, 2) are from it, in m; exact for those on it."""
@@ -244,10 +245,10 @@ class Side:
     @property
     def volume(self) -> float:
         """Pi times the integral of the squared radius over the height: what it adds to the volume inside a closed outline."""
-        nodes, weights = np.polynomial.legendre.leggauss(GAUSS)
+        nodes, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
         shares = 0.5 * (nodes + 1.0)
         if self.centre is None:
-            slope = np.full(GAUSS, self.end[1] - self.start[1])
+            slope = np.full(GAUSS_POINTS, self.end[1] - self.start[1])
         else:
             slope = self.axes[1] * np.cos(self._angle(self.start) + shares * self.turn) * self.turn
         return float(0.5 * math.pi * (self.places(shares)[:, 0] ** 2 * slope) @ weights)
@@ -286,10 +287,10 @@ class Side:
     @property
     def turn(self) -> float:
         """Angle of an arc in rad, counter-clockwise."""
-        return float(_wrapped(np.array(self._angle(self.end) - self._angle(self.start))))
+        return float(_wrapped_angles(np.array(self._angle(self.end) - self._angle(self.start))))
 
 
-def _wrapped(angles: Array) -> Array:
+def _wrapped_angles(angles: Array) -> Array:
     """Return the angles between -pi and pi."""
     return (angles + np.pi) % (2.0 * np.pi) - np.pi
 
@@ -313,7 +314,7 @@ def rectangle(low: Place, high: Place, cells: tuple[int, int], roles: tuple[str,
     (left, down), (right, up) = low, high
     corners = (low, (right, down), high, (left, up))
     ends = (*corners[1:], corners[0])
-    a, b, c, d = (Side(*one) for one in zip(corners, ends, (*cells, *cells), roles, strict=True))
+    a, b, c, d = (Side(*side_data) for side_data in zip(corners, ends, (*cells, *cells), roles, strict=True))
     return Panel("solid", (a, b, c, d))
 
 
@@ -326,27 +327,27 @@ def chained(sides: Iterable[Side]) -> list[Side]:
     """Return the sides that make one line, in its order and direction: from the axis at the top outwards."""
     left = list(sides)
     at = max((place for side in left for place in (side.start, side.end)), key=lambda place: (-place[0], place[1]))
-    found: list[Side] = []
+    ordered: list[Side] = []
     while left:
         met = [side for side in left if at in (side.start, side.end)]
         if not met:
             break
         left.remove(met[0])
-        found.append(met[0] if met[0].start == at else met[0].reversed)
-        at = found[-1].end
-    return found
+        ordered.append(met[0] if met[0].start == at else met[0].reversed)
+        at = ordered[-1].end
+    return ordered
 
 
 def graded(length: float, first: float, largest: float) -> list[tuple[float, int, float]]:
     """Cut a length into cells that are small at its beginning (at most ``first``) and grow (to ``largest`` at most), in m.
     Return one or two pieces in order: length, cells, and length of a cell over that of the one before it."""
-    growing = max(0, math.ceil(math.log(largest / first) / math.log(GROWTH)))
-    sums = first * (GROWTH ** np.arange(1, growing + 1) - 1.0) / (GROWTH - 1.0)
-    if growing and sums[-1] >= length * (1.0 - ROUNDING):
-        return [(length, int(np.searchsorted(sums, length * (1.0 - ROUNDING))) + 1, GROWTH)]
+    growing = max(0, math.ceil(math.log(largest / first) / math.log(CELL_GROWTH_RATIO)))
+    sums = first * (CELL_GROWTH_RATIO ** np.arange(1, growing + 1) - 1.0) / (CELL_GROWTH_RATIO - 1.0)
+    if growing and sums[-1] >= length * (1.0 - ZERO_LENGTH_TOLERANCE):
+        return [(length, int(np.searchsorted(sums, length * (1.0 - ZERO_LENGTH_TOLERANCE))) + 1, CELL_GROWTH_RATIO)]
     near = float(sums[-1]) if growing else 0.0
-    pieces = [(near, growing, GROWTH)] if growing else []
-    return [*pieces, (length - near, max(1, math.ceil((length - near) / largest - ROUNDING)), 1.0)]
+    pieces = [(near, growing, CELL_GROWTH_RATIO)] if growing else []
+    return [*pieces, (length - near, max(1, math.ceil((length - near) / largest - ZERO_LENGTH_TOLERANCE)), 1.0)]
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -357,7 +358,7 @@ def graded(length: float, first: float, largest: float) -> list[tuple[float, int
 
 
 AXIS = "axis"
-STRAIGHT = 1e-9
+SAME_LINE_TOLERANCE = 1e-9
 """Largest sine between two lines that are one, and largest distance of centres and half axes of one arc, in half axes, and of
 places that are one, in their coordinates."""
 HALF_TURN = math.pi * (1.0 - 1e-6)
@@ -367,17 +368,19 @@ HALF_TURN = math.pi * (1.0 - 1e-6)
 def whole_edges(sides: Iterable[Side], corners: Sequence[Place]) -> list[Side]:
     """Return sides of an outline, in any order and either way round, put together in order and direction: from the axis at
     the top outwards, and back along the axis. At corners edges end even if they go on: points of the device's own."""
-    found, count = list(sides), math.inf
-    while len(found) < count:  # a side may join two that were found apart
-        count, left, found = len(found), found, []
+    merged, count = list(sides), math.inf
+    while len(merged) < count:  # a side may join two that were found apart
+        count, left, merged = len(merged), merged, []
         for side in left:
-            joined = ((at, _joined(one, side, corners)) for at, one in enumerate(found) if one.role == side.role)
-            place, whole = next(((at, whole) for at, whole in joined if whole), (len(found), side))
-            found[place : place + 1] = [whole]
-    return chained(sorted(found, key=lambda side: side.role == AXIS))
+            joined = (
+                (at, _joined_side(other, side, corners)) for at, other in enumerate(merged) if other.role == side.role
+            )
+            place, whole = next(((at, whole) for at, whole in joined if whole), (len(merged), side))
+            merged[place : place + 1] = [whole]
+    return chained(sorted(merged, key=lambda side: side.role == AXIS))
 
 
-def _joined(first: Side, second: Side, corners: Sequence[Place]) -> Side | None:
+def _joined_side(first: Side, second: Side, corners: Sequence[Place]) -> Side | None:
     """Return the first of two sides with the other put to one of its ends; None if they do not go on in each other."""
     for other in (second, second.reversed):
         if first.end == other.start and not _is_corner(first.end, corners) and _in_one(first, other):
@@ -389,20 +392,20 @@ def _joined(first: Side, second: Side, corners: Sequence[Place]) -> Side | None:
 
 def _is_corner(place: Place, corners: Sequence[Place]) -> bool:
     """Return whether a place is one of the corners, which may have been computed in another way, to rounding."""
-    return any(math.dist(place, corner) <= STRAIGHT * max(map(abs, corner)) for corner in corners)
+    return any(math.dist(place, corner) <= SAME_LINE_TOLERANCE * max(map(abs, corner)) for corner in corners)
 
 
-def _in_one(one: Side, two: Side) -> bool:
+def _in_one(side: Side, two: Side) -> bool:
     """Return whether a side that begins where the other ends goes on along the same line or arc."""
-    if one.centre is not None and two.centre is not None:
-        apart = np.abs(np.subtract((*one.centre, *one.axes), (*two.centre, *two.axes))).max()
-        same = apart < STRAIGHT * max(one.axes)
-        return bool(same and abs(one.turn + two.turn) < HALF_TURN and one.turn * two.turn > 0.0)
-    if one.centre is not None or two.centre is not None:
+    if side.centre is not None and two.centre is not None:
+        apart = np.abs(np.subtract((*side.centre, *side.axes), (*two.centre, *two.axes))).max()
+        same = apart < SAME_LINE_TOLERANCE * max(side.axes)
+        return bool(same and abs(side.turn + two.turn) < HALF_TURN and side.turn * two.turn > 0.0)
+    if side.centre is not None or two.centre is not None:
         return False
-    a, b = np.subtract(one.end, one.start), np.subtract(two.end, two.start)
+    a, b = np.subtract(side.end, side.start), np.subtract(two.end, two.start)
     size = float(np.linalg.norm(a) * np.linalg.norm(b))
-    return bool(abs(a[0] * b[1] - a[1] * b[0]) < STRAIGHT * size and a @ b > 0.0)
+    return bool(abs(a[0] * b[1] - a[1] * b[0]) < SAME_LINE_TOLERANCE * size and a @ b > 0.0)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -490,7 +493,7 @@ def build_full_turn(device: Revolved) -> None:
     sides = {side.key: side for panel in panels for side in panel.sides if shared[side.key] == 1}
     # A side between what is cast and what is not has no role; one on the axis may have another name inside.
     edges = whole_edges([dataclasses.replace(side, role="") for side in sides.values()], ())
-    drawing, occ = Drawing((), (0.0, 0.0, meshing.MM), meshing.MM), gmsh.model.occ
+    drawing, occ = Drawing((), (0.0, 0.0, meshing.MM_PER_M), meshing.MM_PER_M), gmsh.model.occ
     face = occ.addPlaneSurface([occ.addCurveLoop([drawing.curve(piece) for edge in edges for piece in edge.quarters])])
     turn_fully(face)
 
@@ -559,7 +562,7 @@ def surface_role(device: actuator.Wedged, tag: int, sides: Sequence[Side]) -> st
 # Map points on the outline of a body of revolution to the same relative position on another one's.
 
 
-FARTHEST = 0.05
+OUTLINE_TOLERANCE = 0.05
 """Tolerance of a point on the outline, relative to the size, because nodes on chords are slightly inside."""
 
 
@@ -612,7 +615,7 @@ def rounded_off(radius: float, fillet: float) -> float:
 
 
 def _check_near(points: Array, missed: Array, size: float) -> None:
-    if len(points) and missed.max() > FARTHEST * size:
+    if len(points) and missed.max() > OUTLINE_TOLERANCE * size:
         place = ", ".join(f"{1e3 * value:.4g}" for value in points[missed.argmax()])
         raise GeometryError(
             f"the point ({place}) mm is {schema.shown(float(missed.max()), 'm')} off the device's boundary; "
@@ -623,11 +626,10 @@ def _check_near(points: Array, missed: Array, size: float) -> None:
 MOST_THROUGH = 20
 """Most cells through a wall: no result needs them."""
 
-NEEDLE = 20.0
+MAX_CELL_ASPECT_RATIO = 20.0
 """Largest ratio of a cell's length to its width through the wall."""
 
-TRIANGLE, TETRAHEDRON = 0.43, 0.12
+TRIANGLE_AREA, TETRAHEDRON_VOLUME = 0.43, 0.12
 """Area and volume of a regular cell with edges of length 1."""
 
-NEAR = 1e-7
-"""Share of the device's size that counts as no distance."""
+ZERO_DISTANCE_TOLERANCE = 1e-7

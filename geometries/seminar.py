@@ -123,8 +123,10 @@ class SeminarActuator(actuator.MirroredHalf, actuator.HeldTip):
         for length, radius in tubes:
             h = wall_size(self, radius)
             # Rings of cells that grow with distance r from the wall: int 2 pi (radius + r) / (h + g r)^3 dr.
-            total += length * 2.0 * math.pi * (0.5 * radius / (GROWTH * h**2) + 0.5 / (GROWTH**2 * h))
-        return share * total / revolved.TETRAHEDRON
+            total += (
+                length * 2.0 * math.pi * (0.5 * radius / (CELL_SIZE_GROWTH * h**2) + 0.5 / (CELL_SIZE_GROWTH**2 * h))
+            )
+        return share * total / revolved.TETRAHEDRON_VOLUME
 
     @property
     def size(self) -> float:
@@ -223,7 +225,9 @@ class SeminarActuator(actuator.MirroredHalf, actuator.HeldTip):
         """
         lines = [line for line in fan(self) if line is not None]
         begin = -0.5 * spread(self)
-        air = _rounded(self, [*_manifold(self, begin), _cap(self, begin), *(_air(self, line) for line in lines)])
+        air = _rounded_network(
+            self, [*_manifold(self, begin), _cap(self, begin), *(_air(self, line) for line in lines)]
+        )
         cut_out(_whole_prism(self), air)
         gmsh.model.occ.synchronize()
 
@@ -359,7 +363,7 @@ def pairs(lines: list[Channel]) -> list[tuple[int, int, Channel, Channel, float]
     image."""
     middle = [(1, 1, lines[0], lines[0], 2.0 * lines[0].angle)] if lines[0].angle > 0.0 else []
     couples = enumerate(itertools.pairwise(lines), 1)
-    return middle + [(k, k + 1, one, other, other.angle - one.angle) for k, (one, other) in couples]
+    return middle + [(k, k + 1, line, other, other.angle - line.angle) for k, (line, other) in couples]
 
 
 def _channel(slab: SeminarActuator, number: int, angle: float) -> Channel | None:
@@ -414,23 +418,22 @@ def _centre(reach: float, start: float, end_bore: float, growth: float) -> float
 # How large the cells of a seminar actuator are, and how many of them to expect.
 #
 # On a channel's wall the size follows its curvature (`around` cells on the section) and the solid between it and the nearest
-# face (`THROUGH` cells); away from the wall it grows linearly with distance up to the slab's cell size.
+# face (`CELLS_THROUGH_WALL` cells); away from the wall it grows linearly with distance up to the slab's cell size.
 
 
-THROUGH = 1.5
+CELLS_THROUGH_WALL = 1.5
 """Cells between a channel and the nearest face."""
 
-CREASE = 1.5
+CREASE_CELL_RATIO = 1.5
 """Size of the cells on a rounded crease over that on a channel with the crease's radius."""
 
-GROWTH = 0.55
-"""Growth of the cell size per distance."""
+CELL_SIZE_GROWTH = 0.55
 
 
 def wall_size(slab: SeminarActuator, radius: float) -> float:
     """Cell size in m on the wall of a channel of a radius in m."""
     thin = 0.5 * slab.thickness - abs(slab.offset) - radius
-    return min(slab.cell_size, 2.0 * math.pi * radius / slab.around, thin / THROUGH)
+    return min(slab.cell_size, 2.0 * math.pi * radius / slab.around, thin / CELLS_THROUGH_WALL)
 
 
 def size_function(slab: SeminarActuator) -> Callable[[float, float, float], float]:
@@ -438,7 +441,7 @@ def size_function(slab: SeminarActuator) -> Callable[[float, float, float], floa
     half, arc, bore = 0.5 * spread(slab), slab.manifold_radius, slab.manifold_bore
     on_arc, far, level = wall_size(slab, bore), slab.cell_size, slab.offset
     # The creases, or their roundings, are rings around the rays, near the manifold's outer wall.
-    crease, fillet = min(CREASE * 2.0 * math.pi * slab.fillet / slab.around or far, on_arc), slab.fillet
+    crease, fillet = min(CREASE_CELL_RATIO * 2.0 * math.pi * slab.fillet / slab.around or far, on_arc), slab.fillet
     ring = arc + 0.85 * bore
     around, middle = 2.0 * math.pi / slab.around, 0.5 * slab.thickness - abs(slab.offset)
     ends = [(arc * math.cos(end), arc * math.sin(end)) for end in (-half, half)]
@@ -458,15 +461,15 @@ def size_function(slab: SeminarActuator) -> Callable[[float, float, float], floa
         else:
             ex, ey = ends[y > 0.0]
             away = math.hypot(x - ex, y - ey, z)
-        best = min(far, on_arc + GROWTH * max(0.0, away - bore))
+        best = min(far, on_arc + CELL_SIZE_GROWTH * max(0.0, away - bore))
         for c, s, start, end, first, slope, mouth in rays:
             along = min(max(c * x + s * y, start), end)
             radius = first + slope * (along - start)
             away = math.hypot(x - c * along, y - s * along, z) - radius
-            wall = min(around * radius, (middle - radius) / THROUGH)
-            best = min(best, wall + GROWTH * away if away > 0.0 else wall)
+            wall = min(around * radius, (middle - radius) / CELLS_THROUGH_WALL)
+            best = min(best, wall + CELL_SIZE_GROWTH * away if away > 0.0 else wall)
             apart = math.hypot(c * x + s * y - ring, math.hypot(s * x - c * y, z) - mouth) - fillet
-            best = min(best, crease + GROWTH * apart if apart > 0.0 else crease)
+            best = min(best, crease + CELL_SIZE_GROWTH * apart if apart > 0.0 else crease)
         return best
 
     return size
@@ -476,13 +479,13 @@ def size_function(slab: SeminarActuator) -> Callable[[float, float, float], floa
 # Seminar actuators that cannot be: channels that break through a face or each other, found before the mesher starts.
 
 
-WIDEST, NARROWEST = 160.0, 10.0
+MAX_SPREAD, MIN_SPREAD = 160.0, 10.0
 """Largest and smallest spread in degrees; beyond 160 the outermost channels run along the clamp."""
 
 LARGEST_BORE_RATIO = 0.9
 """Largest bore of a channel in bores of the manifold: nearly equal ones meet at tangents, which no mesh survives."""
 
-SAMPLES = 40
+WALL_SAMPLES = 40
 
 LISTS = ("bores", "middle_bores", "end_bores", "angles", "reaches")
 """Parameters with one value for every channel."""
@@ -499,10 +502,10 @@ def check_seminar(slab: SeminarActuator) -> None:
         given = f"{name} is {_mm(bore)}; with offset {_mm(slab.offset)} in thickness {_mm(slab.thickness)} it"
         _check_wall(slab, left, given, f"the {'top' if slab.offset > 0.0 else 'bottom'} face")
     _check_manifold(slab)
-    found = [_check_channel(slab, number, line) for number, line in enumerate(half_fan(slab), 1)]
-    _check_sides(slab, found)
-    _check_neighbours(slab, found)
-    _check_fillet(slab, found)
+    channels = [_check_channel(slab, number, line) for number, line in enumerate(half_fan(slab), 1)]
+    _check_sides(slab, channels)
+    _check_neighbours(slab, channels)
+    _check_fillet(slab, channels)
     if not 3.0 <= slab.around <= 64.0:
         slab.reject("around", "it must be between 3 and 64 cells around a channel")
     slab.check_most("cell_size", 1.0, "thickness")
@@ -517,7 +520,7 @@ def _degrees(value: float) -> str:
     return schema.shown(value, "degree")
 
 
-def _fan(slab: SeminarActuator) -> str:
+def _spread_text(slab: SeminarActuator) -> str:
     """Return how wide the fan is, by the name it was given, and where it is."""
     several = f"angles[{half_count(slab)}] {_degrees(slab.angles[-1])}" if slab.angles else ""
     return f"manifold_radius {_mm(slab.manifold_radius)} and {several or f'spread {_degrees(slab.spread)}'}"
@@ -532,8 +535,8 @@ def _check_wall(slab: SeminarActuator, left: float, given: str, face: str) -> No
 
 def _check_slab(slab: SeminarActuator) -> None:
     shorter = min(slab.length, slab.base_width)
-    if max(slab.length, slab.base_width) > 0.1 * schema.LONGEST:
-        wide = f"with base_width {_mm(slab.base_width)}, above {0.1 * schema.LONGEST:g} m this suggests a wrong unit"
+    if max(slab.length, slab.base_width) > 0.1 * schema.MAX_LENGTH:
+        wide = f"with base_width {_mm(slab.base_width)}, above {0.1 * schema.MAX_LENGTH:g} m this suggests a wrong unit"
         slab.reject("length", wide)
     if slab.thickness > 0.5 * shorter:
         slab.reject("thickness", f"a slab is at most half as thick as it is long and wide ({_mm(0.5 * shorter)})")
@@ -567,22 +570,22 @@ def _check_lists(slab: SeminarActuator) -> None:
                 "the middle outwards"
             )
     arc = math.degrees(spread(slab))
-    if not NARROWEST * (1 - 1e-9) <= arc <= WIDEST * (1 + 1e-9):
+    if not MIN_SPREAD * (1 - 1e-9) <= arc <= MAX_SPREAD * (1 + 1e-9):
         given, share = (f"angles[{count}]", 0.5) if slab.angles else ("spread", 1.0)
-        limits = f"it must be between {share * NARROWEST:g} and {share * WIDEST:g} deg"
+        limits = f"it must be between {share * MIN_SPREAD:g} and {share * MAX_SPREAD:g} deg"
         raise GeometryError(f"{given} is {_degrees(share * arc)}; {limits}")
 
 
 def _bores(slab: SeminarActuator) -> list[tuple[float, str]]:
     """Return every radius of the channels that was given, and the name it was given by."""
     pairs = (("bores", "channel_bore"), ("end_bores", "end_bore"))
-    found = {
+    bores = {
         name: bore
         for number in range(half_count(slab), 0, -1)
         for bore, name in (own(slab, *pair, number) for pair in pairs)
     }
-    found |= {f"middle_bores[{number}]": bore for number, bore in enumerate(slab.middle_bores, 1)}
-    return [(bore, name) for name, bore in found.items()]
+    bores |= {f"middle_bores[{number}]": bore for number, bore in enumerate(slab.middle_bores, 1)}
+    return [(bore, name) for name, bore in bores.items()]
 
 
 def _check_manifold(slab: SeminarActuator) -> None:
@@ -595,38 +598,38 @@ def _check_manifold(slab: SeminarActuator) -> None:
     if radius < 2.0 * bore:
         slab.reject("manifold_radius", f"it must be at least twice manifold_bore, {_mm(bore)}, for an arc")
     gap = radius * math.cos(0.5 * spread(slab)) - bore
-    _check_wall(slab, gap, f"manifold_bore is {_mm(bore)}; with {_fan(slab)} the manifold", "the base")
+    _check_wall(slab, gap, f"manifold_bore is {_mm(bore)}; with {_spread_text(slab)} the manifold", "the base")
 
 
-def _check_channel(slab: SeminarActuator, number: int, found: Channel | None) -> Channel:
+def _check_channel(slab: SeminarActuator, number: int, channel: Channel | None) -> Channel:
     """Return the channel, unless it is so short that nothing of it is left outside the manifold."""
     end_bore, name = own(slab, "end_bores", "end_bore", number)
-    if found is None or found.end - found.start < slab.manifold_bore + end_bore:
+    if channel is None or channel.end - channel.start < slab.manifold_bore + end_bore:
         far = f"reaches[{number}] {_mm(slab.reaches[number - 1])}" if slab.reaches else f"edge {_mm(slab.edge)}"
         at = math.degrees(half_angles(slab)[number - 1])
         slab.reject(
             "manifold_radius",
             f"with {far} and {name} {_mm(end_bore)} no length is left for channel {number}, at {at:.3g} deg",
         )
-    return found
+    return channel
 
 
-def _check_sides(slab: SeminarActuator, found: list[Channel]) -> None:
+def _check_sides(slab: SeminarActuator, channels: list[Channel]) -> None:
     """Solid between the network and the slab's sides, along every centre line."""
     if slab.edge < slab.least_wall:
         raise GeometryError(f"edge is {_mm(slab.edge)}; least_wall requires {_mm(slab.least_wall)}")
-    arc, bore = [0.5 * spread(slab) * k / SAMPLES for k in range(SAMPLES + 1)], slab.manifold_bore
-    given = f"manifold_bore is {_mm(bore)}; with {_fan(slab)} it"
+    arc, bore = [0.5 * spread(slab) * k / WALL_SAMPLES for k in range(WALL_SAMPLES + 1)], slab.manifold_bore
+    given = f"manifold_bore is {_mm(bore)}; with {_spread_text(slab)} it"
     _check_wall(slab, min(_wall(slab, slab.manifold_radius, angle, bore) for angle in arc), given, "the slab's side")
-    for number, line in enumerate(found, 1):
+    for number, line in enumerate(channels, 1):
         end_bore, name = own(slab, "end_bores", "end_bore", number)
-        given = f"{name} is {_mm(end_bore)}; with {_fan(slab)} channel {number}"
+        given = f"{name} is {_mm(end_bore)}; with {_spread_text(slab)} channel {number}"
         if slab.reaches:
             reach = _mm(slab.reaches[number - 1])
             given = f"reaches[{number}] is {reach}; with {name} {_mm(end_bore)} channel {number}"
         walls = [_wall(slab, line.centre, line.angle, line.cap)]
-        for k in range(SAMPLES + 1):
-            along = line.start + (line.end - line.start) * k / SAMPLES
+        for k in range(WALL_SAMPLES + 1):
+            along = line.start + (line.end - line.start) * k / WALL_SAMPLES
             radius = line.radius(along)
             walls += [_wall(slab, along, line.angle, radius), along * math.cos(line.angle) - radius]
         _check_wall(slab, min(walls), given, "the slab's side")
@@ -637,29 +640,29 @@ def _wall(slab: SeminarActuator, along: float, angle: float, radius: float) -> f
     return edge_distance(slab, along * math.cos(angle), along * math.sin(angle)) - radius
 
 
-def _check_neighbours(slab: SeminarActuator, found: list[Channel]) -> None:
+def _check_neighbours(slab: SeminarActuator, channels: list[Channel]) -> None:
     """Solid between neighbouring channels, outside of the manifold that joins them."""
     begin = slab.manifold_radius + slab.manifold_bore
-    for first, second, one, other, pitch in pairs(found):
-        end = min(one.end, other.end)
-        for k in range(SAMPLES + 1):
-            along = begin + (end - begin) * k / SAMPLES
-            left = 2.0 * along * math.sin(0.5 * pitch) - one.radius(along) - other.radius(along)
+    for first, second, channel, other, pitch in pairs(channels):
+        end = min(channel.end, other.end)
+        for k in range(WALL_SAMPLES + 1):
+            along = begin + (end - begin) * k / WALL_SAMPLES
+            left = 2.0 * along * math.sin(0.5 * pitch) - channel.radius(along) - other.radius(along)
             if left < slab.least_wall * (1 - 1e-9):
                 mouth, name = own(slab, "bores", "channel_bore", second)
                 how = "break into each other" if left <= 0.0 else f"are {_mm(left)} apart"
                 raise GeometryError(
-                    f"channels is {slab.channels}; with {_fan(slab)} and {name} {_mm(mouth)} neighbours (channels {first} "
-                    f"and {second}) {how}, but least_wall requires {_mm(slab.least_wall)}"
+                    f"channels is {slab.channels}; with {_spread_text(slab)} and {name} {_mm(mouth)} neighbours (channels "
+                    f"{first} and {second}) {how}, but least_wall requires {_mm(slab.least_wall)}"
                 )
 
 
-def _check_fillet(slab: SeminarActuator, found: list[Channel]) -> None:
+def _check_fillet(slab: SeminarActuator, channels: list[Channel]) -> None:
     """The rounding must fit on the bores, and two of them between neighbouring channels."""
-    limits = [(line.bore, number) for number, line in enumerate(found, 1)]
-    for _, second, one, other, pitch in pairs(found):
+    limits = [(line.bore, number) for number, line in enumerate(channels, 1)]
+    for _, second, channel, other, pitch in pairs(channels):
         # Two roundings side by side on the manifold's wall, with a fifth of one to spare.
-        room = slab.manifold_radius * math.sin(0.5 * pitch) - 0.5 * (one.bore + other.bore)
+        room = slab.manifold_radius * math.sin(0.5 * pitch) - 0.5 * (channel.bore + other.bore)
         limits.append((room / 1.1, second))
     limit, number = min(limits)
     if slab.fillet > limit:
@@ -694,7 +697,7 @@ def clearances(slab: SeminarActuator) -> dict[str, float]:
         **_sections(slab, len(lines)),
         **_sides(slab, lines),
         **_neighbours(slab, lines),
-        **{f"least_wall and {name}": slab.least_wall + room for name, room in _rooms(slab, lines).items()},
+        **{f"least_wall and {name}": slab.least_wall + room for name, room in _wall_excesses(slab, lines).items()},
     }
 
 
@@ -706,13 +709,13 @@ def _sections(slab: SeminarActuator, count: int) -> dict[str, float]:
             bores |= {f"channel {k} {place}": own(slab, several, common, k)[0] for k in range(1, count + 1)}
         elif common:
             bores[f"the channels {place}"] = getattr(slab, common)
-    found = {f"width of {name}": 2.0 * bore for name, bore in bores.items()}
+    sections = {f"width of {name}": 2.0 * bore for name, bore in bores.items()}
     for face, sign in (("top", 1.0), ("bottom", -1.0)):
-        found |= {
+        sections |= {
             f"solid between {name} and the {face}": 0.5 * slab.thickness - sign * slab.offset - bore
             for name, bore in bores.items()
         }
-    return found
+    return sections
 
 
 def _sides(slab: SeminarActuator, lines: list[Channel]) -> dict[str, float]:
@@ -720,66 +723,70 @@ def _sides(slab: SeminarActuator, lines: list[Channel]) -> dict[str, float]:
     radius, bore, half, last = slab.manifold_radius, slab.manifold_bore, 0.5 * spread(slab), lines[-1]
     normal, _ = side(slab)
     nearest = min(math.atan2(normal[1], normal[0]), half)  # there the arc's distance is flat, so this is smooth
-    found = {
+    sides = {
         "solid between the manifold and the base": radius * math.cos(half) - bore,
         "solid between the manifold and the side": _wall(slab, radius, nearest, bore),
         f"solid between the end of channel {len(lines)} and the base": last.centre * math.cos(half) - last.cap,
     }
     if not slab.reaches:
-        found["solid between the channels' ends and the side"] = slab.edge
+        sides["solid between the channels' ends and the side"] = slab.edge
     for number, line in enumerate(lines, 1):
         if slab.reaches:
             wall = _wall(slab, line.centre, line.angle, line.cap)
-            found[f"solid between the end of channel {number} and the side"] = wall
+            sides[f"solid between the end of channel {number} and the side"] = wall
         if slab.middle_bores:
             middle = line.cones[0].end
             wall = _wall(slab, middle, line.angle, line.radius(middle))
-            found[f"solid between the middle of channel {number} and the side"] = wall
-    return found
+            sides[f"solid between the middle of channel {number} and the side"] = wall
+    return sides
 
 
 def _neighbours(slab: SeminarActuator, lines: list[Channel]) -> dict[str, float]:
     """Return the solid between neighbouring channels, at the manifold and wherever a cone of either ends."""
-    found = {}
-    for first, second, one, other, pitch in pairs(lines):
+    neighbours = {}
+    for first, second, first_line, other, pitch in pairs(lines):
         places = {"at the manifold": (slab.manifold_radius + slab.manifold_bore, 0)}
-        for number, line in {first: one, second: other}.items():
+        for number, line in {first: first_line, second: other}.items():
             places |= {
                 f"{'at the end' if k == len(line.cones) - 1 else 'half way'} of channel {number}": (cone.end, k)
                 for k, cone in enumerate(line.cones)
             }
         for place, (along, k) in places.items():
-            radii = [cone.bore + cone.slope * (along - cone.start) for cone in (one.cones[k], other.cones[k])]
+            radii = [cone.bore + cone.slope * (along - cone.start) for cone in (first_line.cones[k], other.cones[k])]
             apart = 2.0 * along * math.sin(0.5 * pitch)
-            found[f"solid between channels {first} and {second} {place}"] = apart - sum(radii)
-    return found
+            neighbours[f"solid between channels {first} and {second} {place}"] = apart - sum(radii)
+    return neighbours
 
 
-def _rooms(slab: SeminarActuator, lines: list[Channel]) -> dict[str, float]:
+def _wall_excesses(slab: SeminarActuator, lines: list[Channel]) -> dict[str, float]:
     """Return what the shape needs beyond walls: 0 is enough."""
     radius, bore, fillet = slab.manifold_radius, slab.manifold_bore, slab.fillet
     half, shorter = 0.5 * spread(slab), {"length": slab.length, "width": slab.base_width}
-    found = {f"room for the thickness in the {name}": 0.5 * size - slab.thickness for name, size in shorter.items()}
-    found |= {
+    wall_excesses = {
+        f"room for the thickness in the {name}": 0.5 * size - slab.thickness for name, size in shorter.items()
+    }
+    wall_excesses |= {
         "room for a cell in the thickness": slab.thickness - slab.cell_size,
         "room for the manifold's bore in its radius": radius - 2.0 * bore,
-        "room for a wider fan": radius * (math.radians(0.5 * WIDEST) - half),
-        "room for a narrower fan": radius * (half - math.radians(0.5 * NARROWEST)),
+        "room for a wider fan": radius * (math.radians(0.5 * MAX_SPREAD) - half),
+        "room for a narrower fan": radius * (half - math.radians(0.5 * MIN_SPREAD)),
     }
     if slab.tip_radius:
-        found |= {f"room for tip_radius in the {name}": 0.4 * size - slab.tip_radius for name, size in shorter.items()}
+        wall_excesses |= {
+            f"room for tip_radius in the {name}": 0.4 * size - slab.tip_radius for name, size in shorter.items()
+        }
     for number, line in enumerate(lines, 1):
         end_bore = own(slab, "end_bores", "end_bore", number)[0]
-        found[f"straight length of channel {number}"] = line.end - line.start - bore - end_bore
+        wall_excesses[f"straight length of channel {number}"] = line.end - line.start - bore - end_bore
     for number, line in enumerate(lines if slab.bores else lines[:1], 1):
         name = f"channel {number}" if slab.bores else "the channels"
-        found[f"room for {name} in the manifold's bore"] = LARGEST_BORE_RATIO * bore - line.bore
+        wall_excesses[f"room for {name} in the manifold's bore"] = LARGEST_BORE_RATIO * bore - line.bore
         if fillet:
-            found[f"room for the fillet in {name}"] = line.bore - fillet
-    for first, second, one, other, pitch in pairs(lines) if fillet else ():
-        room = 2.0 * radius * math.sin(0.5 * pitch) - one.bore - other.bore
-        found[f"room for two fillets between channels {first} and {second}"] = room - 2.2 * fillet
-    return found
+            wall_excesses[f"room for the fillet in {name}"] = line.bore - fillet
+    for first, second, first_line, other, pitch in pairs(lines) if fillet else ():
+        room = 2.0 * radius * math.sin(0.5 * pitch) - first_line.bore - other.bore
+        wall_excesses[f"room for two fillets between channels {first} and {second}"] = room - 2.2 * fillet
+    return wall_excesses
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -788,7 +795,7 @@ def _rooms(slab: SeminarActuator, lines: list[Channel]) -> dict[str, float]:
 # The model is in mm and the mesh is written in m: the CAD kernel rounds edges with fixed tolerances that suit mm.
 
 
-SHARP = math.radians(5.0)
+MIN_CREASE_ANGLE = math.radians(5.0)
 """Angle between the normals of two walls of the air above which they meet in a crease."""
 
 
@@ -797,7 +804,7 @@ def measured_volume(slab: SeminarActuator) -> float:
     """Return the volume in m3 of half the slab without its channels, by the CAD kernel."""
     with meshing.private_model():
         volume = float(sum(gmsh.model.occ.getMass(*entity) for entity in half_slab(slab)))
-    return volume / meshing.MM**3 * (2.0 if slab.level else 1.0)
+    return volume / meshing.MM_PER_M**3 * (2.0 if slab.level else 1.0)
 
 
 def cut_out(prism: meshing.Entity, air: list[meshing.Entity]) -> list[meshing.Entity]:
@@ -811,7 +818,7 @@ def cut_out(prism: meshing.Entity, air: list[meshing.Entity]) -> list[meshing.En
     return list(solids)
 
 
-def _swept(curves: list[int], height: float) -> meshing.Entity:
+def _swept_solid(curves: list[int], height: float) -> meshing.Entity:
     """Return what a closed line at the bottom sweeps over a height, in mm."""
     occ = gmsh.model.occ
     swept = occ.extrude([(2, occ.addPlaneSurface([occ.addCurveLoop(curves)]))], 0, 0, height)
@@ -821,9 +828,13 @@ def _swept(curves: list[int], height: float) -> meshing.Entity:
 def _whole_prism(slab: SeminarActuator) -> meshing.Entity:
     """Return the whole slab without channels."""
     occ = gmsh.model.occ
-    length, half, radius = meshing.MM * slab.length, 0.5 * meshing.MM * slab.base_width, meshing.MM * slab.tip_radius
-    bottom = -0.5 * meshing.MM * slab.thickness
-    x, y = (meshing.MM * at for at in side(slab)[1])
+    length, half, radius = (
+        meshing.MM_PER_M * slab.length,
+        0.5 * meshing.MM_PER_M * slab.base_width,
+        meshing.MM_PER_M * slab.tip_radius,
+    )
+    bottom = -0.5 * meshing.MM_PER_M * slab.thickness
+    x, y = (meshing.MM_PER_M * at for at in side(slab)[1])
     right, left = occ.addPoint(0, -half, bottom), occ.addPoint(0, half, bottom)
     if radius > 0.0:
         ends = [occ.addPoint(x, -y, bottom), occ.addPoint(x, y, bottom)]
@@ -833,7 +844,7 @@ def _whole_prism(slab: SeminarActuator) -> meshing.Entity:
     else:
         ends, front = [occ.addPoint(length, 0, bottom)], []
     sides = [occ.addLine(right, ends[0]), *front, occ.addLine(ends[-1], left), occ.addLine(left, right)]
-    return _swept(sides, meshing.MM * slab.thickness)
+    return _swept_solid(sides, meshing.MM_PER_M * slab.thickness)
 
 
 def half_slab(slab: SeminarActuator) -> list[meshing.Entity]:
@@ -849,12 +860,16 @@ def _prism(slab: SeminarActuator) -> meshing.Entity:
     """Return half the slab without channels."""
     occ = gmsh.model.occ
     bottom, height = (
-        (0.0, 0.5 * meshing.MM * slab.thickness)
+        (0.0, 0.5 * meshing.MM_PER_M * slab.thickness)
         if slab.level
-        else (-0.5 * meshing.MM * slab.thickness, meshing.MM * slab.thickness)
+        else (-0.5 * meshing.MM_PER_M * slab.thickness, meshing.MM_PER_M * slab.thickness)
     )
-    length, half, radius = meshing.MM * slab.length, 0.5 * meshing.MM * slab.base_width, meshing.MM * slab.tip_radius
-    x, y = (meshing.MM * at for at in side(slab)[1])
+    length, half, radius = (
+        meshing.MM_PER_M * slab.length,
+        0.5 * meshing.MM_PER_M * slab.base_width,
+        meshing.MM_PER_M * slab.tip_radius,
+    )
+    x, y = (meshing.MM_PER_M * at for at in side(slab)[1])
     base, corner = occ.addPoint(0, 0, bottom), occ.addPoint(0, half, bottom)
     tip = occ.addPoint(length, 0, bottom)
     if radius > 0.0:
@@ -863,7 +878,7 @@ def _prism(slab: SeminarActuator) -> meshing.Entity:
         occ.remove([(0, centre)])  # a point on its own would become a node of no cell
     else:
         flank = [occ.addLine(tip, corner)]
-    return _swept([occ.addLine(base, tip), *flank, occ.addLine(corner, base)], height)
+    return _swept_solid([occ.addLine(base, tip), *flank, occ.addLine(corner, base)], height)
 
 
 def _network(slab: SeminarActuator) -> list[meshing.Entity]:
@@ -871,10 +886,10 @@ def _network(slab: SeminarActuator) -> list[meshing.Entity]:
     lines = [line for line in half_fan(slab) if line is not None]
     # Across the mirror plane, past the middle channel and its rounding, so that the cut there is clean.
     begin = -2.0 * (lines[0].bore + 2.0 * slab.fillet) / slab.manifold_radius
-    return _rounded(slab, [*_manifold(slab, begin), *(_air(slab, line) for line in lines)])
+    return _rounded_network(slab, [*_manifold(slab, begin), *(_air(slab, line) for line in lines)])
 
 
-def _rounded(slab: SeminarActuator, parts: list[meshing.Entity]) -> list[meshing.Entity]:
+def _rounded_network(slab: SeminarActuator, parts: list[meshing.Entity]) -> list[meshing.Entity]:
     """Return the manifold and channels in one piece, its creases rounded."""
     occ = gmsh.model.occ
     air = list(occ.fuse(parts[:1], parts[1:])[0])
@@ -883,10 +898,10 @@ def _rounded(slab: SeminarActuator, parts: list[meshing.Entity]) -> list[meshing
     occ.synchronize()
     edges = _creases(slab, air)
     try:
-        return list(occ.fillet([tag for _, tag in air], edges, [meshing.MM * slab.fillet]))
+        return list(occ.fillet([tag for _, tag in air], edges, [meshing.MM_PER_M * slab.fillet]))
     except Exception:  # bare
         raise MeshingError(
-            f"the CAD kernel could not round {len(edges)} creases with fillet {meshing.MM * slab.fillet:g} "
+            f"the CAD kernel could not round {len(edges)} creases with fillet {meshing.MM_PER_M * slab.fillet:g} "
             f"mm; use a smaller one, or --fillet 0mm for sharp creases"
         ) from None
 
@@ -894,32 +909,39 @@ def _rounded(slab: SeminarActuator, parts: list[meshing.Entity]) -> list[meshing
 def _creases(slab: SeminarActuator, air: list[meshing.Entity]) -> list[int]:
     """Return the curves on the manifold where two curved walls of the air meet at an angle."""
     model = gmsh.model
-    half, radius = 0.5 * spread(slab), meshing.MM * slab.manifold_radius
+    half, radius = 0.5 * spread(slab), meshing.MM_PER_M * slab.manifold_radius
     walls = [tag for _, tag in model.getBoundary(air, oriented=False) if model.getType(2, tag) != "Plane"]
     owners: dict[int, list[int]] = defaultdict(list)
     for wall in walls:
         for _, curve in model.getBoundary([(2, wall)], combined=False, oriented=False):
             owners[curve].append(wall)
-    found = []
+    creases = []
     for curve, pair in owners.items():
         if len(set(pair)) != 2:
             continue  # a seam of one wall, or the rim of the cut
         low, high = (bound[0] for bound in model.getParametrizationBounds(1, curve))
         at = model.getValue(1, curve, [0.5 * (low + high)])
-        one, other = (np.array(model.getNormal(wall, model.getParametrization(2, wall, at))) for wall in pair)
+        normal, other = (np.array(model.getNormal(wall, model.getParametrization(2, wall, at))) for wall in pair)
         turn = max(-half, min(math.atan2(at[1], at[0]), half))
-        away = math.dist(at, (radius * math.cos(turn), radius * math.sin(turn), meshing.MM * slab.offset))
+        away = math.dist(at, (radius * math.cos(turn), radius * math.sin(turn), meshing.MM_PER_M * slab.offset))
         # Two cones of one channel meet at an angle too, which stays.
-        if away < 1.001 * meshing.MM * slab.manifold_bore and math.acos(min(1.0, abs(float(one @ other)))) > SHARP:
-            found.append(curve)
-    return sorted(found)
+        if (
+            away < 1.001 * meshing.MM_PER_M * slab.manifold_bore
+            and math.acos(min(1.0, abs(float(normal @ other)))) > MIN_CREASE_ANGLE
+        ):
+            creases.append(curve)
+    return sorted(creases)
 
 
 def _manifold(slab: SeminarActuator, begin: float) -> list[meshing.Entity]:
     """Return the arc from an angle (rad) to its end at y > 0, and the round cap there."""
     occ = gmsh.model.occ
     half = 0.5 * spread(slab)
-    radius, bore, level = meshing.MM * slab.manifold_radius, meshing.MM * slab.manifold_bore, meshing.MM * slab.offset
+    radius, bore, level = (
+        meshing.MM_PER_M * slab.manifold_radius,
+        meshing.MM_PER_M * slab.manifold_bore,
+        meshing.MM_PER_M * slab.offset,
+    )
     c, s = math.cos(begin), math.sin(begin)
     # The section's seam is on the inside, where no channel leaves.
     section = occ.addDisk(radius * c, radius * s, level, bore, bore, zAxis=[-s, c, 0], xAxis=[-c, -s, 0])
@@ -929,9 +951,12 @@ def _manifold(slab: SeminarActuator, begin: float) -> list[meshing.Entity]:
 
 def _cap(slab: SeminarActuator, angle: float) -> meshing.Entity:
     """Return the round cap where the manifold ends at an angle in radians."""
-    radius = meshing.MM * slab.manifold_radius
+    radius = meshing.MM_PER_M * slab.manifold_radius
     x, y = radius * math.cos(angle), radius * math.sin(angle)
-    return (3, int(gmsh.model.occ.addSphere(x, y, meshing.MM * slab.offset, meshing.MM * slab.manifold_bore)))
+    return (
+        3,
+        int(gmsh.model.occ.addSphere(x, y, meshing.MM_PER_M * slab.offset, meshing.MM_PER_M * slab.manifold_bore)),
+    )
 
 
 def _air(slab: SeminarActuator, line: Channel) -> meshing.Entity:
@@ -940,7 +965,13 @@ def _air(slab: SeminarActuator, line: Channel) -> meshing.Entity:
     c, s = math.cos(line.angle), math.sin(line.angle)
 
     def corner(along: float, up: float) -> int:
-        return int(occ.addPoint(meshing.MM * along * c, meshing.MM * along * s, meshing.MM * (slab.offset + up)))
+        return int(
+            occ.addPoint(
+                meshing.MM_PER_M * along * c,
+                meshing.MM_PER_M * along * s,
+                meshing.MM_PER_M * (slab.offset + up),
+            )
+        )
 
     begin = corner(line.start, 0.0)
     rims = [corner(line.start, line.bore), *(corner(cone.end, line.radius(cone.end)) for cone in line.cones)]
@@ -953,7 +984,7 @@ def _air(slab: SeminarActuator, line: Channel) -> meshing.Entity:
     ]
     occ.remove([(0, centre)])
     face = occ.addPlaneSurface([occ.addCurveLoop(curves)])
-    turned = occ.revolve([(2, face)], 0, 0, meshing.MM * slab.offset, c, s, 0, 2.0 * math.pi)
+    turned = occ.revolve([(2, face)], 0, 0, meshing.MM_PER_M * slab.offset, c, s, 0, 2.0 * math.pi)
     occ.remove([(2, face)], recursive=True)
     return next(entity for entity in turned if entity[0] == 3)
 
@@ -975,7 +1006,7 @@ def _role(slab: SeminarActuator, tag: int) -> str:
     low, high = (np.array(bound) for bound in gmsh.model.getParametrizationBounds(2, tag))
     # Points of the face's surface, which may lie beside the face itself: enough to know which surface it is.
     grid = np.array([low + (high - low) * (a, b) for a in (0.1, 0.45, 0.8) for b in (0.15, 0.5, 0.9)])
-    x, y, z = np.array(gmsh.model.getValue(2, tag, grid.ravel())).reshape(-1, 3).T / meshing.MM
+    x, y, z = np.array(gmsh.model.getValue(2, tag, grid.ravel())).reshape(-1, 3).T / meshing.MM_PER_M
     near = 1e-6 * slab.thickness
     half = 0.5 * slab.thickness
     normal, (tx, ty) = side(slab)
@@ -999,12 +1030,12 @@ def _role(slab: SeminarActuator, tag: int) -> str:
 # Around a channel the arc moves with it, stretched as the channel's mouth is; between two channels a cubic joins both motions.
 
 
-MOUTH = 0.6
+MAX_MOUTH_SHARE = 0.6
 """Largest part of the way to the middle between two channels that moves with either."""
 
 ARC_SAMPLES = np.linspace(0.0, 1.0, 9)
 
-LEAST = 0.02
+MIN_ARC_STRETCH = 0.02
 """Least stretch of an arc between two channels that is followed."""
 
 
@@ -1015,7 +1046,7 @@ def arc_map(
     with y >= 0 from the middle outwards, on both. GeometryError if the solid between two channels shrinks to next to
     nothing."""
     angles, wide, slopes, goals = (np.array(values) for values in zip(*_knots(slab, other, lines), strict=True))
-    mouths = np.minimum(wide, MOUTH * _gaps(angles).min(axis=0))
+    mouths = np.minimum(wide, MAX_MOUTH_SHARE * _gaps(angles).min(axis=0))
     starts, ends = angles[:-1] + mouths[:-1], angles[1:] - mouths[1:]
     low, high = goals[:-1] + slopes[:-1] * mouths[:-1], goals[1:] - slopes[1:] * mouths[1:]
     rise, span = high - low, ends - starts
@@ -1026,7 +1057,7 @@ def arc_map(
             + (1.0 - share) * (1.0 - 3.0 * share) * first
             + share * (3.0 * share - 2.0) * last
         )
-        if (rates < LEAST * span).any():
+        if (rates < MIN_ARC_STRETCH * span).any():
             raise GeometryError(
                 "the channels' mouths on the manifold come so much closer or grow so much that the mesh between them cannot "
                 "follow; make a new mesh"
@@ -1034,7 +1065,7 @@ def arc_map(
 
     def carry(turn: Array) -> Array:
         piece = np.clip(np.searchsorted(0.5 * (angles[:-1] + angles[1:]), turn), 0, len(angles) - 1)
-        found = goals[piece] + slopes[piece] * (turn - angles[piece])
+        angles_on_other = goals[piece] + slopes[piece] * (turn - angles[piece])
         gap = np.clip(np.searchsorted(angles, turn, side="right") - 1, 0, len(angles) - 2)
         share = (turn - starts[gap]) / span[gap]
         between = (share > 0.0) & (share < 1.0)
@@ -1045,7 +1076,7 @@ def arc_map(
             + first[gap] * s * (1.0 - s) ** 2
             - last[gap] * s**2 * (1.0 - s)
         )
-        return np.where(between, cubic, found)
+        return np.where(between, cubic, angles_on_other)
 
     return carry
 
@@ -1122,12 +1153,12 @@ class Junction:
         out = fillet * math.hypot(1.0, cone.slope)
         step = np.column_stack([np.ones(len(direction)), cone.slope * direction]) @ self.axes
         along = self._guess(direction) if start is None else start
-        for _ in range(STEPS):
+        for _ in range(MAX_NEWTON_STEPS):
             points = self.place(along, cone.bore + cone.slope * (along - cone.start) + out, direction)
             level, normal = tube_level(self.slab, points)
             change = (level - fillet) / dot(normal, step)
             along = along - change
-            if np.abs(change).max(initial=0.0) < CLOSE * cone.start:
+            if np.abs(change).max(initial=0.0) < NEWTON_TOLERANCE * cone.start:
                 break
         return self.place(along, cone.bore + cone.slope * (along - cone.start) + out, direction), along
 
@@ -1166,12 +1197,12 @@ class Junction:
         turn = np.arctan2(direction[:, 1], direction[:, 0])
         _, along = self.rim(direction)
         left = np.arange(len(points))
-        for _ in range(SEARCH):
+        for _ in range(MAX_SEARCH_STEPS):
             here, at, start = points[left], turn[left], along[left]
-            more, less = (self._lever(here, at + by, start)[0] for by in (TURN, -TURN))
+            more, less = (self._lever(here, at + by, start)[0] for by in (TURN_STEP, -TURN_STEP))
             now, size, along[left] = self._lever(here, at, start)
-            change = now / np.maximum((less - more) / (2.0 * TURN), FLATTEST * size)
-            change = np.clip(change, -LARGEST_TURN, LARGEST_TURN)
+            change = now / np.maximum((less - more) / (2.0 * TURN_STEP), MIN_CURVATURE_RATIO * size)
+            change = np.clip(change, -MAX_TURN, MAX_TURN)
             turn[left] += change
             left = left[np.abs(change) >= 1e-9]  # the next would be its square
             if not len(left):
@@ -1181,56 +1212,58 @@ class Junction:
 
     def level(self, points: Array) -> tuple[Array, Array]:
         """Return the level of the wall with its rounding, shape (n,), and its gradient, shape (n, 3)."""
-        first, one = tube_level(self.slab, points)
+        first, level_one = tube_level(self.slab, points)
         second, other = self.cone_level(points)
         along, _, direction = self.local(points)
         # Behind the arc's centre line the prolonged cone is no wall.
         nearer = (first < second) | (along < self.line.start)
-        level, normal = np.where(nearer, first, second), np.where(nearer[:, None], one, other)
+        level, normal = np.where(nearer, first, second), np.where(nearer[:, None], level_one, other)
         fillet = self.slab.fillet
         if fillet == 0.0:
             return level, normal
-        close = np.flatnonzero(np.sqrt(((points - self.rim(direction)[0]) ** 2).sum(axis=1)) < NEAR * fillet)
+        close = np.flatnonzero(
+            np.sqrt(((points - self.rim(direction)[0]) ** 2).sum(axis=1)) < ROUNDING_SEARCH_RADIUS * fillet
+        )
         if not len(close):
             return level, normal
         centre = self.nearest(points[close])
         by_tube, by_cone = self.shares(centre, points[close] - centre)[:, :2].T
-        first, second, one, other = first[close], second[close], one[close], other[close]
+        first, second, level_one, other = first[close], second[close], level_one[close], other[close]
         inwards, away = unit(centre - points[close])
         # Beyond a touching line the wall itself is nearest, beyond both the nearer one.
         on_tube = (by_cone < 0.0) & ((by_tube >= 0.0) | (first < second))
         on_cone = (by_tube < 0.0) & ~on_tube
         level[close] = np.where(on_tube, first, np.where(on_cone, second, fillet - away))
-        normal[close] = np.where(on_tube[:, None], one, np.where(on_cone[:, None], other, inwards))
+        normal[close] = np.where(on_tube[:, None], level_one, np.where(on_cone[:, None], other, inwards))
         return level, normal
 
     def frame(self, centre: Array) -> Array:
         """Return the outward from the solid at both walls' gradients and along the rim: columns, shape (n, 3, 3)."""
-        _, one = tube_level(self.slab, centre)
+        _, level_one = tube_level(self.slab, centre)
         _, other = self.cone_level(centre)
-        return np.stack([-one, -other, unit(np.cross(one, other))[0]], axis=2)
+        return np.stack([-level_one, -other, unit(np.cross(level_one, other))[0]], axis=2)
 
     def shares(self, centre: Array, vectors: Array) -> Array:
         """Return the components of vectors in the `frame` at places on the rim, shape (n, 3)."""
         return np.linalg.solve(self.frame(centre), vectors[:, :, None])[:, :, 0]
 
 
-NEAR = 1.5
+ROUNDING_SEARCH_RADIUS = 1.5
 """Distance from the ball's centre, in its radii, up to which a place may belong to the rounding."""
 
-STEPS, CLOSE = 8, 1e-9
+MAX_NEWTON_STEPS, NEWTON_TOLERANCE = 8, 1e-9
 """Most of Newton's steps, and the share of the manifold's radius below which the last was: the next would be its square."""
 
-TURN, LARGEST_TURN = 1e-4, 0.3
+TURN_STEP, MAX_TURN = 1e-4, 0.3
 """Step in radians of the differences with which the nearest centre is found, and the largest by which it is looked for."""
 
-SEARCH, FLATTEST = 40, 0.1
+MAX_SEARCH_STEPS, MIN_CURVATURE_RATIO = 40, 0.1
 """Most steps of that search, and the least curvature it takes the squared distance to have, in that of a straight rim's."""
 
 
-def dot(one: Array, other: Array) -> Array:
+def dot(left: Array, other: Array) -> Array:
     """Return the products of rows, shape (n,)."""
-    return np.asarray((one * other).sum(axis=1))
+    return np.asarray((left * other).sum(axis=1))
 
 
 def unit(vectors: Array) -> tuple[Array, Array]:
@@ -1239,9 +1272,9 @@ def unit(vectors: Array) -> tuple[Array, Array]:
     if lengths.all():
         return vectors / lengths[:, None], lengths
     none = lengths == 0.0
-    found = vectors / np.where(none, 1.0, lengths)[:, None]
-    found[none, 0] = 1.0
-    return found, lengths
+    units = vectors / np.where(none, 1.0, lengths)[:, None]
+    units[none, 0] = 1.0
+    return units, lengths
 
 
 def tube_level(slab: SeminarActuator, points: Array) -> tuple[Array, Array]:
@@ -1263,7 +1296,7 @@ def tube_level(slab: SeminarActuator, points: Array) -> tuple[Array, Array]:
 # away along the wall's gradient.
 
 
-REACH = 1.5
+CREASE_BLEND_LENGTH = 1.5
 """Bores of the manifold over which the crease's motion passes into that of the walls."""
 
 
@@ -1278,15 +1311,15 @@ class _Pair:
     """One channel on the slab that is carried and on the other, and the distances from the crease within which all moves with
     its junction, and from which on nothing does."""
 
-    one: Junction
-    two: Junction
+    source: Junction
+    target: Junction
     inner: float
     outer: float
 
 
 def _pairs(slab: SeminarActuator, other: SeminarActuator) -> list[_Pair]:
     lines, its_lines = half_fan(slab), half_fan(other)
-    found: list[_Pair] = []
+    pairs: list[_Pair] = []
     for number, (line, its_line) in enumerate(zip(lines, its_lines, strict=True)):
         assert line is not None and its_line is not None  # checked by the constructor
         gaps = [
@@ -1296,9 +1329,11 @@ def _pairs(slab: SeminarActuator, other: SeminarActuator) -> list[_Pair]:
         room = line.cones[0].end - slab.manifold_radius - slab.manifold_bore - slab.fillet
         gap = min([*gaps, math.inf])
         inner = min(1.05 * slab.fillet or 0.3 * line.bore, 0.4 * gap, max(0.5 * room, 0.1 * line.bore))
-        outer = inner + min(REACH * slab.manifold_bore, 0.95 * gap - inner, max(0.5 * room, 0.1 * line.bore))
-        found.append(_Pair(Junction(slab, line), Junction(other, its_line), inner, outer))
-    return found
+        outer = inner + min(
+            CREASE_BLEND_LENGTH * slab.manifold_bore, 0.95 * gap - inner, max(0.5 * room, 0.1 * line.bore)
+        )
+        pairs.append(_Pair(Junction(slab, line), Junction(other, its_line), inner, outer))
+    return pairs
 
 
 def _adjacent_walls(lines: list[Channel | None], number: int) -> list[tuple[float, float]]:
@@ -1312,30 +1347,32 @@ def carry_network(slab: SeminarActuator, other: SeminarActuator, points: Array) 
     """Return the distance of points from the air, shape (n,), and where the network's motion takes them, shape (n, 3)."""
     pairs = _pairs(slab, other)
     first, _ = tube_level(slab, points)
-    tube = _tube_map(slab, other, [(pair.one.line, pair.two.line) for pair in pairs])(points)
-    levels = np.array([_channel_level(pair.one, points) for pair in pairs])
+    tube = _tube_map(slab, other, [(pair.source.line, pair.target.line) for pair in pairs])(points)
+    levels = np.array([_channel_level(pair.source, points) for pair in pairs])
     nearest = levels.argmin(axis=0)
-    near, found = np.minimum(first, levels.min(axis=0)), tube.copy()
+    near, moved_points = np.minimum(first, levels.min(axis=0)), tube.copy()
     for number, pair in enumerate(pairs):
         mine = np.flatnonzero(nearest == number)
         if len(mine):
-            found[mine], near[mine] = _beside(pair, points[mine], tube[mine], first[mine], levels[number, mine])
-    return near, found
+            moved_points[mine], near[mine] = _nearest_places(
+                pair, points[mine], tube[mine], first[mine], levels[number, mine]
+            )
+    return near, moved_points
 
 
-def _beside(pair: _Pair, points: Array, tube: Array, first: Array, second: Array) -> tuple[Array, Array]:
+def _nearest_places(pair: _Pair, points: Array, tube: Array, first: Array, second: Array) -> tuple[Array, Array]:
     """Return where points nearest to one channel go, and their distance from the air. ``points`` and ``tube``, where the
     manifold's motion takes them, are in m, shape (n, 3); ``first`` and ``second`` levels of the manifold and of the channel,
     shape (n,)."""
-    slab = pair.one.slab
-    one, two = np.maximum(first, 0.0) ** 2, np.maximum(second, 0.0) ** 2
-    by_tube = np.where(one + two > 0.0, two / np.maximum(one + two, 1e-300), 0.5)[:, None]
+    slab = pair.source.slab
+    square, two = np.maximum(first, 0.0) ** 2, np.maximum(second, 0.0) ** 2
+    by_tube = np.where(square + two > 0.0, two / np.maximum(square + two, 1e-300), 0.5)[:, None]
     # Inside one's air the other's wall is the boundary.
     by_tube = np.where((first < 0.0)[:, None] & (first < second)[:, None], 1.0, by_tube)
     by_tube = np.where((second < 0.0)[:, None] & (second <= first)[:, None], 0.0, by_tube)
-    found = by_tube * tube + (1.0 - by_tube) * _channel_map(pair, points)
+    moved_points = by_tube * tube + (1.0 - by_tube) * _channel_map(pair, points)
     near = np.minimum(first, second)
-    along, _, _ = pair.one.local(points)
+    along, _, _ = pair.source.local(points)
     crease = np.hypot(np.maximum(first, 0.0), np.maximum(second, 0.0))
     # The channel's wall, prolonged, leaves the manifold at its back too, where there is no crease.
     front = smooth((along - slab.manifold_radius + 0.5 * slab.manifold_bore) / (0.8 * slab.manifold_bore))
@@ -1343,29 +1380,29 @@ def _beside(pair: _Pair, points: Array, tube: Array, first: Array, second: Array
     zone = np.flatnonzero(weight > 0.0)
     if len(zone):
         some = points[zone]
-        moved = weight[zone, None] * _crease_map(pair, some) + (1.0 - weight[zone, None]) * found[zone]
-        target, _ = pair.one.level(some)
+        moved = weight[zone, None] * _crease_map(pair, some) + (1.0 - weight[zone, None]) * moved_points[zone]
+        target, _ = pair.source.level(some)
         if slab.fillet == 0.0:
             moved = _onto_wall(pair, moved, first[zone], second[zone])
         else:
             fade = 1.0 - smooth(1.5 * np.abs(target) / slab.manifold_bore - 0.5)
             moved += fade[:, None] * (_onto_rounding(pair, moved, target) - moved)
-        if (pair.two.local(moved)[0] > pair.two.line.cones[0].end).any():
+        if (pair.target.local(moved)[0] > pair.target.line.cones[0].end).any():
             raise GeometryError(
-                f"the channel at {math.degrees(pair.two.line.angle):.3g} deg becomes so short that its end meets the crease at "
-                "the manifold, where the mesh cannot follow; make a new mesh"
+                f"the channel at {math.degrees(pair.target.line.angle):.3g} deg becomes so short that its end meets the crease "
+                "at the manifold, where the mesh cannot follow; make a new mesh"
             )
-        found[zone], near[zone] = moved, target
-    return found, near
+        moved_points[zone], near[zone] = moved, target
+    return moved_points, near
 
 
 def _onto_rounding(pair: _Pair, points: Array, target: Array) -> Array:
     """Return the points moved along the gradient until the rounded wall's level is what it was."""
     for _ in range(3):  # levels are distances: one step does nearly all
-        level, normal = pair.two.level(points)
+        level, normal = pair.target.level(points)
         gap = level - target
         points = points - gap[:, None] * normal
-        if np.abs(gap).max(initial=0.0) < 1e-7 * pair.two.slab.manifold_bore:
+        if np.abs(gap).max(initial=0.0) < 1e-7 * pair.target.slab.manifold_bore:
             break  # the next would be its square
     return points
 
@@ -1374,19 +1411,19 @@ def _onto_wall(pair: _Pair, points: Array, first: Array, second: Array) -> Array
     """Return the points moved until the level of the nearer of two walls that meet in a sharp crease is what it was."""
     nearer = first < second
     for _ in range(4):
-        (one, normal), (two, its_normal) = tube_level(pair.two.slab, points), pair.two.cone_level(points)
-        gap = np.where(nearer, one - first, two - second)
+        (level_one, normal), (two, its_normal) = tube_level(pair.target.slab, points), pair.target.cone_level(points)
+        gap = np.where(nearer, level_one - first, two - second)
         points = points - gap[:, None] * np.where(nearer[:, None], normal, its_normal)
     return points
 
 
 def _crease_map(pair: _Pair, points: Array) -> Array:
     """Return the motion with the crease: components in the frame that rolls along both walls stay, in radii of the rounding."""
-    _, _, direction = pair.one.local(points)
-    centre, its_centre = pair.one.rim(direction)[0], pair.two.rim(direction)[0]
-    size = pair.two.slab.fillet / pair.one.slab.fillet if pair.one.slab.fillet else 1.0
-    shares = size * pair.one.shares(centre, points - centre)
-    return its_centre + np.einsum("nij,nj->ni", pair.two.frame(its_centre), shares)
+    _, _, direction = pair.source.local(points)
+    centre, its_centre = pair.source.rim(direction)[0], pair.target.rim(direction)[0]
+    size = pair.target.slab.fillet / pair.source.slab.fillet if pair.source.slab.fillet else 1.0
+    shares = size * pair.source.shares(centre, points - centre)
+    return its_centre + np.einsum("nij,nj->ni", pair.target.frame(its_centre), shares)
 
 
 def _channel_level(junction: Junction, points: Array) -> Array:
@@ -1400,7 +1437,7 @@ def _channel_level(junction: Junction, points: Array) -> Array:
     return np.where(along > line.end, np.hypot(along - line.centre, radius) - line.cap, level)
 
 
-def _stretched(along: Array, length: Array, its_length: Array, *, rigid: bool) -> Array:
+def _stretched_places(along: Array, length: Array, its_length: Array, *, rigid: bool) -> Array:
     """Return the places along a length on another length, which rise; with slope 1 at the beginning if that is rigid.
 
     A rational function of second degree (Gregory and Delbourgo, IMA J. Numer. Anal. 2, 1982, doi:10.1093/imanum/2.2.123).
@@ -1408,22 +1445,22 @@ def _stretched(along: Array, length: Array, its_length: Array, *, rigid: bool) -
     share, ratio = along / length, its_length / length
     first = 1.0 if rigid else ratio
     inner = np.where((share > 0.0) & (share < 1.0), share * (1.0 - share), 0.0)
-    found = its_length * (ratio * share**2 + first * inner) / (ratio + (first - ratio) * inner)
-    found = np.where(share < 0.0, first * along, found)
-    return np.where(share > 1.0, its_length + ratio * (along - length), found)
+    moved = its_length * (ratio * share**2 + first * inner) / (ratio + (first - ratio) * inner)
+    moved = np.where(share < 0.0, first * along, moved)
+    return np.where(share > 1.0, its_length + ratio * (along - length), moved)
 
 
 def _channel_map(pair: _Pair, points: Array) -> Array:
     """Return a channel onto the other's: shares of each cone's length from the crease on, angles and heights over the wall."""
-    line, its_line = pair.one.line, pair.two.line
-    along, radius, direction = pair.one.local(points)
-    begin, its_begin = pair.one.rim(direction)[1], pair.two.rim(direction)[1]
+    line, its_line = pair.source.line, pair.target.line
+    along, radius, direction = pair.source.local(points)
+    begin, its_begin = pair.source.rim(direction)[1], pair.target.rim(direction)[1]
     to = np.zeros_like(along)
     height = np.zeros_like(along)
     for number, (cone, its_cone) in enumerate(zip(line.cones, its_line.cones, strict=True)):
         mine = along >= cone.start if number else np.full(len(along), True)
         start, its_start = (np.array(cone.start), np.array(its_cone.start)) if number else (begin, its_begin)
-        at = its_start + _stretched(along - start, cone.end - start, its_cone.end - its_start, rigid=not number)
+        at = its_start + _stretched_places(along - start, cone.end - start, its_cone.end - its_start, rigid=not number)
         wall, its_wall = (part.bore + part.slope * (s - part.start) for part, s in ((cone, along), (its_cone, at)))
         to, height = np.where(mine, at, to), np.where(mine, its_wall + radius - wall, height)
     # The cap, by the angle from its pole.
@@ -1432,7 +1469,7 @@ def _channel_map(pair: _Pair, points: Array) -> Array:
     size = its_line.cap + np.hypot(along - line.centre, radius) - line.cap
     cap = along > line.end
     to, height = np.where(cap, its_line.centre + size * np.cos(angle), to), np.where(cap, size * np.sin(angle), height)
-    return pair.two.place(to, height, direction)
+    return pair.target.place(to, height, direction)
 
 
 def _tube_map(
@@ -1466,7 +1503,7 @@ def _tube_map(
 # the nearer one.
 
 
-NEARLY = 0.95
+FOLLOWED_LENGTH_SHARE = 0.95
 """Part of a channel's length whose motion the faces above and below follow."""
 
 
@@ -1486,9 +1523,9 @@ def carried(slab: SeminarActuator, other: SeminarActuator, points: Array) -> Arr
     # On a face nothing of the network's motion is left, on a wall nothing of the faces'.
     share = near / np.maximum(near + away, 1e-300)
     share = (share**2 * (3.0 - 2.0 * share))[:, None]
-    found = (1.0 - share) * result + share * outer
-    found[:, 1] = np.where(np.abs(points[:, 1]) < 1e-10 * slab.length, 0.0, np.copysign(found[:, 1], points[:, 1]))
-    return found
+    moved = (1.0 - share) * result + share * outer
+    moved[:, 1] = np.where(np.abs(points[:, 1]) < 1e-10 * slab.length, 0.0, np.copysign(moved[:, 1], points[:, 1]))
+    return moved
 
 
 def _lengths(slab: SeminarActuator, other: SeminarActuator) -> Callable[[Array], Array]:
@@ -1500,8 +1537,8 @@ def _lengths(slab: SeminarActuator, other: SeminarActuator) -> Callable[[Array],
     for device in (slab, other):
         far = max((line.centre + line.cap) * math.cos(line.angle) for line in half_fan(device) if line)
         start = device.manifold_radius
-        knots.append([0.0, start, start + NEARLY * (far - start), side(device)[1][0]])
-    if knots[0][2] > NEARLY * knots[0][3]:  # the channels reach into the tip
+        knots.append([0.0, start, start + FOLLOWED_LENGTH_SHARE * (far - start), side(device)[1][0]])
+    if knots[0][2] > FOLLOWED_LENGTH_SHARE * knots[0][3]:  # the channels reach into the tip
         knots = [[low, start, end] for low, start, _, end in knots]
     if min(np.diff(knots[1])) <= 0.0:
         raise GeometryError(
@@ -1518,7 +1555,9 @@ def _prism_outline(slab: SeminarActuator, other: SeminarActuator, points: Array)
     wide, its_wide = 0.5 * slab.base_width, 0.5 * other.base_width
     to = _lengths(slab, other)(x)
     width, its_width = wide + (edge - wide) * (x / corner), its_wide + (its_edge - its_wide) * (to / its_corner)
-    found = np.column_stack([to, y * its_width / np.maximum(width, 1e-300), z * (other.thickness / slab.thickness)])
+    prism_outline = np.column_stack(
+        [to, y * its_width / np.maximum(width, 1e-300), z * (other.thickness / slab.thickness)]
+    )
     if slab.tip_radius:
         middle, its_middle = slab.length - slab.tip_radius, other.length - other.tip_radius
         bend = math.atan2(its_edge, its_corner - its_middle) / math.atan2(edge, corner - middle)
@@ -1526,12 +1565,12 @@ def _prism_outline(slab: SeminarActuator, other: SeminarActuator, points: Array)
         growth = other.tip_radius / slab.tip_radius
         ratio = growth * np.where(turn > 1e-7, np.sin(bend * turn) / np.sin(np.maximum(turn, 1e-7)), bend)
         round_ = (x > corner)[:, None]
-        found = np.where(
+        prism_outline = np.where(
             round_,
-            np.column_stack([its_middle + other.tip_radius * np.cos(bend * turn), y * ratio, found[:, 2]]),
-            found,
+            np.column_stack([its_middle + other.tip_radius * np.cos(bend * turn), y * ratio, prism_outline[:, 2]]),
+            prism_outline,
         )
-    return found
+    return prism_outline
 
 
 def _to_faces(slab: SeminarActuator, points: Array) -> Array:

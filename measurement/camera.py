@@ -171,8 +171,8 @@ class Camera:
             return cls(
                 matrix=tables.numbers(table["matrix"]),
                 distortion=tables.numbers(table["distortion"]),
-                width=_whole(table["width"]),
-                height=_whole(table["height"]),
+                width=_whole_number(table["width"]),
+                height=_whole_number(table["height"]),
                 source=str(table["source"]),
                 error_px=units.number(table["error_px"]),
                 model=str(table["model"]),
@@ -199,7 +199,7 @@ class CameraError(ValueError):
     """An unusable camera, lens or calibration; the message is for the user."""
 
 
-def _whole(value: Any) -> int:
+def _whole_number(value: Any) -> int:
     read = units.number(value)
     if read != round(read):
         raise ValueError(f"{units.brief(value)} is not a whole number of pixels")
@@ -229,7 +229,7 @@ def _polynomial(powers: Points, radius: Points) -> Points:
 # to be copied here, and the residual of that fit shows whether it is valid.
 
 
-DIAGONAL = math.hypot(36.0, 24.0)
+FULL_FRAME_DIAGONAL = math.hypot(36.0, 24.0)
 """Diagonal in mm of the frame that a crop factor of one means."""
 
 FIT_LIMIT = 0.3
@@ -242,10 +242,10 @@ A profile was measured on another copy of the lens, mostly at another focus dist
 for the same lens differ by about this much. A calibration from chessboards has no such guess.
 """
 
-APERTURE, DISTANCE = 8.0, 1000.0
+ASSUMED_APERTURE, ASSUMED_DISTANCE = 8.0, 1000.0
 """f-number and focus distance in m that lensfun asks for; its geometry depends on neither."""
 
-ZOOM = 0.1
+ZOOM_STEP = 0.1
 """Share by which neighbouring focal lengths differ whose distortion tells a profile's error."""
 
 
@@ -311,7 +311,7 @@ def lens_profile(
     if calibration is None or calibration.model == lensfunpy.DistortionModel.NONE:
         raise CameraError(f"lensfun has the lens {glass.model} but not its distortion; calibrate it from chessboards")
     # A zoom's distortion changes sign somewhere; right there the profile names none, and its neighbours tell its error.
-    near = np.clip(np.array([1.0, 1.0 - ZOOM, 1.0 + ZOOM]) * focal, glass.min_focal, glass.max_focal)
+    near = np.clip(np.array([1.0, 1.0 - ZOOM_STEP, 1.0 + ZOOM_STEP]) * focal, glass.min_focal, glass.max_focal)
     cameras = [_at_focal(body, glass, float(length), width, height) for length in near]
     ideal = frame_points(width, height)
     bends = []
@@ -330,7 +330,7 @@ def _at_focal(body: lensfunpy.Camera, glass: lensfunpy.Lens, focal: float, width
     """Return the camera at one focal length in mm, without its error."""
     lensfun = _lensfun()
     modifier = lensfun.Modifier(glass, body.crop_factor, width, height)
-    modifier.initialize(focal, APERTURE, DISTANCE, scale=1.0, flags=lensfun.ModifyFlags.DISTORTION)
+    modifier.initialize(focal, ASSUMED_APERTURE, ASSUMED_DISTANCE, scale=1.0, flags=lensfun.ModifyFlags.DISTORTION)
     unit, size = 0.5 * math.hypot(width, height), min(width, height) - 1
     centre = np.array([(width - 1 + glass.center_x * size) / 2, (height - 1 + glass.center_y * size) / 2])
     ideal = frame_points(width, height)
@@ -339,8 +339,8 @@ def _at_focal(body: lensfunpy.Camera, glass: lensfunpy.Lens, focal: float, width
         raise CameraError(
             "lensfun gives no distortion for this lens at this focal length; calibrate it from chessboards"
         )
-    powers = _radial_fit(ideal, np.array([found[0, 0] for found in maps], dtype=float), centre, unit)
-    pixel = math.hypot(width, height) * body.crop_factor / DIAGONAL  # px per mm on the sensor
+    powers = _radial_fit(ideal, np.array([nearest_entry[0, 0] for nearest_entry in maps], dtype=float), centre, unit)
+    pixel = math.hypot(width, height) * body.crop_factor / FULL_FRAME_DIAGONAL  # px per mm on the sensor
     matrix = np.array([[focal * pixel, 0, (width - 1) / 2], [0, focal * pixel, (height - 1) / 2], [0, 0, 1]])
     coefficients = np.concatenate([[unit], centre, powers])
     source = f"lensfun: {body.model}, {glass.model} at {focal:g} mm"
@@ -367,15 +367,16 @@ def _find(maker: str, camera: str, lens: str, database: Path | str | None) -> tu
         raise CameraError(f"lensfun does not have the camera {maker} {camera}; check its name or calibrate it")
     # The search is by likeness; a lens with other numbers in its name (focal lengths, stops) is another lens.
     alike = [
-        found
-        for found in known.find_lenses(bodies[0], None, lens)
-        if set(_numbers(lens)) <= set(_numbers(found.model)) or set(_numbers(found.model)) == set(_numbers(lens))
+        known_lens
+        for known_lens in known.find_lenses(bodies[0], None, lens)
+        if set(_numbers(lens)) <= set(_numbers(known_lens.model))
+        or set(_numbers(known_lens.model)) == set(_numbers(lens))
     ]
     if not alike:
         raise CameraError(
             f"lensfun does not have the lens {lens} for the {bodies[0].model}; check its name or calibrate"
         )
-    exact = [found for found in alike if _plain(found.model) == _plain(lens)]
+    exact = [known_lens for known_lens in alike if _plain(known_lens.model) == _plain(lens)]
     return bodies[0], (exact or alike)[0]
 
 
@@ -419,7 +420,7 @@ def _number(value: object) -> float | None:
 
 
 def _numbers(name: str) -> list[float]:
-    return [float(found) for found in re.findall(r"\d+(?:\.\d+)?", name)]
+    return [float(digits) for digits in re.findall(r"\d+(?:\.\d+)?", name)]
 
 
 def _plain(name: str) -> str:

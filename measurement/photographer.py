@@ -295,7 +295,7 @@ def _check(truth: Truth) -> None:
         raise SceneError("the screen's horizon is in the picture; lower tilt or pan, or take a longer focal length")
 
 
-BASE = -0.2
+BODY_BASE = -0.2
 """Z in m of the underside of a body: below the picture."""
 
 
@@ -307,7 +307,7 @@ def dome(
     inner = np.linspace(-radius, radius, 1001)
     surface = np.column_stack([centre + inner, floor + dome_height(inner, height, radius)])
     right, left = centre + half_width, centre - half_width
-    return np.vstack([surface, [[right, floor], [right, BASE], [left, BASE], [left, floor]]])
+    return np.vstack([surface, [[right, floor], [right, BODY_BASE], [left, BODY_BASE], [left, floor]]])
 
 
 def dome_height(x: ArrayLike, height: float, radius: float = 0.015) -> Array:
@@ -350,10 +350,10 @@ def save(
 # How much light each pixel of a synthetic photograph gets; formulas in the screen's plane, no picture is ever warped.
 
 
-BLOCK = 16
+RAY_SPACING_PX = 16
 """Pixels between the rays that are followed exactly; between them a spline is right to a thousandth of a pixel."""
 
-REACH = 5.0
+PENUMBRA_REACH = 5.0
 """Standard deviations of the penumbra beyond which light is full or none to a part in a million."""
 
 
@@ -361,10 +361,10 @@ class Rays:
     """The screen's place for every pixel, by splines through rays that were followed exactly."""
 
     def __init__(self, matrix: Array, k: Array, homography: Array, width: int, height: int) -> None:
-        """Follow a ray every `BLOCK` pixels."""
+        """Follow a ray every `RAY_SPACING_PX` pixels."""
         # The rays go a little beyond the frame, so that no pixel lies at the splines' ends.
-        self.columns = np.arange(-BLOCK, width + 2 * BLOCK, BLOCK, dtype=float)
-        self.rows = np.arange(-BLOCK, height + 2 * BLOCK, BLOCK, dtype=float)
+        self.columns = np.arange(-RAY_SPACING_PX, width + 2 * RAY_SPACING_PX, RAY_SPACING_PX, dtype=float)
+        self.rows = np.arange(-RAY_SPACING_PX, height + 2 * RAY_SPACING_PX, RAY_SPACING_PX, dtype=float)
         x, y = np.meshgrid(self.columns, self.rows)
         self.size = (height, width)
         self.splines = tuple(
@@ -418,15 +418,21 @@ def shadowed(rays: Rays, polygon: Array, penumbra: float, ambient: float, lamp: 
     height, width = rays.size
     outline = Outline(polygon, spacing=penumbra / 2)
     rows, columns = np.meshgrid(
-        np.arange(BLOCK / 2, height + BLOCK, BLOCK), np.arange(BLOCK / 2, width + BLOCK, BLOCK), indexing="ij"
+        np.arange(RAY_SPACING_PX / 2, height + RAY_SPACING_PX, RAY_SPACING_PX),
+        np.arange(RAY_SPACING_PX / 2, width + RAY_SPACING_PX, RAY_SPACING_PX),
+        indexing="ij",
     )
     middle = rays.at(np.minimum(rows, height).ravel(), np.minimum(columns, width).ravel()).reshape(*rows.shape, 2)
-    radius = BLOCK * max(float(extent.max()) for row in (0, height - 1) for extent in rays.footprints(row)) * 0.75
+    radius = (
+        RAY_SPACING_PX * max(float(extent.max()) for row in (0, height - 1) for extent in rays.footprints(row)) * 0.75
+    )
     coarse = outline.distance(middle.reshape(-1, 2)).reshape(rows.shape)
-    share = np.repeat(np.repeat((coarse > 0.0).astype(np.float32), BLOCK, axis=0), BLOCK, axis=1)[:height, :width]
-    near = np.repeat(np.repeat(np.abs(coarse) < REACH * penumbra + radius, BLOCK, axis=0), BLOCK, axis=1)[
+    share = np.repeat(np.repeat((coarse > 0.0).astype(np.float32), RAY_SPACING_PX, axis=0), RAY_SPACING_PX, axis=1)[
         :height, :width
     ]
+    near = np.repeat(
+        np.repeat(np.abs(coarse) < PENUMBRA_REACH * penumbra + radius, RAY_SPACING_PX, axis=0), RAY_SPACING_PX, axis=1
+    )[:height, :width]
     y, x = np.nonzero(near)
     curvature = outline.curvature(penumbra)
     for part in range(0, len(y), 500_000):
@@ -526,7 +532,7 @@ SCENE = Scene(
 HEIGHTS = np.arange(10) * 1e-3
 """Heights of the disk in m."""
 
-RADIUS, FLOOR = 0.0145, -0.0067
+DISK_RADIUS, SURFACE_HEIGHT = 0.0145, -0.0067
 """Radius of the disk and Z of its undeformed surface in m: no grid line lies along it."""
 
 
@@ -541,7 +547,7 @@ def make_photographs(folder: Path) -> None:
     save(folder / "IMG_0100.JPG", photograph(SCENE, None, seed=100)[0])
     rows = ["# levels of both tubes of the water column, read to half a millimetre", "file,left,right"]
     for number, height in enumerate(HEIGHTS, 101):
-        picture = photograph(SCENE, dome(float(height), RADIUS, floor=FLOOR), seed=number)[0]
+        picture = photograph(SCENE, dome(float(height), DISK_RADIUS, floor=SURFACE_HEIGHT), seed=number)[0]
         save(folder / f"IMG_{number:04d}.JPG", picture)
         half = column(float(height)) / 2.0
         rows.append(f"IMG_{number:04d}.JPG,{25.0 + half:.1f} cm,{25.0 - half:.1f} cm")

@@ -30,8 +30,7 @@ from softmodels.common.arrays import Array
 # Pillow opens many raw files as TIFF and then reads the small preview in them: their kind has to be known before.
 
 
-READABLE = "JPEG, PNG, TIFF, HEIC, WebP, AVIF, JPEG 2000, MPO or BMP"
-"""The formats named to the user."""
+READABLE_FORMATS = "JPEG, PNG, TIFF, HEIC, WebP, AVIF, JPEG 2000, MPO or BMP"
 
 RAW_ENDINGS = frozenset(
     {f".{name}" for name in re.findall(r"\w+", """
@@ -40,18 +39,18 @@ RAW_ENDINGS = frozenset(
 )  # fmt: skip
 """Endings of cameras' raw files; most of them are TIFF inside, so that their first bytes do not identify them."""
 
-RAW = "it is a camera's raw file; develop it to a 16-bit TIFF, without lens correction, cropping or turning, and list that"
+RAW_HINT = "it is a camera's raw file; develop it to a 16-bit TIFF, without lens correction, cropping or turning, and list that"
 
-VIDEO = "it is a video; save single pictures of it as PNG, at the measured pressures, and list those"
+VIDEO_HINT = "it is a video; save single pictures of it as PNG, at the measured pressures, and list those"
 
 _SIGNATURES: dict[str, tuple[tuple[int, bytes], ...]] = {
     "it is a PDF document; save the photograph in it as a picture (pdfimages does), and list that": ((0, b"%PDF"),),
     "it is a PostScript document, not a photograph": ((0, b"%!PS"),),
-    RAW: (
+    RAW_HINT: (
         (0, b"FUJIFILMCCD-RAW"), (0, b"IIRO"), (0, b"IIRS"), (0, b"MMOR"), (0, b"IIU\0"), (0, b"FOVb"), (0, b"\0MRM"),
         (8, b"CR\x02"), (6, b"HEAPCCDR"), (4, b"ftypcrx"),
     ),
-    VIDEO: (
+    VIDEO_HINT: (
         (0, b"\x1a\x45\xdf\xa3"), (0, b"FLV"), (0, b"\0\0\1\xba"), (0, b"\0\0\1\xb3"), (0, b"\x30\x26\xb2\x75"), (8, b"AVI "),
     ),
     "it is a ZIP archive or an office document; take the photograph out of it, and list that": ((0, b"PK\3\4"),),
@@ -70,19 +69,19 @@ def foreign_kind(path: Path) -> str | None:
     with path.open("rb") as file:
         head = file.read(512)
     if not head:
-        return f"the file is empty; use {READABLE}"
+        return f"the file is empty; use {READABLE_FORMATS}"
     if path.suffix.lower() in RAW_ENDINGS:
-        return RAW
+        return RAW_HINT
     for what, marks in _SIGNATURES.items():
         if any(head[offset:].startswith(mark) for offset, mark in marks):
             return what
     if head[4:8] == b"ftyp" and head[8:12].strip() not in _STILLS:
-        return VIDEO
+        return VIDEO_HINT
     text = head.lstrip(b"\xef\xbb\xbf \t\r\n").lower()
     if text.startswith((b"<!doctype html", b"<html")):
         return "it is a web page instead of a picture; download the picture again"
     if text.startswith((b"<svg", b"<?xml")):
-        return f"it is a drawing or another XML file, not a photograph; use {READABLE}"
+        return f"it is a drawing or another XML file, not a photograph; use {READABLE_FORMATS}"
     return None
 
 
@@ -95,7 +94,7 @@ def foreign_kind(path: Path) -> str | None:
 
 Pixels = npt.NDArray[np.uint8]
 
-DEPTHS = (8, 10, 12, 14, 16)
+BIT_DEPTHS = (8, 10, 12, 14, 16)
 """Bits that cameras count light in; files keep more than 8 of them in 16."""
 
 MEMORY_PER_PIXEL, MEMORY_PER_DEEP_PIXEL = 14, 25
@@ -107,7 +106,7 @@ MOST_MEMORY = 0.8
 WITH_PAGES = {"TIFF", "GIF", "WEBP", "PNG"}
 """Formats whose further pictures are pages or an animation; in MPO and HEIC they belong to the one photograph."""
 
-DEEP = {"PNG", "TIFF"}
+DEEP_FORMATS = {"PNG", "TIFF"}
 """Formats of which Pillow reads 16-bit colour as 8 bits, without a word."""
 
 FORMATS = ("JPEG", "PNG", "TIFF", "HEIF", "WEBP", "AVIF", "JPEG2000", "BMP", "GIF", "PPM")
@@ -162,7 +161,7 @@ def opened(path: Path) -> Iterator[Image.Image]:
             with Image.open(path, formats=FORMATS) as picture:
                 yield picture
         except UnidentifiedImageError:
-            raise Unmeasurable(f"the file is not a readable picture; use {READABLE}") from None
+            raise Unmeasurable(f"the file is not a readable picture; use {READABLE_FORMATS}") from None
         finally:
             Image.MAX_IMAGE_PIXELS = most
 
@@ -190,7 +189,7 @@ def read_pixels(path: Path, size: tuple[int, int] | None = None) -> Pixels:
                 )
             _check_memory(wide, high, MEMORY_PER_DEEP_PIXEL if _is_deep(picture) else MEMORY_PER_PIXEL)
             _check_pages(picture)
-            pixels = _decoded(path, picture)
+            pixels = _decoded_picture(path, picture)
     except Unmeasurable:
         raise
     except Exception as error:  # the decoders raise whatever a damaged file leads them into
@@ -201,7 +200,7 @@ def read_pixels(path: Path, size: tuple[int, int] | None = None) -> Pixels:
     return np.ascontiguousarray(pixels)
 
 
-def _decoded(path: Path, picture: Image.Image) -> Pixels:
+def _decoded_picture(path: Path, picture: Image.Image) -> Pixels:
     deep = _is_deep(picture)
     picture.load()  # tells a damaged file, also before OpenCV takes what there is of it
     if deep:
@@ -231,7 +230,7 @@ def _is_deep(picture: Image.Image) -> bool:
     """Return whether a PNG or TIFF, not yet decoded, holds 16 bits per channel: its first tile names the numbers it is made
     of."""
     tiles = getattr(picture, "tile", None)
-    if picture.format not in DEEP or not tiles:
+    if picture.format not in DEEP_FORMATS or not tiles:
         return False
     kind = tiles[0][3]
     return "16" in str(kind if isinstance(kind, str) else next(iter(kind or ()), ""))
@@ -244,7 +243,7 @@ def _colours(deep: npt.NDArray[np.uint16]) -> Pixels:
         raise Unmeasurable(_CUT_OUT)
     light = deep if deep.ndim == 2 else deep[..., 2::-1]
     most = int(light.max())
-    bits = next(depth for depth in DEPTHS if most < 2**depth)
+    bits = next(depth for depth in BIT_DEPTHS if most < 2**depth)
     table = np.rint(np.arange(2**bits) * (255.0 / (2**bits - 1))).astype(np.uint8)
     small = table[light]
     return np.repeat(small[..., None], 3, axis=2) if small.ndim == 2 else small
@@ -311,16 +310,16 @@ def _know_heic() -> None:
 
 
 _STORED = np.arange(256) / 255.0
-LIGHT: npt.NDArray[np.float32] = np.where(
+LIGHT_OF_SRGB: npt.NDArray[np.float32] = np.where(
     _STORED <= 0.04045, _STORED / 12.92, ((_STORED + 0.055) / 1.055) ** 2.4
 ).astype(np.float32)
 """Light from 0 to 1 of every stored number by sRGB's curve, shape (256,)."""
 
-TONES: dict[str, npt.NDArray[np.float32]] = {"srgb": LIGHT, "linear": _STORED.astype(np.float32)}
+TONES: dict[str, npt.NDArray[np.float32]] = {"srgb": LIGHT_OF_SRGB, "linear": _STORED.astype(np.float32)}
 """Known tone curves: a camera's JPEG, and numbers proportional to light (a developed raw file)."""
 
 
-def sample_light(image: Pixels, points: Array, light: npt.NDArray[np.float32] = LIGHT) -> Array:
+def sample_light(image: Pixels, points: Array, light: npt.NDArray[np.float32] = LIGHT_OF_SRGB) -> Array:
     """Return the light (..., 3) of stored numbers (h, w, 3) between pixels (..., 2), bilinear; NaN outside of the frame."""
     height, width = image.shape[:2]
     flat = points.reshape(-1, 2)

@@ -9,10 +9,10 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 
-DEVIATION = 1.4826
+DEVIATION_PER_MEDIAN = 1.4826
 """Standard deviation of normally distributed values over the median of their sizes."""
 
-FAR = 2.0
+HUBER_DISTANCE = 2.0
 """Distance from the fit in its scatter from which a value counts less (Huber's weights)."""
 
 
@@ -23,7 +23,7 @@ def deviation(rest: Array) -> float:
 
 def deviations(rest: npt.NDArray[np.floating], axis: int | tuple[int, ...] | None) -> Array:
     """Return the same along some axes of an array."""
-    return np.asarray(DEVIATION * np.median(np.abs(rest), axis=axis))
+    return np.asarray(DEVIATION_PER_MEDIAN * np.median(np.abs(rest), axis=axis))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -45,5 +45,5 @@ def robust_fit(terms: Array, values: Array, rounds: int) -> RobustFit:
         value = terms @ coefficients
         rest = np.abs(values - value)
         scatter = deviation(rest) + 1e-9
-        weight = np.sqrt(np.minimum(1.0, FAR * scatter / np.maximum(rest, 1e-15)))
+        weight = np.sqrt(np.minimum(1.0, HUBER_DISTANCE * scatter / np.maximum(rest, 1e-15)))
     return RobustFit(coefficients, value, rest, scatter)

@@ -6,7 +6,7 @@
     run = sm.inflate(disk, sm.Yeoh(14e3, 60.0), pressures="0:177 cm")
     run.pressure, run.apex, run.limit
 
-Every name is loaded when it is first used. Numbers are in SI units, both in arguments and results; texts carry a unit. Calls
+Every name is loaded when it is first used. Numbers are in SI units, both in arguments and results; strings carry a unit. Calls
 print nothing, set no signal handler and never exit: errors are exceptions with the message that the command line prints.
 """
 

@@ -16,11 +16,11 @@ from measurement.screen.setup import SetupError, magnification as factor_of
 from softmodels.common import commands, errors, files, units
 from softmodels.common.lazy import consoles, progress
 
-DONE, SOME_REFUSED = 0, 3
-"""Beside `commands.FAILED` (nothing could be measured) and `UNUSABLE` (bad input): some photographs are left out."""
+EXIT_DONE, EXIT_SOME_REJECTED = 0, 3
+"""Beside `commands.EXIT_FAILED` (nothing could be measured) and `EXIT_BAD_INPUT` (bad input): some photographs are left out."""
 
 
-def stop(sentence: str, status: int = commands.UNUSABLE) -> NoReturn:
+def stop(sentence: str, status: int = commands.EXIT_BAD_INPUT) -> NoReturn:
     """End the program with a sentence on standard error."""
     commands.tell(sentence)
     sys.exit(status)
@@ -88,10 +88,10 @@ def numbers(text: str, count: int, option: str) -> tuple[float, ...]:
 
 def pattern(text: str) -> tuple[int, int]:
     """Return the inner corners in a row and in a column, from "9x6"."""
-    found = re.fullmatch(r"([0-9]{1,4})x([0-9]{1,4})", text.strip())
-    if not found:
+    match = re.fullmatch(r"([0-9]{1,4})x([0-9]{1,4})", text.strip())
+    if not match:
         raise SetupError(f"{units.brief(text)} is not a pattern; write the inner corners like 9x6")
-    return int(found[1]), int(found[2])
+    return int(match[1]), int(match[2])
 
 
 def length(text: str) -> float:
@@ -102,9 +102,11 @@ def length(text: str) -> float:
 def per_metre(text: str) -> float:
     """Return the pixels per metre from "75px/mm"."""
     # A pixel is a count here; Pint's own pixel is a unit of its own.
-    found = len(text) <= units.LONGEST and re.fullmatch(r"\s*([^a-z]+?)\s*(?:px|pixels?)?\s*/\s*(\w+)\s*", text)
+    text_match = len(text) <= units.MAX_CHARACTERS and re.fullmatch(
+        r"\s*([^a-z]+?)\s*(?:px|pixels?)?\s*/\s*(\w+)\s*", text
+    )
     try:
-        return units.quantity(f"{found[1]} {found[2]}^-1" if found else text, "1/m")
+        return units.quantity(f"{text_match[1]} {text_match[2]}^-1" if text_match else text, "1/m")
     except units.UnitError as error:
         why = f" ({error})" if isinstance(error, units.DecimalCommaError) else ""
         raise SetupError(

@@ -34,7 +34,7 @@ help="Folder for the results.  [default: outlines; outlines-2 and so "
               help="Tone curve of the files: srgb (camera JPEG) or linear; auto estimates it from the edge.")  # fmt: skip
 @click.option(
     "--water-density",
-    help=f"Density of the column's liquid.  [default: {units.WATER_DENSITY:g}kg/m^3, {units.LIGHTER}]",
+    help=f"Density of the column's liquid.  [default: {units.WATER_DENSITY:g}kg/m^3, {units.DENSITY_NOTE}]",
 )
 @click.option(
     "--density-error", default=f"{photo_list.DENSITY_ERROR:.2g}kg/m^3", show_default=True, help="Its standard error."
@@ -72,7 +72,7 @@ def photos(listing: Path, setup_file: Path, output: Path | None, **given: Any) -
         cli.stop(str(error))
     if given["water_density"] is None and not given["quiet"] and any(photo.by_length for photo in listed):
         processes.say(
-            f"pressures are read in {units.column_unit()}, {units.LIGHTER}; --water-density sets another liquid's density",
+            f"pressures are read in {units.column_unit()}, {units.DENSITY_NOTE}; --water-density sets another liquid's density",
             err=True,
         )
     # Of the photographs only the names: their contents are gigabytes. Whoever replaces one has another list to measure.
@@ -87,14 +87,16 @@ def photos(listing: Path, setup_file: Path, output: Path | None, **given: Any) -
     except SetupError as error:
         cli.stop(str(error))
     except NoZero as error:
-        cli.stop(str(error), commands.FAILED if any(photo.is_zero for photo in listed) else commands.UNUSABLE)
-    made = _measured(listed, setup, zero, folder, given)
+        cli.stop(
+            str(error), commands.EXIT_FAILED if any(photo.is_zero for photo in listed) else commands.EXIT_BAD_INPUT
+        )
+    made = _measure_all(listed, setup, zero, folder, given)
     if not given["quiet"]:
         _report(made, folder.path, width)
     for result in made.results:
         if isinstance(result.outcome, Refusal):
             processes.say(f"{result.photograph.file.name}: refused, {result.outcome.reason}", err=True)
-    sys.exit(cli.DONE if not made.refused else cli.SOME_REFUSED if made.outlines else commands.FAILED)
+    sys.exit(cli.EXIT_DONE if not made.refused else cli.EXIT_SOME_REJECTED if made.outlines else commands.EXIT_FAILED)
 
 
 def _stamp(file: Path) -> tuple[int, int]:
@@ -106,7 +108,7 @@ def _stamp(file: Path) -> tuple[int, int]:
     return state.st_size, state.st_mtime_ns
 
 
-def _measured(
+def _measure_all(
     listed: Sequence[Photograph],
     setup: Setup,
     zero: zero.ZeroLine,
@@ -202,7 +204,7 @@ def _draw(output: Path, made: Measurement, tone: str) -> None:
 # The command ``demo``: a set of synthetic photographs, and the commands that measure it.
 
 
-WRITTEN = ("photographs/", "setup.toml", "setup.png", "outlines/")
+WRITTEN_FILES = ("photographs/", "setup.toml", "setup.png", "outlines/")
 """What the demonstration writes into its folder."""
 
 
@@ -218,7 +220,7 @@ def demo(output: Path | None, jobs: int | None, quiet: bool) -> None:
         from measurement.cli import setup
 
     try:
-        place = commands.open_place(output, Path("demo"), "demonstration of the measurement", WRITTEN)
+        place = commands.open_place(output, Path("demo"), "demonstration of the measurement", WRITTEN_FILES)
         photographs = commands.open_folder(place / "photographs", place, "photographs", {})
         with photographs.writing() as folder:
             photographer.make_photographs(folder)

@@ -88,7 +88,7 @@ def setup(photograph: Path, output: Path, overlay: Path | None, **given: Any) ->
     try:
         calibration.draw_points(shown, picture, camera, plane)
     except (OSError, ValueError) as error:
-        status = commands.status_of(error) if isinstance(error, OSError) else commands.UNUSABLE
+        status = commands.status_of(error) if isinstance(error, OSError) else commands.EXIT_BAD_INPUT
         texts.stop(f"the picture of the plane {shown} cannot be written: {errors.reason(error)}", status)
     texts.write_text(output, made.to_toml())
     _report(made, given, f"written to {output} and {shown}")
@@ -170,7 +170,7 @@ def _report(made: Setup, given: dict[str, Any], written: str) -> None:
 # The command ``calibrate``: a camera from photographs of a chessboard.
 
 
-REACHED = 0.9
+MIN_BOARD_REACH = 0.9
 """Share of the way to the frame's corners that the boards of a good calibration reach."""
 
 
@@ -197,19 +197,19 @@ def calibrate(photographs: tuple[Path, ...], pattern: str, pitch: str, output: P
         lambda file: files.has_table("camera")(file) and not files.has_table("plane")(file),
                           "the camera file", "-o")  # fmt: skip
         board, side = texts.pattern(pattern), texts.length(pitch)
-        with texts.bar("looking for boards", calibration.STEPS * len(photographs), quiet) as advance:
+        with texts.bar("looking for boards", calibration.STEPS_PER_PHOTOGRAPH * len(photographs), quiet) as advance:
             made = calibration.calibrate(photographs, board, side, advance)
     except (OwnFolderError, units.UnitError, SetupError) as error:
         texts.stop(str(error))
     except CameraError as error:
-        texts.stop(str(error), commands.FAILED)
+        texts.stop(str(error), commands.EXIT_FAILED)
     table = tomli_w.dumps({"camera": made.camera.as_table()})
     texts.write_text(output, f"# A camera; made by softmodels measure calibrate.\n{table}")
     for path, why in made.refused.items():
         processes.say(f"{path}: refused, {why}", err=True)
     if not quiet:
         _report_camera(made, output)
-    sys.exit(texts.SOME_REFUSED if made.refused else texts.DONE)
+    sys.exit(texts.EXIT_SOME_REJECTED if made.refused else texts.EXIT_DONE)
 
 
 def _report_camera(made: Calibration, output: Path) -> None:
@@ -225,7 +225,7 @@ def _report_camera(made: Calibration, output: Path) -> None:
         f"Standard error of the lens: {camera.error_px:.2g} px in the region of the boards, {camera.errors_px[-1]:.2g} "
         f"px in the picture's corners; written to {output}"
     )
-    if made.coverage < REACHED:
+    if made.coverage < MIN_BOARD_REACH:
         processes.say(
             f"Boards cover {made.coverage:.0%} of the distance from the middle to the corners; add photographs "
             f"with the board near the corners",
@@ -280,7 +280,7 @@ def _camera_file(path: Path) -> Camera:
 # The screen's plane as the options of the setup command ask for it: by the grid, a board, known points or a scale.
 
 
-LARGEST = 0.5
+MAX_PITCH = 0.5
 """Largest pitch in m of a printed grid or board; beyond it somebody wrote m for mm."""
 
 
@@ -289,7 +289,7 @@ def _pitch(text: str) -> tuple[float, float]:
     pitch, error = texts.with_error(text, texts.length)
     if not pitch > 0.0:
         raise SetupError(f"--grid-pitch must be a positive length, not {text}")
-    if pitch > LARGEST:
+    if pitch > MAX_PITCH:
         raise SetupError(f"--grid-pitch {text} is not a plausible grid pitch; write mm for millimetres")
     if not 0.0 <= error < pitch:
         raise SetupError(f"the error in --grid-pitch {text} must not be negative, and below the pitch")

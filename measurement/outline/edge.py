@@ -66,7 +66,7 @@ class Edge:
 MOST_STATIONS = 1200
 """Stations along an edge; at 10 um per pixel they lie some 50 um apart."""
 
-BETWEEN = 1.5
+INTERPOLATION_NOISE = 1.5
 """Values between pixels scatter less than the pixels: bilinear weights leave 2/3 of the variance on average."""
 
 LARGEST_RESIDUAL_RATIO = 4.0
@@ -78,7 +78,7 @@ NEIGHBOUR_RATIO = 2.0
 WINDOW_STATIONS = 31
 """Stations over which the width's median is taken."""
 
-WHOLE, PART = 0.85, 0.7
+WHOLE_PROFILE_DEPTH, MIN_PROFILE_DEPTH = 0.85, 0.7
 """Share of the shadow's depth over which light falls in profiles that show all of the edge, and over which it must fall."""
 
 DRAWN_ERROR = 0.35
@@ -119,7 +119,7 @@ def refine_edge(shading: Shading, contour: Array, factor: float, camera: EdgeSha
         edge = _edge_in(profiles)
         width = float(np.median(edge.width)) if len(edge.px) > 10 else np.inf
         # A large lamp's light may fall steeply in one part of its penumbra, which is all that short profiles show.
-        if 3.5 * width + factor <= reach and profiles.depth >= WHOLE * shading.colour.depth:
+        if 3.5 * width + factor <= reach and profiles.depth >= WHOLE_PROFILE_DEPTH * shading.colour.depth:
             break
         reach = 2.0 * reach
     if len(edge.px) < 10:
@@ -143,7 +143,7 @@ def _edge_in(profiles: Profiles, shading: Shading | None = None, camera: EdgeSha
         value, drawn = value - ink, fit.centre_shift(ink)
         fit = fit_profiles(profiles.offsets, value, profiles.weight)
     if shading is not None:
-        good = _clear(profiles, fit, fit.centre_error(fit.variance))
+        good = _clear_stations(profiles, fit, fit.centre_error(fit.variance))
         if good.sum() >= 10:
             residual = fit.residual / np.maximum(fit.rise, 1e-12)[:, None]
             low, high = float(shading.colour.shadow.mean()), float(shading.colour.lit.mean())
@@ -151,11 +151,11 @@ def _edge_in(profiles: Profiles, shading: Shading | None = None, camera: EdgeSha
             shape = common_shape(fit.z[good], residual[good], profiles.weight[good] > 0.9, stored, camera)
             fit = fit_profiles(profiles.offsets, value, profiles.weight, shape)
     # Samples closer than a pixel repeat each other's noise.
-    repeat = BETWEEN * max(1.0, 1.0 / (profiles.offsets[1] - profiles.offsets[0]))
+    repeat = INTERPOLATION_NOISE * max(1.0, 1.0 / (profiles.offsets[1] - profiles.offsets[0]))
     own, centre = fit.variance, fit.centre
     error = np.hypot(fit.centre_error(np.maximum(own, np.median(own)) * repeat), DRAWN_ERROR * drawn)
-    good = _clear(profiles, fit, error)
-    spoilt = _spoilt(own, fit.width, good)
+    good = _clear_stations(profiles, fit, error)
+    spoilt = _dusty_stations(own, fit.width, good)
     if (spoilt & good).sum() < 0.2 * good.sum():
         good &= ~spoilt
     px = profiles.place + centre[:, None] * profiles.normal
@@ -167,7 +167,7 @@ def _contrast(fit: ProfileFit) -> Array:
         return np.asarray(fit.rise / (fit.low + fit.rise + fit.slope * fit.centre))
 
 
-def _clear(profiles: Profiles, fit: ProfileFit, error: Array) -> Mask:
+def _clear_stations(profiles: Profiles, fit: ProfileFit, error: Array) -> Mask:
     """Return the stations (n,) at which the edge is clear, by the standard errors (n,) of their middles."""
     reach = profiles.offsets[-1]
     return np.asarray(
@@ -176,14 +176,14 @@ def _clear(profiles: Profiles, fit: ProfileFit, error: Array) -> Mask:
     )  # fmt: skip
 
 
-def _spoilt(variance: Array, width: Array, good: Mask) -> Mask:
+def _dusty_stations(variance: Array, width: Array, good: Mask) -> Mask:
     """Return the stations (n,) at which something lies on the edge: dust spoils the curve's shape before it moves its middle
     much."""
     usual = np.median(variance[good]) if good.any() else np.inf
     local = median_filter(width, WINDOW_STATIONS, mode="mirror") if len(width) >= WINDOW_STATIONS else np.median(width)
-    found = (variance > LARGEST_RESIDUAL_RATIO**2 * usual) | (np.abs(np.log(width / local)) > 0.35)
+    is_spoilt = (variance > LARGEST_RESIDUAL_RATIO**2 * usual) | (np.abs(np.log(width / local)) > 0.35)
     # It reaches into the stations beside those in which it is plain.
-    return np.asarray(binary_propagation(found, mask=found | (variance > NEIGHBOUR_RATIO**2 * usual)))
+    return np.asarray(binary_propagation(is_spoilt, mask=is_spoilt | (variance > NEIGHBOUR_RATIO**2 * usual)))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -197,13 +197,13 @@ def _spoilt(variance: Array, width: Array, good: Mask) -> Mask:
 # doi 10.1080/01621459.1988.10478639.
 
 
-SPAN = 20
+SMOOTHING_POINTS = 20
 """Points in one local fit; the thesis' value."""
 
-CHUNK = 100
+POINTS_PER_CALL = 100
 """Points per call: the direct fit and its standard errors cost the square of the number of points."""
 
-ITERATIONS = 5
+REWEIGHTING_ROUNDS = 5
 """Rounds of reweighting; MATLAB takes five as well."""
 
 
@@ -217,7 +217,7 @@ class Smoothed:
     scatter: Array
 
 
-def robust_loess(place: Array, value: Array, span: int = SPAN) -> Smoothed:
+def robust_loess(place: Array, value: Array, span: int = SMOOTHING_POINTS) -> Smoothed:
     """Return values (n,) at rising places (n,), at least 4 different ones in every span of so many points, smoothed by robust
     local quadratics; `ValueError` for fewer, for places that do not rise, and for a span or points below 5.
 
@@ -232,8 +232,8 @@ def robust_loess(place: Array, value: Array, span: int = SPAN) -> Smoothed:
     if (np.diff(place) < 0.0).any():
         raise ValueError("smoothing needs its places in rising order")
     pieces = []
-    for start in range(0, len(place), CHUNK):
-        stop = min(start + CHUNK, len(place))
+    for start in range(0, len(place), POINTS_PER_CALL):
+        stop = min(start + POINTS_PER_CALL, len(place))
         first, last = max(0, start - span), min(len(place), stop + span)
         piece = _smooth_piece(place[first:last], value[first:last], span)
         pieces.append(np.array([piece.value, piece.error, piece.scatter])[:, start - first : stop - first])
@@ -249,7 +249,7 @@ def _smooth_piece(place: Array, value: Array, span: int) -> Smoothed:
         # Values that lie on a curve but for rounding leave robust weights nothing to tell apart; plain ones serve then.
         model = loess(
             at, target, span=min(1.0, span / len(place)), degree=2, family=family,
-            surface="direct", statistics="exact", iterations=ITERATIONS,
+            surface="direct", statistics="exact", iterations=REWEIGHTING_ROUNDS,
         )  # fmt: skip
         try:
             model.fit()
@@ -272,7 +272,7 @@ def _smooth_piece(place: Array, value: Array, span: int) -> Smoothed:
 # length g a curvature that is wrong by k moves the edge by k t (1 - t) g^2 / 2 at the share t of the way.
 
 
-MISSING = 6.0
+GAP_RATIO = 6.0
 """Distance of neighbouring points, over the usual one, from which something is missing between them.
 
 Over fewer a smoothed span of points goes on safely: a speck that takes them has been left out with all that it touches.
@@ -281,19 +281,19 @@ Over fewer a smoothed span of points goes on safely: a speck that takes them has
 DROPPED_BESIDE_GAP = 2
 """Points on each side of a gap that what made it has touched as well."""
 
-SHORTEST = 12
+MIN_STRETCH_POINTS = 12
 """Points of a stretch that can be smoothed by itself; shorter ones belong to the gap."""
 
-BENDS = 0.5
+BRIDGE_CURVATURE_TOLERANCE = 0.5
 """Share of the outline's greatest curvature by which a bridge's curvature may be wrong."""
 
-TURNS = 0.5
+MIN_BRIDGE_COSINE = 0.5
 """Cosine of the greatest angle between two ends that a bridge joins."""
 
-REPEATED = 1.5
+SHARED_NOISE_FACTOR = 1.5
 """Neighbouring stations share noise (JPEG's blocks, dust), so a smoothed point is this much worse than if they did not."""
 
-FEW, FEW_NOISES = 5, 3.0
+MEDIAN_POINTS, MEDIAN_TOLERANCE = 5, 3.0
 """Points whose median is the edge where a local quadratic lies off it, and the median's standard errors from which it does."""
 
 LEAST_CHORD, BENT_ERROR = 5.0, 0.3
@@ -332,13 +332,13 @@ def smoothed(edge: Edge, longest: float) -> BridgedLine:
 
 def _stretches(step: Array, usual: float) -> list[slice]:
     """Return the pieces without a gap; one that is too short to be smoothed belongs to the gap."""
-    breaks = np.flatnonzero(step > MISSING * usual) + 1
+    breaks = np.flatnonzero(step > GAP_RATIO * usual) + 1
     firsts, lasts = np.r_[0, breaks], np.r_[breaks, len(step) + 1]
     parts = [
         slice(first + (DROPPED_BESIDE_GAP if first else 0), last - (DROPPED_BESIDE_GAP if last <= len(step) else 0))
         for first, last in zip(firsts.tolist(), lasts.tolist(), strict=True)
     ]
-    long = [part for part in parts if part.stop - part.start >= SHORTEST]
+    long = [part for part in parts if part.stop - part.start >= MIN_STRETCH_POINTS]
     return long or [slice(0, len(step) + 1)]
 
 
@@ -357,24 +357,24 @@ def _stretch(edge: Edge, part: slice) -> BridgedLine:
     off = np.abs(rest)
     window = min(61, len(off) // 2 * 2 - 1)
     # A local median of what the curve leaves is the scatter that is really there, whatever its cause.
-    local = robust.DEVIATION * median_filter(off, window, mode="mirror")
+    local = robust.DEVIATION_PER_MEDIAN * median_filter(off, window, mode="mirror")
     gain = smooth.error / smooth.scatter
     gain = np.maximum(gain, float(np.median(gain)))  # the ends of a stretch have neighbours on one side only
-    # What values between pixels lose of their scatter is in `REPEATED` already.
-    own = np.maximum(edge.error[part] / np.sqrt(BETWEEN), local)
+    # What values between pixels lose of their scatter is in `SHARED_NOISE_FACTOR` already.
+    own = np.maximum(edge.error[part] / np.sqrt(INTERPOLATION_NOISE), local)
     # Where the edge turns within a span, as at a bulge's foot in a small picture, no quadratic follows it.
-    few, noise = median_filter(rest, FEW, mode="mirror"), 1.25 * own / np.sqrt(FEW)
-    turned = np.abs(few) > FEW_NOISES * noise
+    few, noise = median_filter(rest, MEDIAN_POINTS, mode="mirror"), 1.25 * own / np.sqrt(MEDIAN_POINTS)
+    turned = np.abs(few) > MEDIAN_TOLERANCE * noise
     value = smooth.value + np.where(turned, few, 0.0)
-    error = REPEATED * np.where(turned, np.maximum(noise, gain * own), gain * own)
+    error = SHARED_NOISE_FACTOR * np.where(turned, np.maximum(noise, gain * own), gain * own)
     line, normal = guide + value[:, None] * across, edge.normal[part]
-    bent = _bent(line, normal, edge.width[part])
+    bent = _edge_offset(line, normal, edge.width[part])
     return BridgedLine(
         line + bent[:, None] * normal, normal, np.hypot(error, BENT_ERROR * bent), np.zeros(len(px), dtype=bool)
     )
 
 
-def _bent(px: Array, normal: Array, width: Array) -> Array:
+def _edge_offset(px: Array, normal: Array, width: Array) -> Array:
     """Return how far (n,) in px towards the light the edge lies from where half of the light is.
 
     A photograph is the silhouette under a blur, by the lamp's own shape and by the lens. On an edge of the curvature k a blur
@@ -397,16 +397,20 @@ def _bent(px: Array, normal: Array, width: Array) -> Array:
 
 def _curvature(lines: list[BridgedLine]) -> float:
     """Return the greatest curvature of the smoothed edge in 1/px, but for single corners."""
-    found = [np.zeros(1)]
+    curvatures = [np.zeros(1)]
     for line in lines:
-        if len(line.px) > 4 * SPAN:
+        if len(line.px) > 4 * SMOOTHING_POINTS:
             # Over two spans of points noise bends nothing any more.
-            near, here, far = line.px[: -2 * SPAN], line.px[SPAN:-SPAN], line.px[2 * SPAN :]
+            near, here, far = (
+                line.px[: -2 * SMOOTHING_POINTS],
+                line.px[SMOOTHING_POINTS:-SMOOTHING_POINTS],
+                line.px[2 * SMOOTHING_POINTS :],
+            )
             chord = far - near
             length = np.maximum(np.linalg.norm(chord, axis=1), 1e-9)
             sagitta = np.abs(chord[:, 0] * (here - near)[:, 1] - chord[:, 1] * (here - near)[:, 0]) / length
-            found.append(8.0 * sagitta / length**2)
-    return float(np.percentile(np.concatenate(found), 90))
+            curvatures.append(8.0 * sagitta / length**2)
+    return float(np.percentile(np.concatenate(curvatures), 90))
 
 
 def _bridge(before: BridgedLine, after: BridgedLine, usual: float, bend: float, longest: float) -> BridgedLine | None:
@@ -416,7 +420,7 @@ def _bridge(before: BridgedLine, after: BridgedLine, usual: float, bend: float, 
     count = round(gap / usual) - 1
     leave, arrive = _direction(before.px[::-1]) * -1.0, _direction(after.px)
     way = (end - start) / max(gap, 1e-9)
-    if count < 1 or gap > longest or min(leave @ way, arrive @ way) < TURNS:
+    if count < 1 or gap > longest or min(leave @ way, arrive @ way) < MIN_BRIDGE_COSINE:
         return None
     t = (np.arange(1, count + 1) / (count + 1))[:, None]
     px = (
@@ -428,14 +432,14 @@ def _bridge(before: BridgedLine, after: BridgedLine, usual: float, bend: float, 
     share = t[:, 0]
     ends = (1 - share) * before.error[-1] + share * after.error[0]
     # The direction at an end is known from a span of points; it errs by their error over half of the span's length.
-    lean = (before.error[-1] + after.error[0]) / (0.5 * SPAN * usual) * gap * share * (1 - share)
-    error = np.sqrt(ends**2 + lean**2 + (0.5 * BENDS * bend * share * (1 - share) * gap**2) ** 2)
+    lean = (before.error[-1] + after.error[0]) / (0.5 * SMOOTHING_POINTS * usual) * gap * share * (1 - share)
+    error = np.sqrt(ends**2 + lean**2 + (0.5 * BRIDGE_CURVATURE_TOLERANCE * bend * share * (1 - share) * gap**2) ** 2)
     return BridgedLine(px, normal, error, np.ones(count, dtype=bool))
 
 
 def _direction(px: Array) -> Array:
     """Return the unit vector (2,) along a stretch at its first point, from a quadratic through a span of points."""
-    part = px[:SPAN]
+    part = px[:SMOOTHING_POINTS]
     at = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(part, axis=0), axis=1))]
     slope = np.polynomial.polynomial.polyfit(at, part, 2)[1]
     return np.asarray(slope / np.linalg.norm(slope))
@@ -450,10 +454,10 @@ def _direction(px: Array) -> Array:
 # round).
 
 
-NARROWEST, FITS = 0.05, 3
+MIN_WIDTH_RATIO, WIDTH_FITS = 0.05, 3
 """Least square of the expected width over the usual one's, and fits of it, each with the scatter that the last one leaves."""
 
-WINDOW, MIN_WINDOW_POINTS = 1.2e-3, 15
+WIDTH_WINDOW, MIN_WINDOW_POINTS = 1.2e-3, 15
 """Length in m and least number of points over which the width's median is taken: corners and dust are shorter."""
 
 
@@ -471,7 +475,7 @@ def widest_patch(edge: Edge, scale: float) -> tuple[float, float]:
     square = float(np.exp(2.0 * np.median(width)))
 
     def expected(c: Array) -> Array:
-        return square * np.maximum(terms @ c, NARROWEST)
+        return square * np.maximum(terms @ c, MIN_WIDTH_RATIO)
 
     def missed(c: Array) -> Array:
         return np.asarray(0.5 * np.log(expected(c)) - width)
@@ -479,14 +483,14 @@ def widest_patch(edge: Edge, scale: float) -> tuple[float, float]:
     def slopes(c: Array) -> Array:
         return np.asarray(0.5 * square * terms / expected(c)[:, None])
 
-    found, rest = np.eye(terms.shape[1])[0], np.median(width) - width
-    for _ in range(FITS):
+    coefficients, rest = np.eye(terms.shape[1])[0], np.median(width) - width
+    for _ in range(WIDTH_FITS):
         # Of an edge out of focus the first fit leaves most; what a patch leaves is much only beside what the rest does.
         usual = robust.deviation(rest) + 1e-3
-        found = least_squares(missed, found, jac=slopes, loss="cauchy", f_scale=usual).x
-        rest = -missed(found)
+        coefficients = least_squares(missed, coefficients, jac=slopes, loss="cauchy", f_scale=usual).x
+        rest = -missed(coefficients)
     spacing = float(np.median(np.linalg.norm(np.diff(edge.px, axis=0), axis=1))) * scale
-    count = min(max(MIN_WINDOW_POINTS, round(WINDOW / spacing)), len(rest) // 3)
+    count = min(max(MIN_WINDOW_POINTS, round(WIDTH_WINDOW / spacing)), len(rest) // 3)
     smooth = np.median(np.lib.stride_tricks.sliding_window_view(rest, count), axis=1)
     return float(smooth.max()), robust.deviation(smooth - np.median(smooth))
 
@@ -495,13 +499,13 @@ def widest_patch(edge: Edge, scale: float) -> tuple[float, float]:
 # From one photograph to the shadow's edge on the screen; whether it can be trusted is asked by `series.checks`.
 
 
-COARSE = 640
+COARSE_SIDE_PX = 640
 """Longer side in px of the small version in which the shadow is found."""
 
 WIDEST_LINES = (0.1, 0.2)
 """Greatest width of a grid line in pitches that is distinguished from a shadow: as a rule, and where that shows no shadow."""
 
-RIM, PENUMBRA = 9, 3.0
+RIM_SIDE_PX, PENUMBRA_WIDTHS = 9, 3.0
 """Side in px of the square by which a part of the small version is made smaller, and reach of an edge's light in its widths."""
 
 LONGEST_BRIDGE = 10e-3
@@ -546,7 +550,7 @@ class Traced:
     @functools.cached_property
     def factor(self) -> float:
         """Pixels of the photograph per pixel of the small version."""
-        return max(1.0, self.view.size.max() / COARSE)
+        return max(1.0, self.view.size.max() / COARSE_SIDE_PX)
 
     @functools.cached_property
     def small(self) -> npt.NDArray[np.float32]:
@@ -568,10 +572,10 @@ class Traced:
         if not self.setup.masks:
             return np.zeros(shape, dtype=bool)
         places = np.moveaxis(np.indices(shape)[::-1], 0, -1).reshape(-1, 2)
-        found = self.masked(self.view.enlarged(places.astype(np.float64), shape)).reshape(shape)
-        if found.all():
+        is_masked = self.masked(self.view.enlarged(places.astype(np.float64), shape)).reshape(shape)
+        if is_masked.all():
             raise pictures.Unmeasurable("the masks cover everything; give setup --mask smaller ones")
-        return found
+        return is_masked
 
     @functools.cached_property
     def coarse(self) -> CoarseShadow:
@@ -629,10 +633,10 @@ class Traced:
 
     def masked(self, px: Array) -> npt.NDArray[np.bool_]:
         """Return which pixels (n, 2) lie in one of the setup's masks."""
-        found = np.zeros(len(px), dtype=bool)
+        is_masked = np.zeros(len(px), dtype=bool)
         for x0, y0, x1, y1 in self.setup.masks:
-            found |= ((px >= [x0, y0]) & (px <= [x1, y1])).all(axis=1)
-        return found
+            is_masked |= ((px >= [x0, y0]) & (px <= [x1, y1])).all(axis=1)
+        return is_masked
 
     @property
     def touched(self) -> bool:
@@ -689,7 +693,7 @@ class Traced:
             return Flatness(np.zeros(len(self.points)))
         parts = (~(coarse.dark | self.covered), coarse.mask & ~self.covered)
         # The penumbra's own fall of light would draw a line in it aside.
-        rim = max(RIM, 2 * int(np.ceil(PENUMBRA * self.width_px / self.factor)) + 1)
+        rim = max(RIM_SIDE_PX, 2 * int(np.ceil(PENUMBRA_WIDTHS * self.width_px / self.factor)) + 1)
         looks = [look_at_grid(self.view, look.pitch, _well_inside(part, rim), look.line_reach) for part in parts]
         return flatness(looks, self.points * self.setup.magnification)
 
@@ -724,6 +728,6 @@ def _region(image: pictures.Pixels, setup: Setup) -> tuple[int, int, int, int]:
     return x0, y0, x1, y1
 
 
-def _well_inside(part: Mask, size: int = RIM) -> Mask:
+def _well_inside(part: Mask, size: int = RIM_SIDE_PX) -> Mask:
     """Return a part (h, w) of the small version without its rim, half of a size in px wide."""
     return np.asarray(cv2.erode(part.astype(np.uint8), np.ones((size, size), np.uint8)) > 0)

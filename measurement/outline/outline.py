@@ -109,8 +109,10 @@ class Outline:
     @functools.cached_property
     def _top(self) -> slice:
         """The points next to the highest one that lie in the top 2 % of the height, or within their errors of it. Errors
-        beyond `SHARED` move all points alike (a moved camera, a sunk actuator), and tell of no neighbours."""
-        low = self.z < self.z[self.apex] - max(6.0 * min(self.error[self.apex], SHARED), 0.02 * abs(self.z[self.apex]))
+        beyond `MIN_SHARED_ERROR` move all points alike (a moved camera, a sunk actuator), and tell of no neighbours."""
+        low = self.z < self.z[self.apex] - max(
+            6.0 * min(self.error[self.apex], MIN_SHARED_ERROR), 0.02 * abs(self.z[self.apex])
+        )
         left, right = np.nonzero(low[: self.apex])[0], np.nonzero(low[self.apex :])[0]
         return slice(left[-1] + 1 if len(left) else 0, self.apex + right[0] if len(right) else len(self.x))
 
@@ -233,7 +235,7 @@ MEASURED_ONLY = "x_m,z_m,error_m"
 type History = tuple[tuple[float, float], ...]
 """Pressures through time: pairs of a time in s and a pressure in Pa, linear in between, from rest on."""
 
-SHARED = 10e-6
+MIN_SHARED_ERROR = 10e-6
 """Standard error in m above which it is no longer each point's own."""
 
 

@@ -47,7 +47,7 @@ class Profiles:
         """Return the profiles from ``reach`` px in the shadow to ``reach`` px in the light, every ``spacing`` px of a path (m,
         2)."""
         place, normal = stations(path, spacing)
-        offsets = np.linspace(-reach, reach, 2 * HALF + 1)
+        offsets = np.linspace(-reach, reach, 2 * HALF_PROFILE_SAMPLES + 1)
         tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
         count = max(1, round(min(spacing, LONGEST_STATION)))
         beside = np.arange(count) - (count - 1) / 2.0
@@ -71,12 +71,12 @@ class Profiles:
     def depth(self) -> float:
         """Share of the light that is missing at their dark ends, if it hardly changes at both ends any more; else 0."""
         light = np.median(self.value, axis=0)
-        dark, next_dark, _, next_lit, lit = (float(np.median(part)) for part in np.split(light, np.array(ENDS)))
-        flat = max(next_dark - dark, lit - next_lit) < FLAT * (lit - dark)
+        dark, next_dark, _, next_lit, lit = (float(np.median(part)) for part in np.split(light, np.array(END_SAMPLES)))
+        flat = max(next_dark - dark, lit - next_lit) < FLATNESS_TOLERANCE * (lit - dark)
         return 1.0 - dark / lit if flat else 0.0
 
-    def drawn(self, drawn: Drawn, z: Array, width: Array) -> Array:
-        """Return what ink leaves in the profiles (n, k), averaged over the stations' lengths; see `Drawn`."""
+    def drawn(self, drawn: InkModel, z: Array, width: Array) -> Array:
+        """Return what ink leaves in the profiles (n, k), averaged over the stations' lengths; see `InkModel`."""
         parts = range(self.points.shape[1])
         return np.asarray(np.mean([drawn(self.points[:, part], z, width) for part in parts], axis=0))
 
@@ -117,7 +117,7 @@ def stations(path: Array, spacing: float) -> tuple[Array, Array]:
 # covariance); N. Otsu, IEEE Trans. Syst. Man Cybern. 9 (1979) 62, doi 10.1109/TSMC.1979.4310076.
 
 
-CONFIDENCE = 0.999
+SHADOW_CONFIDENCE = 0.999
 """Share of the shadow's own pixels within `chi_square_limit`."""
 
 MOST_PIXELS = 4000
@@ -131,8 +131,8 @@ SMALLEST_CONTRAST = 0.3
 
 
 def chi_square_limit() -> float:
-    """Return the square of the Mahalanobis distance that `CONFIDENCE` of the shadow's pixels stay below, in three channels."""
-    return float(chi2.ppf(CONFIDENCE, 3))
+    """Return the squared Mahalanobis distance (three channels) below which `SHADOW_CONFIDENCE` of the shadow's pixels stay."""
+    return float(chi2.ppf(SHADOW_CONFIDENCE, 3))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -174,10 +174,10 @@ class ShadowColour:
 def learn_colour(shadow: Array, lit: Array) -> ShadowColour:
     """Return the colours from samples of the shadow and of the lit screen in light, shapes (n, 3) and (m, 3);
     `Unmeasurable` if the lit screen's colour lies within the shadow's scatter."""
-    centre, covariance = robust_covariance(_thinned(shadow))
+    centre, covariance = robust_covariance(_thinned_samples(shadow))
     # Channels share most of their noise; a direction in which they happen not to scatter would rule the weights.
     covariance = covariance + np.eye(3) * max(LIGHT_FLOOR**2, 0.1 * float(np.trace(covariance)) / 3.0)
-    colour = ShadowColour(centre, np.median(_thinned(lit), axis=0), covariance)
+    colour = ShadowColour(centre, np.median(_thinned_samples(lit), axis=0), covariance)
     if colour.contrast < SMALLEST_CONTRAST:
         raise pictures.Unmeasurable(
             f"the contrast is too low: the shadow takes away {max(0.0, colour.contrast):.0%} of the screen's light, "
@@ -314,7 +314,7 @@ def _smooth_light(brightness: Array, lit: Mask) -> Array:
     return np.exp(np.clip(surface - np.median(surface[lit]), -2.0, 1.0))
 
 
-def _thinned(samples: Array) -> Array:
+def _thinned_samples(samples: Array) -> Array:
     return samples[:: max(1, len(samples) // MOST_PIXELS)]
 
 
@@ -328,7 +328,7 @@ def _thinned(samples: Array) -> Array:
 DARK_INK = 0.6
 """Share of light through the grid's ink below which a dark place may be ink as well as a thing in the light."""
 
-THING, FEWEST_PX = 0.45e-3, 5.0
+MIN_OBJECT_LENGTH, MIN_OBJECT_PX = 0.45e-3, 5.0
 """Length in m, and in px of the small version, that a thing must stand out of the shadow to be distinguished from dust."""
 
 SQUARE = np.ones((3, 3), np.uint8)
@@ -350,7 +350,7 @@ def touched_by_thread(
     things = dark.astype(np.uint8) & ~body & 1
     far = cv2.distanceTransform(1 - (body & 1), cv2.DIST_L2, 5)
     labels = cv2.connectedComponents(things)[1]
-    reach = max(THING / scale, FEWEST_PX)
+    reach = max(MIN_OBJECT_LENGTH / scale, MIN_OBJECT_PX)
     touching, long = (np.unique(labels[(things > 0) & chosen]) for chosen in (far < 3.0, far > reach))
     return bool(np.intersect1d(touching, long).size)
 
@@ -361,7 +361,7 @@ def touched_by_thread(
 # The grid's ink under the profiles across an edge: the light it takes, and how far it draws a blurred edge to itself.
 
 
-CELLS = 64
+TABLE_CELLS = 64
 """Cells per side of the table of places on the screen; a photograph is straight within each to a hundredth of a pixel."""
 
 INK_REACH = 4.0
@@ -370,7 +370,7 @@ INK_REACH = 4.0
 Transmission = Callable[[Array], Array]
 """Share of light that the ink lets through at pixels (..., 2)."""
 
-Drawn = Callable[[Array, Array, Array], Array]
+InkModel = Callable[[Array, Array, Array], Array]
 """What ink leaves in profiles: of pixels (n, k, 2), their distances (n, k) from the edge in its widths and these (n,) in px."""
 
 
@@ -387,9 +387,9 @@ class Ink:
     def of(cls, look: GridLook, setup: Setup, roi: tuple[int, int, int, int]) -> Ink:
         """Return the ink of a photograph; the map to the screen is taken straight within each cell of a table."""
         x0, y0, x1, y1 = roi
-        columns, rows = np.linspace(x0, x1 - 1, CELLS + 1), np.linspace(y0, y1 - 1, CELLS + 1)
+        columns, rows = np.linspace(x0, x1 - 1, TABLE_CELLS + 1), np.linspace(y0, y1 - 1, TABLE_CELLS + 1)
         lattice = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
-        places = setup.to_metres(lattice).reshape(CELLS + 1, CELLS + 1, 2) * setup.magnification
+        places = setup.to_metres(lattice).reshape(TABLE_CELLS + 1, TABLE_CELLS + 1, 2) * setup.magnification
         return cls(look, roi, np.ascontiguousarray(np.nan_to_num(places, nan=1.0), dtype=np.float64))
 
     def __call__(self, points: Array) -> Array:
@@ -399,13 +399,13 @@ class Ink:
     def places(self, points: Array) -> Array:
         """Return the places (..., 2) on the screen in m that pixels (..., 2) show."""
         x0, y0, x1, y1 = self.roi
-        cells = ((points - [x0, y0]) / [x1 - 1 - x0, y1 - 1 - y0] * float(CELLS)).reshape(-1, 2).T[::-1]
+        cells = ((points - [x0, y0]) / [x1 - 1 - x0, y1 - 1 - y0] * float(TABLE_CELLS)).reshape(-1, 2).T[::-1]
         at = [map_coordinates(self.table[..., axis], cells, order=1, mode="nearest") for axis in (0, 1)]
         return np.stack(at, axis=-1).reshape(points.shape)
 
     def drawn(self, points: Array, z: Array, width: Array) -> Array:
         """Return the rest (n, k), as a share of the edge's rise, that the ink leaves in n profiles across an edge after
-        the light was divided by what it lets through; arguments are as of `Drawn`."""
+        the light was divided by what it lets through; arguments are as of `InkModel`."""
         places, rest = self.places(points), np.zeros(z.shape)
         length = np.linalg.norm(points[:, -1] - points[:, 0], axis=1)
         along = (points[:, -1] - points[:, 0]) / length[:, None]
@@ -427,10 +427,10 @@ class Ink:
         return rest / self(points)
 
 
-HALF = 30
+HALF_PROFILE_SAMPLES = 30
 """Samples of a profile on each side of its middle."""
 
-ENDS, FLAT = (5, 15, -15, -5), 0.04
+END_SAMPLES, FLATNESS_TOLERANCE = (5, 15, -15, -5), 0.04
 """Samples between which a profile's ends and what is next to them lie, and the change of light between these, as a share of
 all, up to which it is flat."""
 
@@ -449,8 +449,8 @@ class Shading:
     image: pictures.Pixels
     colour: ShadowColour
     through: Transmission | None = None
-    drawn: Drawn | None = None
-    light: npt.NDArray[np.float32] = dataclasses.field(default_factory=lambda: pictures.LIGHT)
+    drawn: InkModel | None = None
+    light: npt.NDArray[np.float32] = dataclasses.field(default_factory=lambda: pictures.LIGHT_OF_SRGB)
 
     def level(self, points: Array) -> Array:
         """Return the light (...) at pixels (..., 2), its channels mixed as the shadow's colour asks for; NaN outside of the
@@ -478,45 +478,45 @@ class Shading:
 # camera does: the edge of the raised body, a dome, is tangent to the light in one place and has a symmetric penumbra.
 
 
-STEP, FAR = 0.05, 9.0
+SHAPE_STEP, MAX_SHAPE_DISTANCE = 0.05, 9.0
 """Distance of the nodes of a tabulated shape, and the distance of the outermost from the edge, in its widths."""
 
-LAMPS, BULB = (0.5, 0.0, 1.5, -0.5), 6.0
+LAMP_EXPONENTS, BULB_EXPONENT = (0.5, 0.0, 1.5, -0.5), 6.0
 """Exponents m of the lamps that are tried; that of a frosted bulb, whose outer light is not like blur in a deep penumbra."""
 
-BINS, PROFILE_REACH, MIN_SAMPLES_PER_BIN, KIN = 40, 4.0, 20, 4.0
+PROFILE_BINS, PROFILE_REACH, MIN_SAMPLES_PER_BIN, CORRELATED_SAMPLES = 40, 4.0, 20, 4.0
 """Bins of the mean profile, the widths to which they reach on either side, the least number of samples in one, and how many
 samples err together."""
 
-PARAMETERS = 6
+SHAPE_PARAMETERS = 6
 """Parameters of the shape that have no prior of their own, or one that is wider than what the profile shows."""
 
-ERROR_FLOOR, INKED = 6e-4, 3e-3
+ERROR_FLOOR, INKED_ERROR_FLOOR = 6e-4, 3e-3
 """Errors of the mean profile, as a share of the edge's rise, that no number of samples takes away: by the picture's compression
 (JPEG files bend profiles that much), and by the ink that is divided out, where every profile has some."""
 
-TONE, SHARPENING, MASK, MASK_SPREAD = 0.03, 0.5, 1.3, 0.6
+TONE_DEVIATION, SHARPENING_DEVIATION, MASK_RADIUS_PX, MASK_RADIUS_DEVIATION = 0.03, 0.5, 1.3, 0.6
 """Usual sizes of e and of the mask's amount, and its radius in px with the usual deviation from that.
 
 An S curve that adds a fifth of the smooth step 3 v^2 - 2 v^3 to sRGB's has e = 0.04.
 """
 
-UNKNOWN = 0.03
+UNKNOWN_SHAPE_ERROR = 0.03
 """Error of the half light's place in widths where the profiles do not show the edge's shape."""
 
-LEAST = 0.006
+MIN_PLACE_ERROR = 0.006
 """Error of the half light's place in widths beyond a photograph's noise: edges of one camera differ by that much."""
 
-DECISIVE = 12.0
+DECISIVE_CHI_SQUARE = 12.0
 """Difference of chi-squares from which a profile shows which of two models is right; a chance of 1 in 400 that it errs."""
 
-HELD = (0.015, 0.1, 0.2)
+CAMERA_DEVIATIONS = (0.015, 0.1, 0.2)
 """Standard errors by which e, the mask's amount and its radius in px differ between two photographs of one camera."""
 
-DEEP = 0.5
+DEPTH_CORRECTION_ERROR = 0.5
 """Error of the correction for a surface that is deep along the light, as a share of it: q is one for all of the edge here."""
 
-CAMERA, CAMERA_TONE = 0.012, 0.4
+CAMERA_MODEL_ERROR, CAMERA_TONE_ERROR = 0.012, 0.4
 """Error of the half light's place in widths that remains because the model is not the camera's, and its growth with e."""
 
 LARGEST_MISFIT = 3.5
@@ -544,18 +544,18 @@ class EdgeShape:
     model_error: float = 0.0
     tone: float = 0.0
     misfit: float = np.nan
-    mask: tuple[float, float] = (0.0, MASK)
+    mask: tuple[float, float] = (0.0, MASK_RADIUS_PX)
     lift: float = 0.0
     hidden: float = 0.0
 
     @property
     def chi_square(self) -> float:
         """Sum of the squares of which ``misfit`` is the mean; infinite where no shape was fitted."""
-        return float("inf") if np.isnan(self.misfit) else (BINS - PARAMETERS) * self.misfit**2
+        return float("inf") if np.isnan(self.misfit) else (PROFILE_BINS - SHAPE_PARAMETERS) * self.misfit**2
 
     def with_slope(self, z: Array) -> tuple[Array, Array]:
         """Return the step at distances z (...) in widths, and its derivative there."""
-        at = np.clip((z + FAR) / STEP, 0.0, len(self.values) - 1.0)
+        at = np.clip((z + MAX_SHAPE_DISTANCE) / SHAPE_STEP, 0.0, len(self.values) - 1.0)
         left = np.minimum(at.astype(np.intp), len(self.values) - 2)
         share = at - left
         values, slopes = ((1.0 - share) * own[left] + share * own[left + 1] for own in (self.values, self._slopes))
@@ -563,18 +563,18 @@ class EdgeShape:
 
     @functools.cached_property
     def _slopes(self) -> Array:
-        return np.gradient(self.values, STEP)
+        return np.gradient(self.values, SHAPE_STEP)
 
 
 @functools.cache
 def nodes() -> Array:
     """Return the distances from the edge in widths at which shapes are tabulated."""
-    return np.arange(-FAR, FAR + 0.5 * STEP, STEP)
+    return np.arange(-MAX_SHAPE_DISTANCE, MAX_SHAPE_DISTANCE + 0.5 * SHAPE_STEP, SHAPE_STEP)
 
 
 def gaussian(shift_error: float = 0.0) -> EdgeShape:
     """Return an error function."""
-    return EdgeShape(ndtr(nodes()), shift_error, CAMERA)
+    return EdgeShape(ndtr(nodes()), shift_error, CAMERA_MODEL_ERROR)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -592,7 +592,7 @@ class StoredLight:
         sharpening."""
         numbers = _numbers(len(self.light))
         stored = np.interp(self.low + (self.high - self.low) * share, self.light, numbers)
-        sharp = stored + amount * (stored - _blurred(stored, radius / self.width))
+        sharp = stored + amount * (stored - _blurred_values(stored, radius / self.width))
         # Beyond the last number the curve goes on, as a channel mixed of several does.
         back = np.interp(sharp, numbers, self.light)
         back += np.maximum(sharp - 1.0, 0.0) * (self.light[-1] - self.light[-2]) * (len(numbers) - 1.0)
@@ -615,33 +615,38 @@ def common_shape(
     # An edge that runs along a grid line, or just beside it, has hardly a sample off the ink on one side.
     on_ink = any(clean[side].mean() < 0.5 for side in sides if side.any())
     place, value, error = _mean_profile(z, residual, np.ones_like(clean) if on_ink else clean)
-    if len(place) < BINS // 2:
-        return gaussian(UNKNOWN)
+    if len(place) < PROFILE_BINS // 2:
+        return gaussian(UNKNOWN_SHAPE_ERROR)
     # An edge far out of focus has a grid line in nearly all of its profiles, which leaves more there than e does.
     inked = 1.0 - float(clean.all(axis=1).mean())
-    spread = np.hypot(error, np.hypot(ERROR_FLOOR, INKED * inked))
-    fits = [(lamp, _fitted(place, value, spread, lamp, stored)) for lamp in LAMPS]
+    spread = np.hypot(error, np.hypot(ERROR_FLOOR, INKED_ERROR_FLOOR * inked))
+    fits = [(lamp, _fitted_profile(place, value, spread, lamp, stored)) for lamp in LAMP_EXPONENTS]
     lamp, best = min(fits, key=lambda pair: float(pair[1].cost))
     lift = hidden = 0.0
     if camera is not None:
-        fits = [(lamp, _fitted(place, value, spread, lamp, stored, camera)) for lamp in (*LAMPS, BULB)]
+        fits = [
+            (lamp, _fitted_profile(place, value, spread, lamp, stored, camera))
+            for lamp in (*LAMP_EXPONENTS, BULB_EXPONENT)
+        ]
         bent, deep = min(fits, key=lambda pair: float(pair[1].cost))
         lift = float(np.interp(0.5, _penumbra(deep.x, bent), nodes()))
-        if 2.0 * (best.cost - deep.cost) >= DECISIVE * max(1.0, 2.0 * deep.cost / (len(place) - PARAMETERS)):
+        if 2.0 * (best.cost - deep.cost) >= DECISIVE_CHI_SQUARE * max(
+            1.0, 2.0 * deep.cost / (len(place) - SHAPE_PARAMETERS)
+        ):
             lamp, best = bent, deep
         else:
             lift, hidden = 0.0, float(np.hypot(lift, _place_error(deep.jac)))
-    misfit = float(np.sqrt(2.0 * best.cost / (len(place) - PARAMETERS)))
+    misfit = float(np.sqrt(2.0 * best.cost / (len(place) - SHAPE_PARAMETERS)))
     # Neighbouring bins err together to an unknown extent; how far the profile lies off the shape shows how far each errs.
-    share = float(np.sqrt(np.sum(best.fun[: len(place)] ** 2) / (len(place) - PARAMETERS)))
+    share = float(np.sqrt(np.sum(best.fun[: len(place)] ** 2) / (len(place) - SHAPE_PARAMETERS)))
     own = _place_error(np.vstack([best.jac[: len(place)] / share, best.jac[len(place) :]]))
     # An asymmetry that is no camera's may be the penumbra's own, as of a level surface that no other photograph explains.
     departure = abs(float(best.x[3]))
-    strange = 0.6 * max(0.0, departure - 3.0 * TONE)
-    model = float(np.hypot(CAMERA, CAMERA_TONE * departure))
+    strange = 0.6 * max(0.0, departure - 3.0 * TONE_DEVIATION)
+    model = float(np.hypot(CAMERA_MODEL_ERROR, CAMERA_TONE_ERROR * departure))
     return EdgeShape(
         _shape(best.x, lamp, stored),
-        float(np.linalg.norm([own, LEAST, strange, DEEP * lift])),
+        float(np.linalg.norm([own, MIN_PLACE_ERROR, strange, DEPTH_CORRECTION_ERROR * lift])),
         model,
         float(best.x[3]),
         misfit,
@@ -658,9 +663,9 @@ def _place_error(terms: Array) -> float:
 
 def _mean_profile(z: Array, residual: Array, clean: Mask) -> tuple[Array, Array, Array]:
     """Return the places (m,) in widths, the median profile there and its standard error."""
-    bins = np.floor((z + PROFILE_REACH) / (2.0 * PROFILE_REACH) * BINS).astype(np.int64)
-    found = []
-    for number in range(BINS):
+    bins = np.floor((z + PROFILE_REACH) / (2.0 * PROFILE_REACH) * PROFILE_BINS).astype(np.int64)
+    mean_bins = []
+    for number in range(PROFILE_BINS):
         chosen = clean & (bins == number)
         if chosen.sum() < MIN_SAMPLES_PER_BIN:
             chosen = bins == number
@@ -669,33 +674,35 @@ def _mean_profile(z: Array, residual: Array, clean: Mask) -> tuple[Array, Array,
         own = residual[chosen]
         middle, at = float(np.median(own)), float(z[chosen].mean())
         # The median of n normal values errs by 1.25 sigma / sqrt(n).
-        found.append((at, ndtr(at) + middle, 1.25 * deviation(own - middle) / np.sqrt(len(own) / KIN)))
-    return tuple(np.array(found).reshape(-1, 3).T)  # type: ignore[return-value]
+        mean_bins.append(
+            (at, ndtr(at) + middle, 1.25 * deviation(own - middle) / np.sqrt(len(own) / CORRELATED_SAMPLES))
+        )
+    return tuple(np.array(mean_bins).reshape(-1, 3).T)  # type: ignore[return-value]
 
 
-DEPTH = 9
-"""Number of the parameter q of `_fitted`."""
+DEPTH_PARAMETER = 9
+"""Number of the parameter q of `_fitted_profile`."""
 
 
-def _fitted(  # type: ignore[no-untyped-def]
+def _fitted_profile(  # type: ignore[no-untyped-def]
     place: Array, value: Array, spread: Array, lamp: float, stored: StoredLight, camera: EdgeShape | None = None
 ):
     """Parameters: place of the half light, logarithm of the width, the lamp's share of the variance, e, the mask's amount and
     radius, and what the profiles' own levels and fall of light have taken; with a known camera also q."""
-    usual, errors = (0.0, 0.0, MASK), (TONE, SHARPENING, MASK_SPREAD)
+    usual, errors = (0.0, 0.0, MASK_RADIUS_PX), (TONE_DEVIATION, SHARPENING_DEVIATION, MASK_RADIUS_DEVIATION)
     if camera is not None:
-        usual, errors = (camera.tone, *camera.mask), HELD
+        usual, errors = (camera.tone, *camera.mask), CAMERA_DEVIATIONS
 
     shapes: dict[bytes, Array] = {}  # a derivative by place, levels or fall of light has the shape of the point itself
 
     def missed(p: Array) -> Array:
-        key = np.concatenate([p[1:6], p[DEPTH:]]).tobytes()
+        key = np.concatenate([p[1:6], p[DEPTH_PARAMETER:]]).tobytes()
         if (shape := shapes.get(key)) is None:
             shape = shapes[key] = _shape(p, lamp, stored)
         model = p[6] + (1.0 + p[7] + p[8] * place) * np.interp(place - p[0], nodes(), shape)
         return np.concatenate([(model - value) / spread, (p[3:6] - usual) / errors, p[6:9] / (0.05, 0.05, 0.02)])
 
-    start = [0.0, 0.0, 0.5, 0.0, 0.05, MASK, 0.0, 0.0, 0.0]
+    start = [0.0, 0.0, 0.5, 0.0, 0.05, MASK_RADIUS_PX, 0.0, 0.0, 0.0]
     low, high = (
         [-1.0, -1.0, 0.0, -1.0, 0.0, 0.4, -1.0, -1.0, -1.0],
         [1.0, 1.0, 0.98, 1.0, 3.0, 4.0, 1.0, 1.0, 1.0],
@@ -714,7 +721,7 @@ def _fitted(  # type: ignore[no-untyped-def]
 
 
 def _shape(p: Array, lamp: float, stored: StoredLight) -> Array:
-    """Return the step at `nodes` for parameters of `_fitted`, half of the lamp visible at 0."""
+    """Return the step at `nodes` for parameters of `_fitted_profile`, half of the lamp visible at 0."""
     step = _penumbra(p, lamp)
     return stored.seen(step + p[3] * step * (1.0 - step), float(p[4]), float(p[5]))
 
@@ -722,9 +729,11 @@ def _shape(p: Array, lamp: float, stored: StoredLight) -> Array:
 def _penumbra(p: Array, lamp: float) -> Array:
     """Return the blurred penumbra at `nodes` as the camera receives it."""
     width, share = float(np.exp(p[1])), float(p[2])
-    wider = np.where(nodes() > 0.0, 1.0 + p[DEPTH], 1.0 - p[DEPTH]) if len(p) > DEPTH else 1.0
+    wider = (
+        np.where(nodes() > 0.0, 1.0 + p[DEPTH_PARAMETER], 1.0 - p[DEPTH_PARAMETER]) if len(p) > DEPTH_PARAMETER else 1.0
+    )
     bare = np.interp(nodes() / (width * np.sqrt(share) * wider + 1e-3), *_lamp(lamp))
-    return _blurred(bare, width * np.sqrt(1.0 - share))
+    return _blurred_values(bare, width * np.sqrt(1.0 - share))
 
 
 @functools.cache
@@ -734,13 +743,13 @@ def _lamp(exponent: float) -> tuple[Array, Array]:
     return at * np.sqrt(2.0 * exponent + 3.0), betainc(exponent + 1.0, exponent + 1.0, 0.5 * (1.0 + at))
 
 
-def _blurred(values: Array, width: float) -> Array:
+def _blurred_values(values: Array, width: float) -> Array:
     """Return the values at `nodes` under a Gaussian blur of a standard deviation in widths."""
-    if width < 0.2 * STEP:
+    if width < 0.2 * SHAPE_STEP:
         return values
-    reach = min(int(np.ceil(4.5 * width / STEP)), len(values) - 1)
+    reach = min(int(np.ceil(4.5 * width / SHAPE_STEP)), len(values) - 1)
     # Each tap holds the bell's integral over its step, so that narrow bells keep their weight.
-    bell = np.diff(ndtr((np.arange(-reach, reach + 2) - 0.5) * STEP / width))
+    bell = np.diff(ndtr((np.arange(-reach, reach + 2) - 0.5) * SHAPE_STEP / width))
     padded = np.concatenate([np.full(reach, values[0]), values, np.full(reach, values[-1])])
     return np.convolve(padded, bell / bell.sum(), "valid")
 
@@ -749,7 +758,7 @@ def _blurred(values: Array, width: float) -> Array:
 # Steps of one shape through light profiles, by weighted least squares on all profiles at once.
 
 
-ROUNDS, REWEIGHTED, SETTLED = 14, (5, 9), 1e-7
+MAX_STEPS, REWEIGHTING_STEPS, SETTLED = 14, (5, 9), 1e-7
 """Gauss-Newton steps, those before which samples far off their curve are given less weight, and the step in px, or relative
 to light, below which they end."""
 
@@ -803,7 +812,7 @@ def fit_profiles(offsets: Array, profile: Array, weight: Array, shape: EdgeShape
     u, reach = offsets[None, :], offsets[-1]
     parameters = _first_guess(offsets, profile)
     robust, terms = np.ones_like(profile), np.empty((*profile.shape, 5))
-    for turn in range(ROUNDS):
+    for turn in range(MAX_STEPS):
         low, rise, slope, centre, width = parameters
         z = (u - centre[:, None]) / width[:, None]
         phi, bell = shape.with_slope(z)
@@ -812,7 +821,7 @@ def fit_profiles(offsets: Array, profile: Array, weight: Array, shape: EdgeShape
         fall = -top * bell
         for number, term in enumerate((1.0, phi, u * phi, fall / width[:, None], fall * z)):
             terms[..., number] = term
-        if turn in REWEIGHTED:
+        if turn in REWEIGHTING_STEPS:
             scatter = np.maximum(deviations(residual, 1), 1e-4)
             robust = np.minimum(1.0, 2.5 * scatter[:, None] / np.maximum(np.abs(residual), 1e-12))
         weighted = terms * (weight * robust)[..., None]
@@ -820,8 +829,8 @@ def fit_profiles(offsets: Array, profile: Array, weight: Array, shape: EdgeShape
         matrix = across @ terms
         matrix = matrix + 1e-9 * np.trace(matrix, axis1=1, axis2=2)[:, None, None] * np.eye(5)
         step = np.linalg.solve(matrix, across @ residual[..., None])[..., 0]
-        parameters = _stepped(parameters, np.where(np.isfinite(step), step, 0.0), reach)
-        if turn >= REWEIGHTED[-1] and np.abs(step).max() < SETTLED:
+        parameters = _stepped_parameters(parameters, np.where(np.isfinite(step), step, 0.0), reach)
+        if turn >= REWEIGHTING_STEPS[-1] and np.abs(step).max() < SETTLED:
             break
     low, rise, slope, centre, width = parameters
     return ProfileFit(low, rise, slope, centre, width, z, top, residual, weight * robust, weighted, matrix)
@@ -836,7 +845,7 @@ def _first_guess(offsets: Array, profile: Array) -> tuple[Array, ...]:
     return low, high - low, np.zeros(len(profile)), centre, np.full(len(profile), 0.25 * reach)
 
 
-def _stepped(parameters: tuple[Array, ...], step: Array, reach: float) -> tuple[Array, ...]:
+def _stepped_parameters(parameters: tuple[Array, ...], step: Array, reach: float) -> tuple[Array, ...]:
     """Return the parameters after a step (n, 5), which is cut where it would leave the profile."""
     low, rise, slope, centre, width = parameters
     return (

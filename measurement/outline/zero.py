@@ -14,10 +14,10 @@ from measurement.outline import edge
 from measurement.screen.setup import Setup, SetupError
 from softmodels.common.arrays import Array, Mask
 
-STEEPEST = 20.0
+MAX_TILT = 20.0
 """Largest angle in degrees between the surface and the screen's horizontal."""
 
-STRAIGHT = 60e-6
+STRAIGHT_TOLERANCE = 60e-6
 """Half width in m of the band in which a flat surface's edge must lie."""
 
 MIN_SURFACE_POINTS = 30
@@ -80,7 +80,7 @@ class ZeroLine:
 
         Raises `Unmeasurable` for no upper side, or one that is not straight: the actuator is inflated or is not lying flat.
         """
-        level = normals[:, 1] > np.cos(np.radians(STEEPEST))
+        level = normals[:, 1] > np.cos(np.radians(MAX_TILT))
         upper = _surface(points, normals, level)
         if upper.sum() < MIN_SURFACE_POINTS:
             raise pictures.Unmeasurable(
@@ -100,17 +100,17 @@ class ZeroLine:
             spread = (points - middle).T @ ((points - middle) * weight[:, None])
             direction = np.linalg.eigh(spread)[1][:, 1]
             direction = direction if direction[0] > 0.0 else -direction
-        straight = np.abs(rest) < STRAIGHT
-        if straight.mean() < 0.8 or scatter > 0.5 * STRAIGHT:
+        straight = np.abs(rest) < STRAIGHT_TOLERANCE
+        if straight.mean() < 0.8 or scatter > 0.5 * STRAIGHT_TOLERANCE:
             raise pictures.Unmeasurable(
                 "the surface is not straight, so it is not the undeformed one: "
-                f"{1.0 - straight.mean():.0%} of its edge lies more than {STRAIGHT * 1e6:.0f} um from a line; release "
-                f"the pressure, level body and lamp, exclude other shadows with setup --roi, or give two points "
+                f"{1.0 - straight.mean():.0%} of its edge lies more than {STRAIGHT_TOLERANCE * 1e6:.0f} um from a line; "
+                "release the pressure, level body and lamp, exclude other shadows with setup --roi, or give two points "
                 "of the surface to setup --zero"
             )
-        if abs(direction[1]) > np.sin(np.radians(STEEPEST)):
+        if abs(direction[1]) > np.sin(np.radians(MAX_TILT)):
             raise pictures.Unmeasurable(
-                f"the undeformed surface is inclined by more than {STEEPEST:.0f} degrees: level the body, or turn the grid "
+                f"the undeformed surface is inclined by more than {MAX_TILT:.0f} degrees: level the body, or turn the grid "
                 "with it"
             )
         along = points[straight] @ direction
@@ -134,16 +134,15 @@ SIDE_COSINE, SMALLEST_PIECE = 0.35, 0.25
 """Cosine of the angle between an edge's normal and the screen's vertical from which it is a side, and the share of all level
 points that the body's surface has at least."""
 
-SURFACE_BAND, CORNERS = 250e-6, 0.97
+SURFACE_BAND, CORNER_SHARE = 250e-6, 0.97
 """Distance in m from the line, and share of the body's radius, within which its edge is looked at for a bow."""
 
-FINEST = 1e-6
-"""Least error of a bow in m."""
+MIN_BOW_ERROR = 1e-6
 
 DEPTH_RATIO = 3.0
 """Mean height of a bow over the lift that the penumbra's shape shows, up to which depth makes both."""
 
-HIDDEN, LEVEL = 2.0, 0.1
+HIDDEN_BOW_RATIO, LAMP_LEVEL_ERROR = 2.0, 0.1
 """Where the body's sides are not in the picture: the true bow over the visible one, and the standard error in degrees by
 which the lamp may have been moved, for the body's radius of which at least this much is visible."""
 
@@ -178,7 +177,7 @@ class Bow:
     def of(cls, line: ZeroLine, placed: Array, upwards: Array) -> Bow | None:
         """Return that of an undeformed surface with its sides by an edge as of `sides_of`; None where too little of it is
         visible."""
-        mine = (np.abs(placed[:, 1]) < SURFACE_BAND) & (upwards > np.cos(np.radians(STEEPEST)))
+        mine = (np.abs(placed[:, 1]) < SURFACE_BAND) & (upwards > np.cos(np.radians(MAX_TILT)))
         mine &= (placed[:, 0] >= line.extent[0]) & (placed[:, 0] <= line.extent[1])
         x, z = placed[mine].T
         middle, half = 0.5 * sum(line.extent), 0.5 * (line.extent[1] - line.extent[0])
@@ -190,7 +189,7 @@ class Bow:
             profile = 1.0 - away**2
         else:
             # At the corners the smoothed edge is round already.
-            inner = np.abs(away) < CORNERS
+            inner = np.abs(away) < CORNER_SHARE
             if int(inner.sum()) < MIN_SURFACE_POINTS:
                 return cls(np.nan, np.nan, radius, 0.0)
             x, z, away = x[inner], z[inner], away[inner]
@@ -199,9 +198,9 @@ class Bow:
         fit = robust.robust_fit(terms, z, 8)
         spread = float(np.linalg.inv(terms.T @ terms)[2, 2])
         rise = float(fit.coefficients[2])
-        error = float(np.hypot(fit.scatter * np.sqrt(CORRELATED_SURFACE_POINTS * spread), FINEST))
+        error = float(np.hypot(fit.scatter * np.sqrt(CORRELATED_SURFACE_POINTS * spread), MIN_BOW_ERROR))
         left = float(np.hypot(max(rise, 0.0), error))
-        hidden = float(np.hypot(HIDDEN * left, np.radians(LEVEL) * radius))
+        hidden = float(np.hypot(HIDDEN_BOW_RATIO * left, np.radians(LAMP_LEVEL_ERROR) * radius))
         return cls(rise, error, radius, hidden if line.sides is None else left)
 
 
@@ -222,12 +221,12 @@ def _surface(points: Array, normals: Array, level: Mask) -> Mask:
     highest = level & (piece == long[int(np.argmax(heights))])
     direction, middle = _best_pair(points[highest])
     off = (points - middle) @ np.array([-direction[1], direction[0]])
-    found = highest.copy()
+    is_level = highest.copy()
     for number in np.flatnonzero(sizes):
         mine = level & (piece == number)
-        if np.median(off[mine]) > -STRAIGHT:
-            found |= mine
-    return np.asarray(found)
+        if np.median(off[mine]) > -STRAIGHT_TOLERANCE:
+            is_level |= mine
+    return np.asarray(is_level)
 
 
 def _best_pair(points: Array) -> tuple[Array, Array]:
@@ -240,9 +239,9 @@ def _best_pair(points: Array) -> tuple[Array, Array]:
     direction = way / length[:, None]
     normal = np.column_stack([-direction[:, 1], direction[:, 0]])
     offset = np.einsum("mi,mni->mn", normal, points[None, :, :] - points[pairs[:, 0]][:, None, :])
-    best = int(np.argmax((np.abs(offset) < STRAIGHT / 2).sum(axis=1)))
-    found = direction[best] if direction[best, 0] > 0.0 else -direction[best]
-    return found, points[pairs[best, 0]]
+    best = int(np.argmax((np.abs(offset) < STRAIGHT_TOLERANCE / 2).sum(axis=1)))
+    best_direction = direction[best] if direction[best, 0] > 0.0 else -direction[best]
+    return best_direction, points[pairs[best, 0]]
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -260,7 +259,7 @@ def _best_pair(points: Array) -> tuple[Array, Array]:
 SIDE_NORMAL_COSINE = 0.35
 """Cosine of the angle between an edge's normal and the surface's up to which the edge is a side of the body."""
 
-DEPTH, SIDE_BAND = 0.3e-3, 2e-3
+MIN_SIDE_DEPTH, SIDE_BAND = 0.3e-3, 2e-3
 """Depth in m below the surface from which a side counts, and the height in m of its lowest part that is taken."""
 
 SIDE_STEP, BULGE_ERRORS = 1e-3, 6.0
@@ -297,18 +296,20 @@ def sides_of(placed: Array, upwards: Array, error: Array, band: tuple[float, flo
     """Return the body's sides in a photograph; None where it does not show both. The edge (n, 2) is x along the surface
     and z above it in m, with the cosines of the angles between the way to the light and the surface's normal, and its
     errors in m, shape (n,). The ``band`` of heights z is the lowest one that both sides show unless given."""
-    steep = (np.abs(upwards) < SIDE_NORMAL_COSINE) & (placed[:, 1] < -DEPTH)
+    steep = (np.abs(upwards) < SIDE_NORMAL_COSINE) & (placed[:, 1] < -MIN_SIDE_DEPTH)
     if steep.sum() < 2 * MIN_SIDE_POINTS:
         return None
     # Smoothing rounds the corner between surface and side, over half a span of points on either side of it.
-    clear = steep & binary_erosion(np.abs(upwards) < SIDE_NORMAL_COSINE, np.ones(edge.SPAN + 1), border_value=1)
+    clear = steep & binary_erosion(
+        np.abs(upwards) < SIDE_NORMAL_COSINE, np.ones(edge.SMOOTHING_POINTS + 1), border_value=1
+    )
     steep = clear if clear.sum() >= 4 * MIN_SIDE_POINTS else steep
     middle = 0.5 * (placed[steep, 0].min() + placed[steep, 0].max())
     halves = [steep & (placed[:, 0] < middle), steep & (placed[:, 0] > middle)]
     if min(half.sum() for half in halves) < MIN_SIDE_POINTS:
         return None
     lowest = max(float(placed[half, 1].min()) for half in halves)
-    bottom, top = band or (lowest, min(lowest + SIDE_BAND, -DEPTH))
+    bottom, top = band or (lowest, min(lowest + SIDE_BAND, -MIN_SIDE_DEPTH))
     depth = 0.5 * (bottom + top)
     lines, variance = [], 0.0
     for half in halves:
@@ -335,7 +336,7 @@ def sides_of(placed: Array, upwards: Array, error: Array, band: tuple[float, flo
 OTHER_BODY = 0.5
 """Share of its width by which a body's shadow may be larger or smaller."""
 
-CONTRADICTS = 4.0
+MAX_WIDTH_ERRORS = 4.0
 """Standard errors by which the body's width and the setup's own scale may differ."""
 
 
@@ -357,7 +358,7 @@ def with_known_body(setup: Setup, zero: ZeroLine, width: float, error: float = 0
         )
     # The model of the edge's shape moves both sides outwards, or both inwards.
     spread = math.hypot(error / width, zero.sides.error / zero.sides.width, 2.0 * zero.model_error / zero.sides.width)
-    if setup.magnification_error > 0.0 and abs(scale - 1.0) > CONTRADICTS * math.hypot(spread, setup.scale_error):
+    if setup.magnification_error > 0.0 and abs(scale - 1.0) > MAX_WIDTH_ERRORS * math.hypot(spread, setup.scale_error):
         raise SetupError(
             f"the body seems {zero.sides.width * 1e3:.4g} mm wide by the grid's pitch and the lamp's distance, where "
             f"--body-width has {width * 1e3:.4g} mm: they differ by {scale - 1.0:+.2%} and are known to "
@@ -383,19 +384,19 @@ ON_SURFACE = 50e-6
 MIN_COSINE = 0.94
 """Cosine of the steepest angle at which an edge may be the surface beside the bulge."""
 
-ENDS = 0.12
+END_SHARE = 0.12
 """Share of the surface's length at each of its ends that stays where it was, however high the middle rises."""
 
-UNCLEAR = 10e-6
+MIN_END_DISTANCE = 10e-6
 """Distance in m of those ends from the zero plane up to which they show nothing."""
 
-SETTLES = 0.25
+MAX_SINK_SHARE = 0.25
 """Share of the height by which a soft body's surface may sink beside its bulge; thick disks have an eighth."""
 
-SIDE = 0.5
+MAX_SIDE_COSINE = 0.5
 """Cosine of the angle to the surface from which an edge is the body's side."""
 
-WINDOW, WINDOW_SHARE = 0.8e-3, 0.04
+DIRECTION_WINDOW, DIRECTION_WINDOW_SHARE = 0.8e-3, 0.04
 """Length of edge on each side of a place over which its direction is taken: in m at most, and as a share of the bulge's
 width; `FEWEST_STATIONS` at least."""
 
@@ -429,8 +430,8 @@ class Displacement:
         if not seen.any():
             return None
         low, high = placed[seen, 0].min(), placed[seen, 0].max()
-        reach = ENDS * (high - low)
-        sinks = SETTLES * max(0.0, float(placed[:, 1].max()))
+        reach = END_SHARE * (high - low)
+        sinks = MAX_SINK_SHARE * max(0.0, float(placed[:, 1].max()))
         worst, tolerance, sunk = 0.0, 0.0, 0.0
         # Where the surface's end is hidden or masked, the last visible point is the bulge's foot.
         hidden = low - zero.extent[0] > reach, zero.extent[1] - high > reach
@@ -443,11 +444,11 @@ class Displacement:
             if mine.sum() < 5:
                 continue
             off, own = float(np.median(placed[mine, 1])), 4.0 * float(np.median(error[mine]))
-            if -sinks <= off < -max(UNCLEAR, own):
+            if -sinks <= off < -max(MIN_END_DISTANCE, own):
                 sunk = max(sunk, -off)
             elif abs(off) > abs(worst):
                 worst, tolerance = off, own
-        if abs(worst) > max(UNCLEAR, tolerance) and not sunk:
+        if abs(worst) > max(MIN_END_DISTANCE, tolerance) and not sunk:
             # No pressure lifts the surface; a soft body that was lifted sinks back as it rises, and its run shows both.
             sunk = -max(worst, 0.0)
         return cls(worst, tolerance, aslant(placed[seen], upwards[seen], error[seen], zero), sunk)
@@ -455,7 +456,7 @@ class Displacement:
     @property
     def seen(self) -> bool:
         """Whether it lies off at all, beyond the edge's own error."""
-        return abs(self.off) > max(UNCLEAR, self.tolerance)
+        return abs(self.off) > max(MIN_END_DISTANCE, self.tolerance)
 
     @property
     def error(self) -> float:
@@ -474,7 +475,7 @@ def aslant(placed: Array, upwards: Array, error: Array, zero: ZeroLine) -> float
         return 0.0
     half = 0.5 * (zero.extent[1] - zero.extent[0])
     away = placed[:, 0] - 0.5 * (zero.extent[0] + zero.extent[1])
-    end = (upwards > MIN_COSINE) & (np.abs(away) > (1.0 - 2.0 * ENDS) * half)
+    end = (upwards > MIN_COSINE) & (np.abs(away) > (1.0 - 2.0 * END_SHARE) * half)
     left, right = (np.flatnonzero(end & (side * away > 0.0)) for side in (-1.0, 1.0))
     if min(len(left), len(right)) < 5:
         return 0.0
@@ -484,7 +485,7 @@ def aslant(placed: Array, upwards: Array, error: Array, zero: ZeroLine) -> float
         return 0.0
     lower = float(np.median(placed[right, 1] - np.interp(away[right], -away[left], placed[left, 1])))
     own = 4.0 * float(np.median(error[np.r_[left, right]]))
-    return 0.5 * abs(lower) if abs(lower) > max(UNCLEAR, own) else 0.0
+    return 0.5 * abs(lower) if abs(lower) > max(MIN_END_DISTANCE, own) else 0.0
 
 
 def scale_of(placed: Array, upwards: Array, error: Array, bridged: Mask, zero: ZeroLine) -> tuple[float, float]:
@@ -499,7 +500,7 @@ def scale_of(placed: Array, upwards: Array, error: Array, bridged: Mask, zero: Z
         return np.nan, 0.0
     scale = sides.width_at(own_sides.depth) / own_sides.width
     own = float(np.hypot(sides.error, own_sides.error)) / own_sides.width
-    bands = np.arange(sides.depth - 0.5 * SIDE_BAND, -DEPTH - SIDE_STEP, SIDE_STEP)
+    bands = np.arange(sides.depth - 0.5 * SIDE_BAND, -MIN_SIDE_DEPTH - SIDE_STEP, SIDE_STEP)
     parts = [part for low in bands if (part := sides_of(*edge, (low, low + SIDE_STEP))) is not None]
     ratios = np.array([part.width / own_sides.width_at(part.depth) for part in parts])
     if len(ratios) > 1 and np.ptp(ratios) > BULGE_ERRORS * max(own, *(part.error / own_sides.width for part in parts)):
@@ -513,8 +514,8 @@ def scale_of(placed: Array, upwards: Array, error: Array, bridged: Mask, zero: Z
 def rounded(placed: Array, upwards: Array) -> Mask:
     """Return the points (n,) of the surface so near to the body's side that smoothing has rounded the corner between the
     two."""
-    side = (upwards < SIDE).astype(np.uint8)
-    near = np.convolve(side, np.ones(edge.SPAN + 5, dtype=np.uint8), mode="same") > 0
+    side = (upwards < MAX_SIDE_COSINE).astype(np.uint8)
+    near = np.convolve(side, np.ones(edge.SMOOTHING_POINTS + 5, dtype=np.uint8), mode="same") > 0
     return near & (np.abs(placed[:, 1]) < 3.0 * ON_SURFACE)
 
 
@@ -526,8 +527,10 @@ def sharpest_turn(placed: Array) -> tuple[int, float]:
     raised = placed[placed[:, 1] >= 0.1 * max(placed[:, 1].max(), 0.0), 0]
     if not len(raised):
         return 0, 0.0
-    window = max(min(WINDOW, WINDOW_SHARE * float(np.ptp(raised))), FEWEST_STATIONS * float(np.median(step)))
-    turn = _turns(placed, arc, window)
+    window = max(
+        min(DIRECTION_WINDOW, DIRECTION_WINDOW_SHARE * float(np.ptp(raised))), FEWEST_STATIONS * float(np.median(step))
+    )
+    turn = _turning_angles(placed, arc, window)
     known = np.isfinite(turn)
     if known.sum() < 5 * FEWEST_STATIONS:
         return 0, 0.0
@@ -541,7 +544,7 @@ def sharpest_turn(placed: Array) -> tuple[int, float]:
     for beside in (near, far):
         low, high = np.minimum.reduce([*beside, smooth]), np.maximum.reduce([*beside, smooth])
         beyond = np.maximum(beyond, np.where(known, np.maximum(turn - high, low - turn), 0.0))
-    free = known & ~_near(arc, np.abs(placed[:, 1]) < 2.0 * ON_SURFACE, window) & (placed[:, 1] > 0.0)
+    free = known & ~_places_near(arc, np.abs(placed[:, 1]) < 2.0 * ON_SURFACE, window) & (placed[:, 1] > 0.0)
     # One bad point is no corner: the turn must stand over several places.
     lasting = np.min(np.lib.stride_tricks.sliding_window_view(np.pad(beyond * free, 1), 3), axis=1)
     noise = robust.deviation(beyond[known])
@@ -550,7 +553,7 @@ def sharpest_turn(placed: Array) -> tuple[int, float]:
     return place, turned if turned > 6.0 * np.degrees(noise) else 0.0
 
 
-def _turns(placed: Array, arc: Array, window: float) -> Array:
+def _turning_angles(placed: Array, arc: Array, window: float) -> Array:
     """Return the angle (n,) in rad between straight lines through the edge within a window behind and before each place."""
     # Counted in points and not in length: where an edge is unclear its points are missing, and it may turn just there.
     count = round(window / float(np.median(np.diff(arc)))) + 1
@@ -568,7 +571,7 @@ def _turns(placed: Array, arc: Array, window: float) -> Array:
     return np.asarray((directions[1] - directions[0] + np.pi) % (2.0 * np.pi) - np.pi)
 
 
-def _near(arc: Array, chosen: Mask, reach: float) -> Mask:
+def _places_near(arc: Array, chosen: Mask, reach: float) -> Mask:
     """Return the places (n,) along the edge within reach of a chosen one."""
     at = arc[chosen]
     if not len(at):
@@ -586,7 +589,7 @@ def _near(arc: Array, chosen: Mask, reach: float) -> Mask:
 # millimetres. So the edge averaged over half a millimetre must lie where a polynomial through a few millimetres of it lies.
 
 
-NEAR, FAR = 0.5e-3, 4e-3
+AVERAGED_LENGTH, POLYNOMIAL_LENGTH = 0.5e-3, 4e-3
 """Lengths in m of edge that are averaged, and over which a membrane is a polynomial of the fifth degree, to a micrometre."""
 
 FAR_SHARE = 0.22
@@ -604,8 +607,8 @@ def highest_ripple(placed: Array) -> tuple[int, float, float]:
     raised = placed[placed[:, 1] >= 0.1 * max(placed[:, 1].max(), 0.0), 0]
     if not len(raised):
         return 0, 0.0, 0.0
-    far = _odd(min(FAR, FAR_SHARE * float(np.ptp(raised))) / spacing)
-    near = max(SHORT_AVERAGE_POINTS, _odd(min(NEAR / spacing, 0.3 * far)))
+    far = _odd_sides(min(POLYNOMIAL_LENGTH, FAR_SHARE * float(np.ptp(raised))) / spacing)
+    near = max(SHORT_AVERAGE_POINTS, _odd_sides(min(AVERAGED_LENGTH / spacing, 0.3 * far)))
     if far < 2 * near:
         return 0, 0.0, 0.0
     at = np.arange(0.0, arc[-1], spacing)
@@ -626,5 +629,5 @@ def highest_ripple(placed: Array) -> tuple[int, float, float]:
     return int(np.argmin(np.abs(arc - at[worst]))), float(off[worst]), scatter
 
 
-def _odd(count: float) -> int:
+def _odd_sides(count: float) -> int:
     return max(3, round(count)) // 2 * 2 + 1

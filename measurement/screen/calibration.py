@@ -51,25 +51,25 @@ class Calibration:
 MIN_VIEWS = 3
 """Views of the board that fix the camera's matrix and its lens."""
 
-WORST = 1.0
+MAX_REPROJECTION_ERROR = 1.0
 """Largest root mean square distance in px between corners found and corners predicted."""
 
-UNKNOWN = 0.5
+MIN_LENS_ERROR = 0.5
 """Least standard error in px of the lens from three photographs, of which none can be spared to see what it changes."""
 
-ROUNDS = 2
+REMEASURING_ROUNDS = 2
 """Times that corners are measured again in the lens found: the second moves them by less than a thousandth of a pixel."""
 
-STEPS = 1 + ROUNDS
+STEPS_PER_PHOTOGRAPH = 1 + REMEASURING_ROUNDS
 """Steps of a calibration for each photograph: the search of its board, and its corners measured again."""
 
-COEFFICIENTS = 5
+LENS_COEFFICIENTS = 5
 """Coefficients of the lens: k1, k2, p1, p2, k3 in OpenCV's order."""
 
-EVIDENCE = 2.0
+MIN_K3_ERRORS = 2.0
 """Standard errors by which k3 must differ from 0 to be used: one that is not seen only bends what lies beyond the boards."""
 
-RINGS = 11
+ERROR_RINGS = 11
 """Distances from the frame's middle at which the lens' error is stated."""
 
 
@@ -85,7 +85,7 @@ def calibrate(
         paths: The photographs; those without the board are refused by name and the rest is used.
         pattern: Inner corners of the board in a row and in a column.
         pitch: Side of a square in m.
-        each: Called at each of the `STEPS` for every photograph, to show how far it is.
+        each: Called at each of the `STEPS_PER_PHOTOGRAPH` for every photograph, to show how far it is.
 
     Raises:
         CameraError: Too few usable photographs, or corners that fit no camera.
@@ -99,16 +99,16 @@ def calibrate(
     board, size = _board(pattern, pitch), views[0].size
     corners = [view.corners for view in views]
     solution = _solve(corners, board, size)
-    if not solution.residual < WORST:
+    if not solution.residual < MAX_REPROJECTION_ERROR:
         raise CameraError(
             f"the reprojection error of the best camera is {solution.residual:.2g} px; check the pattern and that the boards "
             "are flat"
         )
-    for _ in range(ROUNDS):
+    for _ in range(REMEASURING_ROUNDS):
         grays, camera = [view.gray for view in views], itertools.repeat(solution.camera(size, ""))
         with ThreadPoolExecutor(processes.cores()) as pool:
             straight = pool.map(straightened_corners, grays, corners, camera, map(corner_reach, corners))
-            corners = [(each(), found)[1] for found in straight]
+            corners = [(each(), photo_corners)[1] for photo_corners in straight]
         solution = _solve(corners, board, size)
     return Calibration(
         camera=calibrated_from(corners, board, size),
@@ -124,12 +124,12 @@ def calibrated_from(views: list[Points], board: Points, size: tuple[int, int]) -
     size (width, height), and (n, 3) on the board in m, the last coordinate 0."""
     solution = _solve(views, board, size)
     covariance = _covariance(solution, views, board)
-    use_k3 = bool(abs(solution.distortion[4]) > EVIDENCE * np.sqrt(covariance[-1, -1]))
+    use_k3 = bool(abs(solution.distortion[4]) > MIN_K3_ERRORS * np.sqrt(covariance[-1, -1]))
     # A k3 that is left out may yet be there, so that it stays in the error.
     camera = (solution if use_k3 else _solve(views, board, size, use_k3)).camera(size, f"{len(views)} chessboards")
     far = reached(views, size)
     errors = _errors(camera, covariance, views, board, use_k3, float(far.max()))
-    known = float(np.sqrt(np.mean(np.interp(far, np.linspace(0.0, 1.0, RINGS), errors) ** 2)))
+    known = float(np.sqrt(np.mean(np.interp(far, np.linspace(0.0, 1.0, ERROR_RINGS), errors) ** 2)))
     return dataclasses.replace(camera, error_px=known, errors_px=errors)
 
 
@@ -165,23 +165,23 @@ def _solve(views: list[Points], board: Points, size: tuple[int, int], use_k3: bo
         [view.astype(np.float32).reshape(-1, 1, 2) for view in views],
         size,
         np.eye(3),
-        np.zeros(COEFFICIENTS),
+        np.zeros(LENS_COEFFICIENTS),
         # Pixels of photographic sensors are square; one focal length is better known than two.
         flags=cv2.CALIB_FIX_ASPECT_RATIO | (0 if use_k3 else cv2.CALIB_FIX_K3),
     )
-    lens, residuals = distortion.ravel()[:COEFFICIENTS], np.ravel(each).astype(float)
+    lens, residuals = distortion.ravel()[:LENS_COEFFICIENTS], np.ravel(each).astype(float)
     return _Solution(float(residual), matrix, lens, list(turns), list(shifts), residuals)
 
 
 def _covariance(solution: _Solution, views: list[Points], board: Points) -> Points:
     """Return the covariance of one focal length, the principal point and the lens' coefficients, from what the fit leaves."""
-    own = 3 + COEFFICIENTS
+    own = 3 + LENS_COEFFICIENTS
     information: Points = np.zeros((own, own))
     squares = 0.0
     for turn, shift, view in zip(solution.turns, solution.shifts, views, strict=True):
         seen, slope = cv2.projectPoints(board, turn, shift, solution.matrix, solution.distortion)
         squares += float(np.sum((seen.reshape(-1, 2) - view) ** 2))
-        pose, lens = slope[:, :6], slope[:, 6 : 10 + COEFFICIENTS]
+        pose, lens = slope[:, :6], slope[:, 6 : 10 + LENS_COEFFICIENTS]
         lens = np.column_stack([lens[:, 0] + lens[:, 1], lens[:, 2:]])
         # Changes that the board's pose can absorb do not depend on the camera.
         lens = lens - pose @ np.linalg.lstsq(pose, lens, rcond=None)[0]
@@ -205,35 +205,36 @@ def _errors(
         other = dataclasses.replace(
             camera, matrix=np.array([[f, 0, cx], [0, f, cy], [0, 0, 1]]), distortion=np.array(lens)
         )
-        slopes.append(_moved(camera, other, coverage) / step)
+        slopes.append(_ring_distances(camera, other, coverage) / step)
     variance = np.einsum("irk,ij,jrk->rk", slopes, covariance, slopes)
     count = len(views)
-    spread = np.full(variance.shape, UNKNOWN**2)
+    spread = np.full(variance.shape, MIN_LENS_ERROR**2)
     if count > MIN_VIEWS:
         rest = (views[:left_out] + views[left_out + 1 :] for left_out in range(count))
         moved = [
-            _moved(camera, _solve(some, board, camera.size, use_k3).camera(camera.size, ""), coverage) for some in rest
+            _ring_distances(camera, _solve(some, board, camera.size, use_k3).camera(camera.size, ""), coverage)
+            for some in rest
         ]
         spread = (count - 1) / count * np.sum(np.square(moved), axis=0)
     return np.sqrt(np.maximum(variance.mean(axis=1), spread.mean(axis=1)))
 
 
-def _moved(camera: Camera, other: Camera, coverage: float) -> Points:
+def _ring_distances(camera: Camera, other: Camera, coverage: float) -> Points:
     """Return how far another camera puts points on rings about the middle (RINGS, k) in px, all axes and places laid end
     to end. A homography, which the screen's grid determines anyway, has taken its share where boards were seen."""
     middle = (np.array(camera.size) - 1.0) / 2.0
     # Along the diagonals every distance up to the corners lies in the frame, and so it does halfway to the sides.
     arms = np.array([[x, y] for x in (-1.0, 1.0) for y in (-1.0, 1.0)]) * middle
-    rings = middle + np.linspace(0.0, 1.0, RINGS)[:, None, None] * arms
+    rings = middle + np.linspace(0.0, 1.0, ERROR_RINGS)[:, None, None] * arms
     sides = np.array([[-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0]])
-    reach = np.minimum(np.linspace(0.0, 1.0, RINGS)[:, None, None] * np.linalg.norm(middle), middle)
+    reach = np.minimum(np.linspace(0.0, 1.0, ERROR_RINGS)[:, None, None] * np.linalg.norm(middle), middle)
     rings = np.concatenate([rings, middle + reach * sides], axis=1)
     here, there = (lens.undistort(rings.reshape(-1, 2)) for lens in (camera, other))
     known = np.isfinite(here).all(axis=1) & np.isfinite(there).all(axis=1)
     near = known & (np.linalg.norm(rings.reshape(-1, 2) - middle, axis=1) <= coverage * np.linalg.norm(middle))
     homography, _ = cv2.findHomography(there[near], here[near], 0)
     moved = cv2.perspectiveTransform(there.reshape(-1, 1, 2), homography).reshape(-1, 2) - here
-    return np.where(known[:, None], moved, 0.0).reshape(RINGS, -1)
+    return np.where(known[:, None], moved, 0.0).reshape(ERROR_RINGS, -1)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -246,13 +247,13 @@ def _moved(camera: Camera, other: Camera, coverage: float) -> Points:
 # the gradients carried through the lens instead of a warped picture).
 
 
-DEGREE = 4
+WINDOW_DEGREE = 4
 """Degree of the polynomial that stands for the lens within a window."""
 
-NODES = 7
+WINDOW_NODES = 7
 """Places along each side of a window at which the lens is asked."""
 
-SETTLED = 1e-3
+CORNER_TOLERANCE_PX = 1e-3
 """Step in px below which corners are where they belong."""
 
 
@@ -265,10 +266,10 @@ def straightened_corners(gray: NDArray[np.uint8], corners: Points, camera: Camer
     last = np.ceil(corners.max(axis=0)).astype(int) + 2 * reach + 3
     light = gray[first[1] : last[1], first[0] : last[0]].astype(np.float32)
     slopes = [cv2.Scharr(light, cv2.CV_32F, *order) / 32.0 for order in ((1, 0), (0, 1))]
-    places = np.linspace(-1.0, 1.0, NODES)
+    places = np.linspace(-1.0, 1.0, WINDOW_NODES)
     nodes = np.stack(np.meshgrid(places, places), axis=-1).reshape(-1, 2)
     # A lens is so smooth that a polynomial over a window stands for it, and spares sending every pixel through it.
-    fit = np.linalg.pinv(polyvander2d(nodes[:, 0], nodes[:, 1], [DEGREE, DEGREE]))
+    fit = np.linalg.pinv(polyvander2d(nodes[:, 0], nodes[:, 1], [WINDOW_DEGREE, WINDOW_DEGREE]))
     seen = corners.copy()
     for _ in range(10):
         # The window moves by whole pixels, so that nothing is taken between them; its weights move with the corner.
@@ -276,19 +277,19 @@ def straightened_corners(gray: NDArray[np.uint8], corners: Points, camera: Camer
         ideal = camera.undistort((middles[:, None] + reach * nodes).reshape(-1, 2)).reshape(len(seen), -1, 2)
         starts, steps = camera.undistort(seen), np.zeros_like(seen)
         for number, (middle, lens) in enumerate(zip(middles, fit @ ideal, strict=True)):
-            steps[number] = _step(slopes, middle - first, seen[number] - first, starts[number], lens, reach)
-        found = camera.distort(starts + steps)
-        found = np.where(np.isfinite(found), found, seen)
+            steps[number] = _corner_step(slopes, middle - first, seen[number] - first, starts[number], lens, reach)
+        corrected = camera.distort(starts + steps)
+        corrected = np.where(np.isfinite(corrected), corrected, seen)
         # A corner that runs away stays where it was: its window holds no corner.
-        found = np.where(np.linalg.norm(found - corners, axis=1)[:, None] < 0.5 * reach, found, seen)
-        moved = float(np.abs(found - seen).max())
-        seen = found
-        if moved < SETTLED:
+        corrected = np.where(np.linalg.norm(corrected - corners, axis=1)[:, None] < 0.5 * reach, corrected, seen)
+        moved = float(np.abs(corrected - seen).max())
+        seen = corrected
+        if moved < CORNER_TOLERANCE_PX:
             break
     return seen
 
 
-def _step(
+def _corner_step(
     slopes: list[Points], middle: NDArray[np.int64], seen: Points, start: Points, lens: Points, reach: int
 ) -> Points:
     """Return the way (2,) in ideal px from a corner to the point that the edges of its window run through.
@@ -304,13 +305,13 @@ def _step(
         return np.zeros(2)
     powers, rises, weights = [], [], []
     for pixels, at, exact in zip(span, middle, seen, strict=True):
-        power = polyvander((pixels - at) / reach, DEGREE)
+        power = polyvander((pixels - at) / reach, WINDOW_DEGREE)
         powers.append(power)
-        rises.append(np.pad(power[:, :-1] * np.arange(1, DEGREE + 1), ((0, 0), (1, 0))) / reach)
+        rises.append(np.pad(power[:, :-1] * np.arange(1, WINDOW_DEGREE + 1), ((0, 0), (1, 0))) / reach)
         weights.append(np.exp(-2.0 * (pixels - exact) ** 2 / reach**2))
     weight = weights[1][:, None] * weights[0]
     gx, gy = (slope[span[1][0] : span[1][-1] + 1, span[0][0] : span[0][-1] + 1].astype(float) for slope in slopes)
-    table = lens.reshape(DEGREE + 1, DEGREE + 1, 2)
+    table = lens.reshape(WINDOW_DEGREE + 1, WINDOW_DEGREE + 1, 2)
     (x, y), (x_x, y_x), (x_y, y_y) = (
         # Not by matrix products: BLAS would start threads for each of them.
         [np.einsum("yj,xj->yx", down, np.einsum("xi,ij->xj", across, table[..., axis])) for axis in (0, 1)]
@@ -335,14 +336,14 @@ def _step(
 CORNER_ERROR = 0.1
 """Standard error in px of a corner of a sharp board, for boards without enough corners to tell."""
 
-REACH = 0.4
+WINDOW_SHARE = 0.4
 """Half width of the window that fixes a corner, as a share of the way to the closest one: wider ones see its edges too."""
 
-SEARCHED = (900, 1800)
+SEARCH_SIDES_PX = (900, 1800)
 """Longer sides in px of the reduced pictures that a board is searched in, before the whole one."""
 LEAST_REDUCTION = 1.5
 """Factor below which a reduced picture is not searched."""
-ENOUGH = 4
+MIN_WINDOW_PX = 4
 """Half width in px of a corner's window in a reduced picture from which its corners are taken."""
 
 
@@ -357,7 +358,7 @@ def find_chessboard(image: ArrayLike, pattern: tuple[int, int] = (9, 6), camera:
     gray = gray_bytes(image)
     if min(pattern) < 3:
         raise GridError(f"a chessboard of {columns} x {rows} inner corners is too small; give at least 3 x 3")
-    corners = _searched(gray, pattern)
+    corners = _board_corners(gray, pattern)
     if corners is None:
         raise GridError(
             f"no chessboard with {columns} x {rows} inner corners was found; check the pattern and the picture"
@@ -371,23 +372,23 @@ def find_chessboard(image: ArrayLike, pattern: tuple[int, int] = (9, 6), camera:
     return _points(px if camera is None else straightened_corners(gray, px, camera, reach), indices, camera)
 
 
-def _searched(gray: NDArray[np.uint8], pattern: tuple[int, int]) -> NDArray[np.float64] | None:
+def _board_corners(gray: NDArray[np.uint8], pattern: tuple[int, int]) -> NDArray[np.float64] | None:
     """Return the corners (n, 2) of the board in px, right to about a pixel; None if it is not there. The search begins
     with reduced pictures: its time grows faster than their pixels."""
     longest = max(gray.shape)
-    for side in (*SEARCHED, longest):
+    for side in (*SEARCH_SIDES_PX, longest):
         if side < longest / LEAST_REDUCTION or side == longest:
             scale = longest / side
             size = (round(gray.shape[1] / scale), round(gray.shape[0] / scale))
             small = gray if side == longest else cv2.resize(gray, size, interpolation=cv2.INTER_AREA)
             # Without CALIB_CB_ACCURACY, which searches four times the pixels for a precision that comes later here.
-            found, corners = cv2.findChessboardCornersSB(small, pattern, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
-            if found and (small is gray or corner_reach(corners.reshape(-1, 2)) >= ENOUGH):
+            is_whole, corners = cv2.findChessboardCornersSB(small, pattern, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
+            if is_whole and (small is gray or corner_reach(corners.reshape(-1, 2)) >= MIN_WINDOW_PX):
                 scales = np.array(gray.shape[::-1]) / small.shape[::-1]
                 return np.asarray((corners.reshape(-1, 2).astype(float) + 0.5) * scales - 0.5)
     known = cv2.CALIB_CB_ADAPTIVE_THRESH + cv2.CALIB_CB_NORMALIZE_IMAGE + cv2.CALIB_CB_FAST_CHECK
-    found, corners = cv2.findChessboardCorners(gray, pattern, flags=known)
-    return corners.reshape(-1, 2).astype(float) if found else None
+    is_whole, corners = cv2.findChessboardCorners(gray, pattern, flags=known)
+    return corners.reshape(-1, 2).astype(float) if is_whole else None
 
 
 def find_charuco(
@@ -413,7 +414,7 @@ def find_charuco(
 def corner_reach(corners: NDArray[np.float64]) -> int:
     """Return half width in px of the window in which a corner of the board at these places (n, 2) is measured."""
     gaps = np.linalg.norm(corners[:, None] - corners[None], axis=2)
-    return max(2, int(REACH * float(np.min(gaps[gaps > 0.0]))))
+    return max(2, int(WINDOW_SHARE * float(np.min(gaps[gaps > 0.0]))))
 
 
 def _points(px: NDArray[np.float64], indices: NDArray[np.int64], camera: Camera | None) -> GridPoints:
@@ -488,10 +489,10 @@ def seen_boards(
 # A photograph with the grid drawn over it as the setup sees it.
 
 
-LONGEST = 2000
+DRAWN_SIDE_PX = 2000
 """Pixels of the drawn picture's longer side."""
 
-LINE, POINT = (220, 40, 40), (20, 90, 230)
+LINE_COLOUR, POINT_COLOUR = (220, 40, 40), (20, 90, 230)
 
 
 def read_picture(path: Path | str) -> NDArray[np.uint8]:
@@ -504,7 +505,7 @@ def read_picture(path: Path | str) -> NDArray[np.uint8]:
 
 def draw_points(path: Path, picture: NDArray[np.uint8], camera: Camera, plane: setup.Plane) -> None:
     """Write the photograph (h, w, 3) with the plane's known points and its lines through them."""
-    scale = min(1.0, LONGEST / max(picture.shape[:2]))
+    scale = min(1.0, DRAWN_SIDE_PX / max(picture.shape[:2]))
     canvas = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     thick = max(1, round(max(canvas.shape) / 1000))
 
@@ -519,12 +520,12 @@ def draw_points(path: Path, picture: NDArray[np.uint8], camera: Camera, plane: s
             line = np.empty((60, 2))
             line[:, axis], line[:, 1 - axis] = value, other
             shown = placed(camera.distort(plane.to_pixels(line)))
-            cv2.polylines(canvas, [shown], False, LINE, thick, cv2.LINE_AA, shift=4)
+            cv2.polylines(canvas, [shown], False, LINE_COLOUR, thick, cv2.LINE_AA, shift=4)
     for (x, y), target in zip(placed(camera.distort(plane.points)), plane.targets, strict=True):
         radius = 5 * thick * (2 if np.allclose(target, 0.0) else 1)  # the origin is the large one
-        cv2.circle(canvas, (int(x), int(y)), radius * 16, POINT, thick, cv2.LINE_AA, shift=4)
+        cv2.circle(canvas, (int(x), int(y)), radius * 16, POINT_COLOUR, thick, cv2.LINE_AA, shift=4)
     texts = PngInfo()
-    texts.add_text("Software", files.MARK)  # by which a later setup knows that it may replace the picture
+    texts.add_text("Software", files.FILE_MARK)  # by which a later setup knows that it may replace the picture
     more: dict[str, Any] = {"pnginfo": texts} if path.suffix.lower() == ".png" else {}
     with files.replaced_whole(path) as aside:
         Image.fromarray(canvas).save(aside, **more)

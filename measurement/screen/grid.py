@@ -55,10 +55,10 @@ WORST_SHARE = 0.005
 
 WORST_PX = 0.3
 
-FLOOR = 0.02
+MIN_CROSSING_ERROR = 0.02
 """Smallest standard error in px that a crossing is given when crossings are weighed against each other."""
 
-SKEWED = 1.7
+MAX_SPACING_RATIO = 1.7
 """Largest ratio of the spacings of both families of lines on the screen, as the camera's matrix tells it."""
 
 
@@ -66,7 +66,7 @@ def weighted_plane(ideal: Points, targets: Points, sigma: Points) -> setup.Plane
     """Fit a plane in which sharp crossings weigh more than faint ones and the errors are those that the fit shows: points
     (n, 2) in ideal px and on the screen, their own errors (n,) in px right up to a common factor and a floor."""
     # What all crossings share (the print, the lens, the sensor) keeps one of them from ruling the fit.
-    relative = np.hypot(sigma, max(float(np.median(sigma)), FLOOR))
+    relative = np.hypot(sigma, max(float(np.median(sigma)), MIN_CROSSING_ERROR))
     trial = setup.Plane.fit(ideal, targets, relative)
     missed = (trial.to_pixels(targets) - ideal) / relative[:, None]
     factor = float(np.sqrt(np.sum(missed**2) / max(1, 2 * len(ideal) - 8)))
@@ -96,19 +96,19 @@ def find_grid(
     lattice = count_lines(find_lines(gray, seen_by), seen_by)
     px, indices, sigma = measure_crossings(gray, seen_by, lattice)
     px, indices, sigma, plane = _without_outliers(px, indices, sigma, seen_by)
-    found = checked(px, indices, sigma, plane)
+    grid_points = checked(px, indices, sigma, plane)
     _check_square(plane, seen_by)
-    return counted_from(found, seen_by, pitch, origin)
+    return counted_from(grid_points, seen_by, pitch, origin)
 
 
 def counted_from(
-    found: GridPoints, camera: Camera, pitch: float, origin: tuple[float, float] | None = None
+    points: GridPoints, camera: Camera, pitch: float, origin: tuple[float, float] | None = None
 ) -> GridPoints:
     """Return the same points counted from the crossing nearest to a pixel, the picture's middle unless given."""
     middle = ((camera.width - 1) / 2, (camera.height - 1) / 2) if origin is None else origin
     # The origin need not be measured itself: dust on it must not move it to its neighbour.
-    first = np.rint(found.plane(camera, 1.0).to_metres(camera.undistort(middle))[0]).astype(int)
-    return dataclasses.replace(found, indices=found.indices - first, pitch=pitch)
+    first = np.rint(points.plane(camera, 1.0).to_metres(camera.undistort(middle))[0]).astype(int)
+    return dataclasses.replace(points, indices=points.indices - first, pitch=pitch)
 
 
 def gray_bytes(image: ArrayLike) -> NDArray[np.uint8]:
@@ -168,7 +168,7 @@ def _without_outliers(
             raise GridError(f"the grid's crossings do not determine a plane: {error}") from None
         missed = np.linalg.norm(plane.to_pixels(indices.astype(float)) - ideal, axis=1)
         # Judged by its own error; but less than a tenth of a pixel is never an outlier.
-        relative = np.hypot(sigma, FLOOR)
+        relative = np.hypot(sigma, MIN_CROSSING_ERROR)
         limit = 5.0 * float(np.median((missed / relative)[keep])) * relative
         wanted = keep & (missed < np.maximum(limit, 0.1))
         if np.array_equal(wanted, keep):
@@ -184,7 +184,7 @@ def _check_square(plane: setup.Plane, camera: Camera) -> None:
     pose = np.linalg.inv(camera.matrix) @ np.linalg.inv(plane.homography)
     across, up = np.linalg.norm(pose[:, :2], axis=0)
     ratio = max(across / up, up / across)
-    if ratio > SKEWED:
+    if ratio > MAX_SPACING_RATIO:
         raise GridError(
             f"the lines are {ratio:.1f} times as far apart in one direction as in the other, so that they can be counted in "
             "more than one way; show more of the grid"
@@ -210,16 +210,16 @@ class GridError(ValueError):
 LONGER_SIDE = 1000
 """Pixels of the reduced picture's longer side: enough to tell lines, few enough to be quick."""
 
-WIDTHS = (1.0, 1.7, 3.0, 5.0, 8.0, 13.0)
+BLUR_WIDTHS = (1.0, 1.7, 3.0, 5.0, 8.0, 13.0)
 """Standard deviations in reduced px of the blur under which a line may show best."""
 
-BLOCK = 32
+NOISE_BLOCK_PX = 32
 """Side in reduced px of the squares in which the noise is judged."""
 
-ANGLES = 720
+HOUGH_ANGLES = 720
 """Steps of half a turn in the Hough transform."""
 
-SPREAD = 12
+VOTING_STEPS = 12
 """Steps to either side of its own direction for which a valley's point votes: 3 degrees."""
 
 
@@ -244,15 +244,17 @@ def find_lines(gray: NDArray[np.uint8], camera: Camera) -> list[Line]:
     light = np.log(reduced(gray, factor) + 4.0)
     middle = np.array([camera.width - 1, camera.height - 1]) / 2
     tries = []
-    for width in WIDTHS:
+    for width in BLUR_WIDTHS:
         seen, normals, depth = _valleys(light, width)
         ideal = camera.undistort((seen + 0.5) * factor - 0.5)
         known = np.isfinite(ideal).all(axis=1)
-        tries.append(_straight((ideal[known] - middle) / factor, normals[known], depth[known], max(light.shape)))
+        tries.append(_straight_lines((ideal[known] - middle) / factor, normals[known], depth[known], max(light.shape)))
     # A narrow blur does not reach across a wide line, and a wide one washes thin lines out: the narrowest that shows
     # nearly as much as any is taken.
-    shown = [sum(line.strength for line in found) for found in tries]
-    lines = next(found for found, strength in zip(tries, shown, strict=True) if strength >= 0.8 * max(shown))
+    shown = [sum(line.strength for line in lines_of_try) for lines_of_try in tries]
+    lines = next(
+        lines_of_try for lines_of_try, strength in zip(tries, shown, strict=True) if strength >= 0.8 * max(shown)
+    )
     if not lines:
         raise GridError("no grid was found: the picture shows no long dark lines (too blurred, too faint or not there)")
     return [
@@ -303,25 +305,25 @@ def _valleys(light: NDArray[np.float32], width: float) -> tuple[Points, Points, 
 def _local_noise(depth: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return the standard deviation of the noise around each pixel: in a shadow the logarithm makes it many times larger."""
     height, width = depth.shape
-    blocks = np.abs(depth[: height // BLOCK * BLOCK, : width // BLOCK * BLOCK]).reshape(
-        height // BLOCK, BLOCK, width // BLOCK, BLOCK
-    )
+    blocks = np.abs(
+        depth[: height // NOISE_BLOCK_PX * NOISE_BLOCK_PX, : width // NOISE_BLOCK_PX * NOISE_BLOCK_PX]
+    ).reshape(height // NOISE_BLOCK_PX, NOISE_BLOCK_PX, width // NOISE_BLOCK_PX, NOISE_BLOCK_PX)
     noise = robust.deviations(blocks, (1, 3)).astype(np.float32)
     return cv2.resize(noise, (width, height), interpolation=cv2.INTER_LINEAR)
 
 
-def _straight(points: Points, normals: Points, depth: Points, size: float) -> list[Line]:
+def _straight_lines(points: Points, normals: Points, depth: Points, size: float) -> list[Line]:
     """Greedy Hough transform: take the line with the most votes, remove its points, go on."""
     shortest = 0.08 * size
     bin_width = 1.5
-    steps = np.arange(-SPREAD, SPREAD + 1)
-    own = np.round(np.arctan2(normals[:, 1], normals[:, 0]) * ANGLES / np.pi).astype(int)
-    angles = (own[:, None] + steps) % ANGLES
-    table = np.arange(ANGLES) * np.pi / ANGLES
+    steps = np.arange(-VOTING_STEPS, VOTING_STEPS + 1)
+    own = np.round(np.arctan2(normals[:, 1], normals[:, 0]) * HOUGH_ANGLES / np.pi).astype(int)
+    angles = (own[:, None] + steps) % HOUGH_ANGLES
+    table = np.arange(HOUGH_ANGLES) * np.pi / HOUGH_ANGLES
     offsets = points[:, :1] * np.cos(table[angles]) + points[:, 1:] * np.sin(table[angles])
     reach = int(size / bin_width) + 2
     cells = angles * (2 * reach) + np.round(offsets / bin_width).astype(int) + reach
-    votes = np.bincount(cells.ravel(), minlength=ANGLES * 2 * reach)
+    votes = np.bincount(cells.ravel(), minlength=HOUGH_ANGLES * 2 * reach)
     left = np.ones(len(points), dtype=bool)
     lines: list[Line] = []
     for _ in range(400):
@@ -330,7 +332,7 @@ def _straight(points: Points, normals: Points, depth: Points, size: float) -> li
             break
         angle = table[best // (2 * reach)]
         offset = (best % (2 * reach) - reach) * bin_width
-        line, on = _refined(points, normals, depth, left, np.array([np.cos(angle), np.sin(angle)]), offset)
+        line, on = _refined_lines(points, normals, depth, left, np.array([np.cos(angle), np.sin(angle)]), offset)
         taken = on if on.any() else left & np.any(cells == best, axis=1)
         votes -= np.bincount(cells[taken].ravel(), minlength=votes.size)
         left &= ~taken
@@ -339,7 +341,7 @@ def _straight(points: Points, normals: Points, depth: Points, size: float) -> li
     return sorted(lines, key=lambda line: -line.support)
 
 
-def _refined(
+def _refined_lines(
     points: Points, normals: Points, depth: Points, left: NDArray[np.bool_], normal: Points, offset: float
 ) -> tuple[Line | None, NDArray[np.bool_]]:
     on = np.zeros(len(points), dtype=bool)
@@ -421,7 +423,7 @@ def fit_line(shown: Points, across: Points, along: Points, depth: float) -> tupl
     dark = ground - shown
     dip = dark[:, np.abs(across) <= np.abs(across[0]) / 3].mean(axis=1)
     # A cut must show this grid's line, with about the same light on both of its sides: no edge of a shadow, no dust.
-    good = np.isfinite(dip) & (dip > 0.35 * depth) & (dip < 1.6 * depth) & ~_shaded(left - right, depth)
+    good = np.isfinite(dip) & (dip > 0.35 * depth) & (dip < 1.6 * depth) & ~_shaded_cuts(left - right, depth)
     if good.sum() < max(4, 0.4 * len(along)):
         return None
     places = np.full(len(along), np.nan)
@@ -444,7 +446,7 @@ def fit_line(shown: Points, across: Points, along: Points, depth: float) -> tupl
     return float(answer[0]), float(answer[1]), float(error)
 
 
-def _shaded(difference: Points, depth: float) -> NDArray[np.bool_]:
+def _shaded_cuts(difference: Points, depth: float) -> NDArray[np.bool_]:
     """Return the cuts whose sides differ in brightness because an edge of the shadow or dust is near, and the cuts beside
     them."""
     known = np.isfinite(difference)
@@ -463,16 +465,16 @@ def _shaded(difference: Points, depth: float) -> NDArray[np.bool_]:
 # carries the whole arms' precision into the crossing, whose own pixels (rounded by blur) are not used.
 
 
-ARM = (0.12, 0.44)
+ARM_RANGE = (0.12, 0.44)
 """Part of the way to the next crossing over which an arm is measured; its start keeps clear of the other line."""
 
-WIDEST = 0.32
+MAX_WINDOW_SHARE = 0.32
 """Largest half width of the window across a line, as a share of the pitch."""
 
 MOST_ROWS = 48
 """Cuts across one arm, where it has so many pixels."""
 
-ENOUGH = 400
+MAX_CROSSINGS = 400
 """Crossings beyond which more of them, picked at random, would only cost time."""
 
 
@@ -505,7 +507,7 @@ def _check_count(indices: NDArray[np.int64]) -> None:
 
 
 def _nodes(camera: Camera, plane: setup.Plane) -> NDArray[np.int64]:
-    """Return the whole numbers (n, 2) of the crossings that may be seen in the picture, `ENOUGH` of them at most."""
+    """Return the whole numbers (n, 2) of the crossings that may be seen in the picture, `MAX_CROSSINGS` of them at most."""
     x, y = np.linspace(0, camera.width - 1, 12), np.linspace(0, camera.height - 1, 12)
     rim = np.array([*((u, v) for u in x for v in (y[0], y[-1])), *((u, v) for v in y for u in (x[0], x[-1]))])
     ideal = camera.undistort(rim)
@@ -518,9 +520,9 @@ def _nodes(camera: Camera, plane: setup.Plane) -> NDArray[np.int64]:
     seen = camera.distort(plane.to_pixels(nodes.astype(float)))
     inside = np.all((seen > 2.0) & (seen < np.array([camera.width - 3.0, camera.height - 3.0])), axis=1)
     seen_nodes = nodes[inside]
-    if len(seen_nodes) <= ENOUGH:
+    if len(seen_nodes) <= MAX_CROSSINGS:
         return seen_nodes
-    return seen_nodes[np.sort(np.random.default_rng(0).choice(len(seen_nodes), ENOUGH, replace=False))]
+    return seen_nodes[np.sort(np.random.default_rng(0).choice(len(seen_nodes), MAX_CROSSINGS, replace=False))]
 
 
 def _pitch_px(plane: setup.Plane, node: NDArray[np.int64]) -> Points:
@@ -536,7 +538,7 @@ def _line_width(gray: NDArray[np.uint8], camera: Camera, lattice: setup.Plane) -
     if len(nodes) < MIN_LINES:
         raise GridError(f"only {len(nodes)} crossings of the grid are in the picture; at least {MIN_LINES} are needed")
     shares = np.linspace(-0.6, 0.6, 241)
-    along = np.concatenate([np.linspace(*ARM, 8), -np.linspace(*ARM, 8)])
+    along = np.concatenate([np.linspace(*ARM_RANGE, 8), -np.linspace(*ARM_RANGE, 8)])
     light = LineLight.of(gray, 1, camera)
     cuts: tuple[list[Points], list[Points]] = ([], [])
     for node in nodes[:: max(1, len(nodes) // 60)]:
@@ -546,12 +548,12 @@ def _line_width(gray: NDArray[np.uint8], camera: Camera, lattice: setup.Plane) -
             shown = light.cuts(arms, arms.along(along), shares * pitch[axis])
             for arm in (shown[:8], shown[8:]):
                 if np.isfinite(arm[:, np.abs(shares) < 0.45]).all():
-                    cuts[axis].append(_centred(arm.mean(axis=0), shares))
+                    cuts[axis].append(_centred_cut(arm.mean(axis=0), shares))
     if min(len(cuts[0]), len(cuts[1])) < 2:
         raise GridError("too few arms of the grid's crossings are in the picture; show more of the grid")
     for axis in (0, 1):
-        _check_between(_typical(cuts[axis]), shares)
-    mean = _typical([*cuts[0], *cuts[1]])[np.abs(shares) < 0.45]
+        _check_between(_typical_spacing(cuts[axis]), shares)
+    mean = _typical_spacing([*cuts[0], *cuts[1]])[np.abs(shares) < 0.45]
     shares = shares[np.abs(shares) < 0.45]
     middle_of = len(shares) // 2
     level = float(np.nanpercentile(mean, 75))
@@ -567,10 +569,10 @@ def _line_width(gray: NDArray[np.uint8], camera: Camera, lattice: setup.Plane) -
     )
     if width > 0.3:
         raise GridError("the grid's lines are too wide or too blurred to be distinguished from the screen between them")
-    return float(np.clip(1.3 * width, 0.03, WIDEST)), depth
+    return float(np.clip(1.3 * width, 0.03, MAX_WINDOW_SHARE)), depth
 
 
-def _typical(cuts: list[Points]) -> Points:
+def _typical_spacing(cuts: list[Points]) -> Points:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # places that no cut reaches stay NaN
         return np.nanmedian(cuts, axis=0)
@@ -588,7 +590,7 @@ def _check_between(mean: Points, shares: Points) -> None:
         )
 
 
-def _centred(cut: Points, shares: Points) -> Points:
+def _centred_cut(cut: Points, shares: Points) -> Points:
     """Return the cut moved so that its darkest place within reach of the rough lattice lies in the middle."""
     smooth = np.convolve(np.where(np.isfinite(cut), cut, np.inf), np.ones(7) / 7, mode="same")
     reach = np.abs(shares) < 0.15
@@ -606,12 +608,12 @@ def _measure(
     # Eight pixels over the line are enough to find its centre, and their means hold all the light there is.
     factor = max(1, int(half * spacing / 8.0))
     light = LineLight.of(gray, factor, camera)
-    found, numbers, errors = [], [], []
+    places, numbers, errors = [], [], []
     for node, pitch in zip(nodes, pitches, strict=True):
         fits = []
         for axis in (0, 1):
-            rows = int(np.clip((ARM[1] - ARM[0]) * pitch[1 - axis] / factor, 4, MOST_ROWS))
-            along = np.concatenate([-np.linspace(ARM[1], ARM[0], rows), np.linspace(*ARM, rows)])
+            rows = int(np.clip((ARM_RANGE[1] - ARM_RANGE[0]) * pitch[1 - axis] / factor, 4, MOST_ROWS))
+            along = np.concatenate([-np.linspace(ARM_RANGE[1], ARM_RANGE[0], rows), np.linspace(*ARM_RANGE, rows)])
             reach = max(half * pitch[axis], 2.5)
             # Three samples a pixel: with one, a sharp line's centre of darkness depends on where the samples fall.
             columns = 2 * int(np.clip(3.0 * reach / factor, 8, 60)) + 1
@@ -625,10 +627,10 @@ def _measure(
             continue
         point, error = _cross(fits)
         if np.isfinite(point).all() and error < 0.02 * spacing:
-            found.append(point)
+            places.append(point)
             numbers.append(node)
             errors.append(error)
-    return np.array(found).reshape(-1, 2), np.array(numbers, dtype=int).reshape(-1, 2), np.array(errors)
+    return np.array(places).reshape(-1, 2), np.array(numbers, dtype=int).reshape(-1, 2), np.array(errors)
 
 
 def _cross(fits: list[tuple[Arms, float, float, float]]) -> tuple[Points, float]:
@@ -643,7 +645,7 @@ def _cross(fits: list[tuple[Arms, float, float, float]]) -> tuple[Points, float]
 # Lines sorted into two pencils and counted: which line of the grid is which.
 
 
-AIM = np.sin(np.radians(1.5))
+PENCIL_TOLERANCE = np.sin(np.radians(1.5))
 """Sine of the largest angle by which a line of a pencil may miss their common vanishing point."""
 
 OFF_BEAT = 0.15
@@ -659,19 +661,21 @@ def count_lines(lines: list[Line], camera: Camera) -> setup.Plane:
     middles = np.array([(line.middle - centre) / scale for line in lines])
     weights = np.array([float(line.support) for line in lines])
     free = np.ones(len(lines), dtype=bool)
-    first, one = _pencil(rows, middles, weights, free)
-    crossing = free & ~first & (np.abs(rows[:, :2] @ _along(rows[first], weights[first])) > np.sin(np.radians(20.0)))
+    first, weight = _pencil(rows, middles, weights, free)
+    crossing = (
+        free & ~first & (np.abs(rows[:, :2] @ _mean_direction(rows[first], weights[first])) > np.sin(np.radians(20.0)))
+    )
     second, other = _pencil(rows, middles, weights, crossing)
     if min(first.sum(), second.sum()) < 2 or first.sum() + second.sum() < 5:
         raise GridError(
             f"no grid was found: {int(first.sum())} and {int(second.sum())} lines cross, but 3 and 2 are the fewest"
         )
     places, numbers = [], []
-    for members, across in ((first, other), (second, one)):
+    for members, across in ((first, other), (second, weight)):
         # With both vanishing points taken to infinity and the picture's centre to the origin, a line of the grid lies at
         # one number, and the numbers of a family are equally spaced.
         at = -rows[members, 2] / (rows[members] @ across)
-        counted, kept = _count(at, weights[members])
+        counted, kept = _whole_numbers(at, weights[members])
         places.append(rows[members][kept])
         numbers.append(counted)
     crossings, indices = [], []
@@ -687,7 +691,7 @@ def count_lines(lines: list[Line], camera: Camera) -> setup.Plane:
         raise GridError("the lines found cross in too few places to form a grid; show more of the grid") from None
 
 
-def _along(rows: Points, weights: Points) -> Points:
+def _mean_direction(rows: Points, weights: Points) -> Points:
     """Return the mean direction of lines, whose normals may point either way."""
     _, _, axes = np.linalg.svd(rows[:, :2] * weights[:, None])
     return np.array([-axes[0, 1], axes[0, 0]])
@@ -703,7 +707,7 @@ def _pencil(
         # Lines of one family stay within this angle of each other in any usable photograph.
         if abs(rows[i, :2] @ rows[j, :2]) < np.cos(np.radians(35.0)):
             continue
-        members = free & _aimed(rows, middles, np.cross(rows[i], rows[j]))
+        members = free & _lines_of_pencil(rows, middles, np.cross(rows[i], rows[j]))
         # Nearly one line seen twice makes a pencil with everything that crosses it there.
         if weights[members].sum() > best:
             best, chosen = float(weights[members].sum()), members
@@ -713,19 +717,19 @@ def _pencil(
             return np.zeros(len(rows), dtype=bool), point
         _, _, axes = np.linalg.svd(rows[chosen] * weights[chosen, None])
         point = axes[2]
-        chosen = free & _aimed(rows, middles, point)
+        chosen = free & _lines_of_pencil(rows, middles, point)
     return chosen, point
 
 
-def _aimed(rows: Points, middles: Points, point: Points) -> NDArray[np.bool_]:
+def _lines_of_pencil(rows: Points, middles: Points, point: Points) -> NDArray[np.bool_]:
     towards = point[:2] - middles * point[2]
     length = np.linalg.norm(towards, axis=1)
     # A vanishing point inside the picture is no vanishing point.
     outside = abs(point[2]) * 1.2 < np.linalg.norm(point[:2])
-    return outside & (np.abs(np.sum(rows[:, :2] * towards, axis=1)) < AIM * np.maximum(length, 1e-12))
+    return outside & (np.abs(np.sum(rows[:, :2] * towards, axis=1)) < PENCIL_TOLERANCE * np.maximum(length, 1e-12))
 
 
-def _count(at: Points, weights: Points) -> tuple[NDArray[np.int64], NDArray[np.intp]]:
+def _whole_numbers(at: Points, weights: Points) -> tuple[NDArray[np.int64], NDArray[np.intp]]:
     """Return the whole numbers for lines at equally spaced places, and which of the lines they belong to."""
     order = np.argsort(at)
     place, weight = at[order], weights[order]

@@ -21,9 +21,9 @@ from measurement import pictures, robust
 from measurement.screen.setup import Setup
 from softmodels.common.arrays import Array
 
-REACH = 0.2
+PROFILE_REACH = 0.2
 """Half length of a profile across a line, in pitches: shifts up to this are seen as shifts."""
-INKED = 0.95
+MAX_INKED_LIGHT = 0.95
 """Share of light through the ink below which a place belongs to a line."""
 
 
@@ -74,8 +74,8 @@ class GridLook:
     @property
     def line_reach(self) -> float:
         """Half length in pitches of the shortest profile across a line that still shows the bare screen on both sides."""
-        inked = self.distance[(self.ink < INKED).any(axis=0)]
-        return float(np.clip(2.2 * inked.max(initial=0.0) / self.pitch, 0.3 * REACH, REACH))
+        inked = self.distance[(self.ink < MAX_INKED_LIGHT).any(axis=0)]
+        return float(np.clip(2.2 * inked.max(initial=0.0) / self.pitch, 0.3 * PROFILE_REACH, PROFILE_REACH))
 
     @functools.cached_property
     def lines(self) -> tuple[LineShape | None, LineShape | None]:
@@ -100,20 +100,19 @@ class GridLook:
         return 1.0 - darkest * (1.0 - (1.0 - cover[0]) * (1.0 - cover[1]))
 
 
-SAMPLES = 161
-"""Points of a profile."""
+PROFILE_SAMPLES = 161
 
-STATIONS = 12
+STATIONS_PER_LINE = 12
 """Places along one line between two crossings."""
 SEEN_DEPTH = 0.06
 """Least share of the light that a grid line takes away."""
 
 
-def look_at_grid(view: View, pitch: float, is_lit: npt.NDArray[np.bool_], reach: float = REACH) -> GridLook:
+def look_at_grid(view: View, pitch: float, is_lit: npt.NDArray[np.bool_], reach: float = PROFILE_REACH) -> GridLook:
     """Return the look at the grid lines where they should be, at whole multiples of the pitch in m on the screen, within
     ``is_lit``, on the region made smaller; ``reach`` is half the length of a profile across a line in pitches."""
-    across = np.linspace(-reach * pitch, reach * pitch, SAMPLES)
-    half, expected = SAMPLES // 2, 0
+    across = np.linspace(-reach * pitch, reach * pitch, PROFILE_SAMPLES)
+    half, expected = PROFILE_SAMPLES // 2, 0
     places, shifts, inks, offsets = [], [], [], []
     for axis in (0, 1):
         number, target = _places_on_lines(view, pitch, reach, axis)
@@ -124,11 +123,11 @@ def look_at_grid(view: View, pitch: float, is_lit: npt.NDArray[np.bool_], reach:
         places.append(target[clear])
         shifts.append(centre[clear])
         inks.append(0.5 * (ink[half:] + ink[: half + 1][::-1]))
-        offsets.append({line: float(np.median(found)) for line, found in lines.items() if len(found) >= 3})
+        offsets.append({line: float(np.median(cuts)) for line, cuts in lines.items() if len(cuts) >= 3})
     shift = np.concatenate(shifts)
     return GridLook(
         pitch, len(shift) / expected if expected else 0.0, np.concatenate(places), shift,
-        np.repeat([0, 1], [len(one) for one in shifts]), np.array(inks), across[half:], (offsets[0], offsets[1]),
+        np.repeat([0, 1], [len(along) for along in shifts]), np.array(inks), across[half:], (offsets[0], offsets[1]),
     )  # fmt: skip
 
 
@@ -136,7 +135,7 @@ def _places_on_lines(view: View, pitch: float, reach: float, axis: int) -> tuple
     """Return the numbers (n,) of the lines of one direction and places (n, 2) along them in m, wherever the region may show
     them."""
     low, high = (end / pitch for end in view.extent())
-    along = (np.arange(STATIONS) + 0.5) / STATIONS
+    along = (np.arange(STATIONS_PER_LINE) + 0.5) / STATIONS_PER_LINE
     along = along[np.abs(along - 0.5) < 0.5 - 0.6 * reach]
     lines = np.arange(np.ceil(low[axis]), np.floor(high[axis]) + 1)
     gaps = np.arange(np.floor(low[1 - axis]), np.ceil(high[1 - axis]))
@@ -155,10 +154,10 @@ def _profiles_across(
     keep = np.isfinite(pixel).all(axis=1) & view.inside(pixel)
     number, target, pixel = number[keep], target[keep], pixel[keep]
     if not len(pixel):
-        return number, target, np.zeros((0, SAMPLES, 2))
+        return number, target, np.zeros((0, PROFILE_SAMPLES, 2))
     inverse = np.linalg.inv(view.setup.jacobian(pixel) * view.setup.magnification)
     points = pixel[:, None, :] + across[None, :, None] * inverse[:, None, :, axis]
-    some = points[:, :: SAMPLES // 8]
+    some = points[:, :: PROFILE_SAMPLES // 8]
     index = np.rint(view.reduced(some, is_lit.shape)).astype(np.int64)
     index = np.clip(index, 0, np.array(is_lit.shape[::-1]) - 1)
     keep = (view.inside(some, 2.0) & is_lit[index[..., 1], index[..., 0]]).all(axis=1)
@@ -224,16 +223,16 @@ def _look_up(offsets: dict[int, float], line: npt.NDArray[np.int64]) -> Array:
 # doi 10.1080/00949659008811236.
 
 
-STRONGEST = 0.97
+MAX_BLUR_CORRELATION = 0.97
 """Largest correlation of both blurs: an edge as sharp as the line along which it runs, but for the noise of both widths."""
 
 LEAST_DEPTH = 0.02
 """Least share of the light that a blurred line takes, for its shape to be told."""
 
-DOUBT = 0.005
+DEPTH_MISFIT = 0.005
 """Misfit that a factor of e in the depth makes from halfway between the least that is possible and black."""
 
-NODES = np.polynomial.legendre.leggauss(8)
+QUADRATURE_RULE = np.polynomial.legendre.leggauss(8)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -267,7 +266,7 @@ class LineShape:
             through = np.array([line.through(distance) for line in lines(logs)])
             rest = (through / through[:, far].mean(axis=1, keepdims=True) - inks)[inked]
             # A line much narrower than the blur does not tell whether it is faint and wide or black and thin.
-            return np.r_[rest, DOUBT * (logs[0] - 0.5 * np.log(depth))]
+            return np.r_[rest, DEPTH_MISFIT * (logs[0] - 0.5 * np.log(depth))]
 
         low = np.log([0.5 * depth, 0.003 * end, *[0.02 * end for _ in half]])
         high = np.log([1.0, end, *[2.0 * end for _ in half]])
@@ -279,8 +278,8 @@ class LineShape:
             least_squares(missed, np.clip(np.log(np.maximum(start, 1e-9)), low + 1e-6, high - 1e-6), bounds=(low, high))
             for start in starts
         ]
-        found = dict(zip(seen, lines(min(fits, key=lambda fit: float(fit.cost)).x), strict=True))
-        return found.get(0), found.get(1)
+        shape_by_line = dict(zip(seen, lines(min(fits, key=lambda fit: float(fit.cost)).x), strict=True))
+        return shape_by_line.get(0), shape_by_line.get(1)
 
     def through(self, off: Array) -> Array:
         """Return the share of light that the blurred line lets through at signed distances from its middle in m."""
@@ -292,11 +291,11 @@ class LineShape:
         rise, at signed distances in m from the line's middle and places ``z`` across the edge in its widths; the
         correlation of both blurs has the sign of d off / d z."""
         upper, lower = (off + 0.5 * self.width) / self.blur, (off - 0.5 * self.width) / self.blur
-        r = np.clip(correlation, -STRONGEST, STRONGEST)
+        r = np.clip(correlation, -MAX_BLUR_CORRELATION, MAX_BLUR_CORRELATION)
         # r = sin(t) takes the integrand's steepness near r = 1 away.
         half = 0.5 * np.arcsin(r)
         total = np.zeros(np.broadcast_shapes(off.shape, z.shape))
-        for node, weight in zip(*NODES, strict=True):
+        for node, weight in zip(*QUADRATURE_RULE, strict=True):
             t = half * (1.0 + node)
             sine, cosine2 = np.sin(t), np.cos(t) ** 2
             for sign, place in ((1.0, upper), (-1.0, lower)):
@@ -320,7 +319,7 @@ class View:
     image: pictures.Pixels
     setup: Setup
     roi: tuple[int, int, int, int]
-    light: npt.NDArray[np.float32] = dataclasses.field(default_factory=lambda: pictures.LIGHT)
+    light: npt.NDArray[np.float32] = dataclasses.field(default_factory=lambda: pictures.LIGHT_OF_SRGB)
 
     @property
     def size(self) -> Array:
@@ -370,16 +369,16 @@ class View:
 # shadow, and what a piece lies off beyond the whole screen's movement counts for the outline near it.
 
 
-PIECE = 5
+STATIONS_PER_PIECE = 5
 """Places along a line that are taken together; their median does not see dust on one or two of them."""
 
-NOISES = 6.0
+MAX_PIECE_ERRORS = 6.0
 """Standard errors of such a median up to which a piece may lie where it should: the largest of some hundreds do."""
 
-NEAR = 1.0
+MAX_PIECE_DISTANCE = 1.0
 """Distance of a piece from the outline in pitches up to which it tells of it."""
 
-FADES = 0.5
+FADING_DISTANCE = 0.5
 """Distance in pitches over which what a piece lies off fades to 1/e."""
 
 
@@ -390,38 +389,38 @@ def _pieces_of(looks: list[GridLook]) -> tuple[Array, Array, Array]:
     whole = [_affine(looks[0], axis) for axis in (0, 1)]
     for look in looks:
         every = np.ones(len(look.shift), dtype=bool)
-        found = [
+        medians = [
             _medians(look, axis, look.shift - look.affine_terms(every) @ movement)
             for axis, movement in enumerate(whole)
             if movement is not None
         ]
-        if not sum(len(part[1]) for part in found):
+        if not sum(len(part[1]) for part in medians):
             continue
-        scatter = robust.deviation(np.concatenate([part[2] for part in found]))
+        scatter = robust.deviation(np.concatenate([part[2] for part in medians]))
         # The median of n values has pi/2 times the variance of their mean; values about their own median scatter less.
         # A shadow's faint lines are read less well than the lit screen's, so each look has an error of its own.
-        error = scatter * np.sqrt(np.pi / 2.0 / PIECE) * 1.25
-        places += [place for place, _, _ in found]
-        offs += [off for _, off, _ in found]
-        errors += [np.full(len(off), error) for _, off, _ in found]
+        error = scatter * np.sqrt(np.pi / 2.0 / STATIONS_PER_PIECE) * 1.25
+        places += [place for place, _, _ in medians]
+        offs += [off for _, off, _ in medians]
+        errors += [np.full(len(off), error) for _, off, _ in medians]
     return np.concatenate(places), np.concatenate(offs), np.concatenate(errors)
 
 
 def _medians(look: GridLook, axis: int, shift: Array) -> tuple[Array, Array, Array]:
     """Return the middles (n, 2) of pieces of the lines of one axis, their medians (n,), and how far their values lie from these
     (n, k)."""
-    places, medians, rests = [np.zeros((0, 2))], [np.zeros(0)], [np.zeros((0, PIECE))]
+    places, medians, rests = [np.zeros((0, 2))], [np.zeros(0)], [np.zeros((0, STATIONS_PER_PIECE))]
     number = np.where(look.axis == axis, np.rint(look.place[:, axis] / look.pitch), np.nan)
     for line in np.unique(number[np.isfinite(number)]):
         on = np.flatnonzero(number == line)
         on = on[np.argsort(look.place[on, 1 - axis])]
-        if len(on) < PIECE:
+        if len(on) < STATIONS_PER_PIECE:
             continue
-        window = np.lib.stride_tricks.sliding_window_view(on, PIECE)
+        window = np.lib.stride_tricks.sliding_window_view(on, STATIONS_PER_PIECE)
         # A piece that reaches over a part where the line is not seen tells of neither end.
         window = window[np.ptp(look.place[window, 1 - axis], axis=1) < 1.2 * look.pitch]
         median = np.median(shift[window], axis=1)
-        places.append(look.place[window[:, PIECE // 2]])
+        places.append(look.place[window[:, STATIONS_PER_PIECE // 2]])
         medians.append(median)
         rests.append(np.abs(shift[window] - median[:, None]))
     return np.concatenate(places), np.concatenate(medians), np.concatenate(rests).ravel()
@@ -447,13 +446,13 @@ def flatness(looks: list[GridLook], points: Array) -> Flatness:
         return Flatness(np.zeros(len(points)))
     # What the pieces have in common beyond their noise is the screen's own; far from all of them a point has more of it.
     common2 = robust.deviation(off[noise <= noise.min()]) ** 2 - float(noise.min()) ** 2
-    far = cKDTree(place).query(points)[0] / (FADES * pitch)
+    far = cKDTree(place).query(points)[0] / (FADING_DISTANCE * pitch)
     error = np.sqrt(max(0.0, common2)) * np.minimum(1.0, far)
-    near, _ = cKDTree(points).query(place, distance_upper_bound=NEAR * pitch)
+    near, _ = cKDTree(points).query(place, distance_upper_bound=MAX_PIECE_DISTANCE * pitch)
     beside = np.isfinite(near)
-    beyond = np.abs(off) * (np.abs(off) > NOISES * noise)
+    beyond = np.abs(off) * (np.abs(off) > MAX_PIECE_ERRORS * noise)
     for number in np.flatnonzero(beyond > 0.0):
-        far = np.linalg.norm(points - place[number], axis=1) / (FADES * pitch)
+        far = np.linalg.norm(points - place[number], axis=1) / (FADING_DISTANCE * pitch)
         error = np.maximum(error, beyond[number] * np.exp(-far))
     return Flatness(error, beyond[beside], noise[beside], near[beside])
 
@@ -462,7 +461,7 @@ def _affine(look: GridLook, axis: int) -> Array | None:
     """Return the movement (3,) of the whole screen along one axis: a constant and its growth along X and Z; None if too little
     is visible."""
     mine = look.axis == axis
-    if mine.sum() < 4 * PIECE:
+    if mine.sum() < 4 * STATIONS_PER_PIECE:
         return None
     return robust.robust_fit(look.affine_terms(mine), look.shift[mine], 8).coefficients
 
@@ -474,7 +473,7 @@ def _affine(look: GridLook, axis: int) -> Array | None:
 # noise, dust, or another setup.
 
 
-FEWEST = 24
+MIN_STATIONS_SEEN = 24
 """Least number of places where a line was seen."""
 
 
@@ -487,7 +486,7 @@ def movement(look: GridLook, without: tuple[int, int] | None = None) -> tuple[fl
         mine = look.axis == axis
         if without is not None and axis == without[0]:
             mine &= look.number != without[1]
-        if mine.sum() < FEWEST // 2:
+        if mine.sum() < MIN_STATIONS_SEEN // 2:
             return np.inf, np.inf
         fit = robust.robust_fit(look.affine_terms(mine), look.shift[mine], 6)
         moved2 += float(np.mean(fit.value**2))

@@ -162,7 +162,7 @@ class Setup:
 
     def to_toml(self) -> str:
         """Return the setup as TOML; `from_toml` gives exactly the same numbers back."""
-        table: dict[str, Any] = {"version": VERSION}
+        table: dict[str, Any] = {"version": FILE_VERSION}
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
             if value is not None and field.name not in ("camera", "plane") and np.size(value):
@@ -199,10 +199,10 @@ class Setup:
 
     @classmethod
     def _from_table(cls, table: Mapping[str, Any]) -> Setup:
-        if table.get("version", VERSION) != VERSION:
+        if table.get("version", FILE_VERSION) != FILE_VERSION:
             raise SetupError(
-                f"the setup is of version {units.brief(table['version'])}, this program reads version {VERSION}; recreate it "
-                "with softmodels measure setup"
+                f"the setup is of version {units.brief(table['version'])}, this program reads version {FILE_VERSION}; recreate "
+                "it with softmodels measure setup"
             )
         known = {"version"} | {field.name for field in dataclasses.fields(cls)}
         for name in table:
@@ -284,7 +284,7 @@ def magnification(
 # only); the map from pixels to metres is the inverse of what is fitted.
 
 
-FEWEST = 4
+MIN_POINTS = 4
 """Points that fix a homography; a fifth is the first that can contradict it."""
 
 FEWEST_NEIGHBOURS = 12
@@ -323,7 +323,7 @@ class Plane:
         seen, known = as_points(px), as_points(metres)
         if len(seen) != len(known):
             raise PlaneError(f"there are {len(seen)} points in the photograph but {len(known)} on the screen")
-        needed = FEWEST + (sigma_px is None)
+        needed = MIN_POINTS + (sigma_px is None)
         if len(seen) < needed:
             raise PlaneError(f"{len(seen)} known points do not fix a plane and its error; give at least {needed}")
         if not (np.isfinite(seen).all() and np.isfinite(known).all()):
@@ -340,18 +340,18 @@ class Plane:
             raise PlaneError("the known points do not determine a plane; give points that do not lie on a line")
         inverse = first / first[2, 2]
         for _ in range(30):
-            design, left = _linearised(inverse, start, end, weights)
+            design, left = _linearised_design(inverse, start, end, weights)
             step, _, rank, singular = np.linalg.lstsq(design, left, rcond=None)
             if rank < 8 or singular[-1] < 1e-7 * singular[0]:
                 raise PlaneError("the known points do not determine a plane; give points that do not lie on a line")
             inverse = inverse + np.append(step, 0.0).reshape(3, 3)
             if np.abs(step).max() < 1e-13:
                 break
-        design, left = _linearised(inverse, start, end, weights)
+        design, left = _linearised_design(inverse, start, end, weights)
         covariance = np.linalg.inv(design.T @ design)
         if sigma_px is None:
             covariance *= left @ left / (2 * len(seen) - 8)
-        homography, spread = _inverted(inverse, covariance, from_metres, from_px)
+        homography, spread = _inverted_homography(inverse, covariance, from_metres, from_px)
         missed = _apply(homography, seen) - known
         return cls(homography, spread, float(np.sqrt(np.mean(np.sum(missed**2, axis=1)))), seen, known)
 
@@ -414,7 +414,7 @@ def _scaling(points: Points) -> Points:
     return np.array([[1 / spread, 0, -centre[0] / spread], [0, 1 / spread, -centre[1] / spread], [0, 0, 1]])
 
 
-def _linearised(matrix: Points, start: Points, end: Points, weights: Points) -> tuple[Points, Points]:
+def _linearised_design(matrix: Points, start: Points, end: Points, weights: Points) -> tuple[Points, Points]:
     """Return the weighted design (2n, 8) and what is left (2n,) for the first eight entries of a homography whose last is
     fixed."""
     homogeneous = _homogeneous(start)
@@ -428,7 +428,9 @@ def _linearised(matrix: Points, start: Points, end: Points, weights: Points) -> 
     return weighted.reshape(-1, 8), ((end - image) * weights[:, None]).ravel()
 
 
-def _inverted(inverse: Points, covariance: Points, from_metres: Points, from_px: Points) -> tuple[Points, Points]:
+def _inverted_homography(
+    inverse: Points, covariance: Points, from_metres: Points, from_px: Points
+) -> tuple[Points, Points]:
     """Return the homography of norm 1 from px to m with its covariance (9, 9), from the scaled one the other way (8, 8)."""
     wide = np.zeros((9, 9))
     wide[:8, :8] = covariance
@@ -447,13 +449,13 @@ def _inverted(inverse: Points, covariance: Points, from_metres: Points, from_px:
 # The screen's plane from a user's data of a photograph without a grid: positions of some points, or only the scale.
 
 
-CLICKED = 1.0
+CLICK_ERROR_PX = 1.0
 """Standard error in px of a point that a person picked, where four points leave nothing to tell it."""
 
 WORST_PX, WORST_SHARE = 4.0, 0.005
 """Largest miss of a known point: in px, or as a share of the points' extent in the picture if that is more."""
 
-FLATTEST = 0.03
+MIN_TRIANGLE_HEIGHT = 0.03
 """Least height of a triangle over its longest side that some three points must make for them not to be on one line."""
 
 
@@ -478,7 +480,7 @@ def plane_of_points(camera: Camera, px: Points, metres: Points) -> Plane:
     _check_spread(known)
     ideal = camera.undistort(seen)
     try:
-        plane = Plane.fit(ideal, known, CLICKED if len(seen) == 4 else None)
+        plane = Plane.fit(ideal, known, CLICK_ERROR_PX if len(seen) == 4 else None)
     except PlaneError:  # they lie on no line, as was seen above
         raise PlaneError(
             "the known points do not fit a plane; check for points that were exchanged or mistyped"
@@ -526,7 +528,7 @@ def _check_spread(points: Points) -> None:
             along = points[first] - points[second]
             length = float(np.linalg.norm(along))
             offset = (points - points[second]) @ np.array([-along[1], along[0]]) / max(length, 1e-12)
-            if np.sum(np.abs(offset) > FLATTEST * extent) < 2:
+            if np.sum(np.abs(offset) > MIN_TRIANGLE_HEIGHT * extent) < 2:
                 raise PlaneError("at most one of the known points is off a common line; add points beside it")
 
 
@@ -538,7 +540,7 @@ def _name(pixel: Points) -> str:
 # What stays the same over a run of photographs: camera, screen, light, region and zero line; kept in one TOML file.
 
 
-VERSION = 1
+FILE_VERSION = 1
 """Version of the setup file; one that means something else by its numbers gets another."""
 
 FINEST_PITCH = 4.0

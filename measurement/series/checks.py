@@ -19,8 +19,8 @@ import numpy.typing as npt
 from measurement import pictures
 from measurement.outline import edge, profiles
 from measurement.outline.zero import (
+    MIN_END_DISTANCE,
     ON_SURFACE,
-    UNCLEAR,
     Bow,
     Displacement,
     Mask,
@@ -91,7 +91,7 @@ class ZeroEvidence(EdgeEvidence):
         moved = traced.movement[0]
         if np.isfinite(moved):
             # What the grid's own reading leaves uncertain is in the plane's error already; only more than that has moved.
-            error = np.hypot(error, np.sqrt(max(0.0, moved**2 - (READING * traced.scale) ** 2)))
+            error = np.hypot(error, np.sqrt(max(0.0, moved**2 - (GRID_READING_PX * traced.scale) ** 2)))
         return error
 
     @functools.cached_property
@@ -125,7 +125,7 @@ class ZeroEvidence(EdgeEvidence):
     @functools.cached_property
     def above(self) -> Mask:
         """Which points do not lie below the surface, shape (n,)."""
-        return np.asarray(self.placed[:, 1] > -np.maximum(BELOW * self.placing_error, ON_SURFACE))
+        return np.asarray(self.placed[:, 1] > -np.maximum(MAX_ERRORS_BELOW * self.placing_error, ON_SURFACE))
 
     @functools.cached_property
     def top(self) -> int:
@@ -135,9 +135,9 @@ class ZeroEvidence(EdgeEvidence):
     @functools.cached_property
     def pieces(self) -> list[npt.NDArray[np.int64]]:
         """Indices of the points of each piece of the edge that stands on the surface, along the edge."""
-        stands = np.flatnonzero(self.placed[:, 1] > THING_HEIGHT)
+        stands = np.flatnonzero(self.placed[:, 1] > MIN_OBJECT_HEIGHT)
         parts = np.split(stands, np.flatnonzero(np.diff(stands) > 1) + 1)
-        return [part for part in parts if len(part) >= SECOND_POINTS]
+        return [part for part in parts if len(part) >= MIN_SECOND_POINTS]
 
     @property
     def standing(self) -> bool:
@@ -185,19 +185,19 @@ class CourseEvidence(RunEvidence):
 FEWEST_POINTS = 40
 """Points that an edge or an outline needs."""
 
-BELOW = 4.0
+MAX_ERRORS_BELOW = 4.0
 """Standard errors that a point may lie below the surface and still be on it."""
 
 BESIDE_ORIGIN = (("to the right of", "to the left of"), ("above", "below"))
 """Words for lines of constant X and of constant Z on the two sides of the grid's origin."""
 
-READING = 0.1
+GRID_READING_PX = 0.1
 """Movement in px that the grid's lines can tell from none."""
 
 OR_MASK = "or cover it with setup --mask"
 """Of a thing that hides a part of the edge."""
 
-STATED = 4.5
+MAX_STATED_RIPPLE = 4.5
 """Ripple in its own scatter from which the stated error has to carry it: the largest of good outlines reach 4."""
 
 
@@ -225,7 +225,7 @@ def unsure_of(ripple: tuple[int, float, float]) -> float:
     """Return the error in m that a ripple leaves that is too low for a doubt: a thing of that height may lie on any length of
     the outline."""
     _, height, scatter = ripple
-    return abs(height) if abs(height) > STATED * scatter else 0.0
+    return abs(height) if abs(height) > MAX_STATED_RIPPLE * scatter else 0.0
 
 
 type Check = Callable[[Any], Iterator[Doubt]]
@@ -250,12 +250,12 @@ def answers(evidence: EdgeEvidence | RunEvidence) -> Iterator[Doubt]:
 def doubts(evidence: EdgeEvidence) -> tuple[str, ...]:
     """Return what the checks have against a photograph, one sentence each; `Unmeasurable` if one of them rejects it, although
     it is not to be used anyway, or leaves nothing to measure."""
-    found = []
+    doubts = []
     for doubt in answers(evidence):
         if doubt.lasting or (doubt.rejects and not evidence.traced.anyway):
             raise pictures.Unmeasurable(str(doubt))
-        found.append(str(doubt))
-    return tuple(found)
+        doubts.append(str(doubt))
+    return tuple(doubts)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -286,11 +286,11 @@ def exposure(e: EdgeEvidence) -> Iterator[Doubt]:
         yield Doubt(verdict, "reduce the exposure", rejects=True)
 
 
-MOVED = (15e-6, 0.5)
+MAX_SCREEN_MOVEMENT = (15e-6, 0.5)
 """Movement of the screen's picture since the setup from which it is rejected: the larger of these, in m and px."""
-REST = (60e-6, 1.5)
+MAX_LINE_SCATTER = (60e-6, 1.5)
 """The same for the scatter of the grid's lines about where they should be."""
-SEEN, FEWEST_LINES = 0.4, 24
+MIN_LINES_SEEN_SHARE, MIN_LINE_PLACES = 0.4, 24
 """Least share of the grid's expected lines that must be visible, and least number of places where one was seen."""
 
 
@@ -304,7 +304,7 @@ def movement(e: EdgeEvidence) -> Iterator[Doubt]:
     look, pixel = e.traced.look, e.traced.scale
     if look is None:
         return
-    if look.seen < SEEN or len(look.shift) < FEWEST_LINES:
+    if look.seen < MIN_LINES_SEEN_SHARE or len(look.shift) < MIN_LINE_PLACES:
         yield Doubt(
             f"the grid is not where the setup has it ({look.seen:.0%} of its lines are seen): the camera or the screen has "
             "moved, the picture is turned or mirrored, or the grid cannot be seen",
@@ -314,7 +314,7 @@ def movement(e: EdgeEvidence) -> Iterator[Doubt]:
         yield Doubt(
             "too few of the grid's lines are seen beside the shadow, along one of their two directions, to check whether "
             "the camera has moved", "show more of the grid, or use one with a smaller pitch", rejects=True)  # fmt: skip
-    allowed = max(MOVED[0], MOVED[1] * pixel)
+    allowed = max(MAX_SCREEN_MOVEMENT[0], MAX_SCREEN_MOVEMENT[1] * pixel)
     if not moved <= allowed:
         if (line := look.odd_line(allowed * e.traced.setup.magnification)) is not None:
             way, number = line
@@ -326,7 +326,7 @@ def movement(e: EdgeEvidence) -> Iterator[Doubt]:
             f"the camera or the screen has moved by {moved * 1e6:.0f} um since the setup or during the exposure, or the "
             "picture is turned, mirrored, cropped or too noisy",
             "photograph the grid again from the current camera position and rerun setup", rejects=True)  # fmt: skip
-    if not rest <= max(REST[0], REST[1] * pixel):
+    if not rest <= max(MAX_LINE_SCATTER[0], MAX_LINE_SCATTER[1] * pixel):
         yield Doubt(
             f"the grid's lines are {rest * 1e6:.0f} um off: the picture is too noisy, too much compressed or too dusty to "
             "see them, the screen has bent, or this is another setup",
@@ -362,7 +362,7 @@ def sharp(e: EdgeEvidence) -> Iterator[Doubt]:
             rejects=True)  # fmt: skip
 
 
-BLANK, MOST_BLANK = 0.985, 0.1
+SATURATED_LIGHT, MAX_SATURATED_SHARE = 0.985, 0.1
 """Light of a channel from which it is taken as saturated, and share of the edge that may lie beside such light."""
 
 
@@ -371,15 +371,15 @@ def saturation(e: EdgeEvidence) -> Iterator[Doubt]:
     """Is the screen beside the edge darker than white?"""
     edge = e.traced.edge
     beside = e.traced.view.sample(edge.px + 3.0 * edge.width[:, None] * edge.normal)
-    blank = float(np.mean((beside > BLANK).any(axis=1)))
-    if blank > MOST_BLANK:
+    blank = float(np.mean((beside > SATURATED_LIGHT).any(axis=1)))
+    if blank > MAX_SATURATED_SHARE:
         verdict = f"it is overexposed: beside {blank:.0%} of the edge the screen is saturated, which shifts the edge"
         yield Doubt(verdict, "reduce the exposure", rejects=True)
 
 
 MOST_PART = 0.05
-"""Share of the edge where light may fall over less than `PART` of the shadow's depth."""
-UNEVEN, PIECES, LEAST_POINTS = 0.08, 12, 20
+"""Share of the edge where light may fall over less than `MIN_PROFILE_DEPTH` of the shadow's depth."""
+MAX_DEPTH_CHANGE, DEPTH_PIECES, MIN_POINTS_PER_PIECE = 0.08, 12, 20
 """Change of the shadow's depth along its edge that one lamp does not make, over means of so many pieces of the edge, each
 of so many points at least."""
 
@@ -388,17 +388,17 @@ of so many points at least."""
 def one_lamp(e: EdgeEvidence) -> Iterator[Doubt]:
     """Does the light fall all the way from the screen's to the shadow's, alike along the edge?"""
     part = e.traced.edge.contrast / e.traced.coarse.colour.depth
-    if np.median(part) < edge.PART:
+    if np.median(part) < edge.MIN_PROFILE_DEPTH:
         yield Doubt(
             f"the light falls in steps, by {np.median(part):.0%} of the shadow's depth at this edge: {SEVERAL_EDGES}",
             ONE_LAMP, rejects=True)  # fmt: skip
-    count = max(LEAST_POINTS, len(part) // PIECES)
+    count = max(MIN_POINTS_PER_PIECE, len(part) // DEPTH_PIECES)
     level = np.convolve(part, np.ones(count) / count, "valid")
-    if len(part) >= 2 * count and np.ptp(level) > UNEVEN:
+    if len(part) >= 2 * count and np.ptp(level) > MAX_DEPTH_CHANGE:
         yield Doubt(
             f"the shadow's depth changes by {np.ptp(level):.0%} along its edge: a second lamp, a reflection or stray light "
             "reaches a part of it")  # fmt: skip
-    share = float(np.mean(part < edge.PART))
+    share = float(np.mean(part < edge.MIN_PROFILE_DEPTH))
     if share > MOST_PART:
         yield Doubt(
             f"along {share:.0%} of the edge the light falls only part of the way: a second shadow or a reflection"
@@ -447,7 +447,7 @@ def noise(e: EdgeEvidence) -> Iterator[Doubt]:
             "photograph it again with more light, a lower sensitivity (ISO) or less compression", rejects=True)  # fmt: skip
 
 
-OFF, OFF_NOISES = 25e-6, 8.0
+MAX_LINE_OFFSET, MAX_OFFSET_ERRORS = 25e-6, 8.0
 """Distance of a piece of line from where it should be, in m and in standard errors, from which the outline beside it is
 not trusted."""
 
@@ -456,7 +456,7 @@ not trusted."""
 def flat(e: EdgeEvidence) -> Iterator[Doubt]:
     """Is the screen flat beside the edge?"""
     flat = e.traced.flatness
-    off = flat.off * (flat.off >= np.maximum(OFF, OFF_NOISES * flat.noise))
+    off = flat.off * (flat.off >= np.maximum(MAX_LINE_OFFSET, MAX_OFFSET_ERRORS * flat.noise))
     if not off.any():
         return
     worst = int(np.argmax(off))
@@ -480,7 +480,7 @@ def tone(e: ToneEvidence) -> Iterator[Doubt]:
 # Of the zero plane.
 
 
-BOWED = 20e-6
+MAX_BOW = 20e-6
 """Bow in m of the surface from which the lamp or the body is not level."""
 
 
@@ -488,7 +488,7 @@ BOWED = 20e-6
 def level(e: ZeroEvidence) -> Iterator[Doubt]:
     """Does the light run along the undeformed surface?"""
     bow = e.bow
-    if bow is None or bow.rise <= max(BOWED, 4.0 * bow.error):
+    if bow is None or bow.rise <= max(MAX_BOW, 4.0 * bow.error):
         return
     if np.isnan(bow.rise):
         yield Doubt("the surface reaches beyond what seem to be the body's sides, so that its level cannot be checked")
@@ -512,7 +512,7 @@ def level(e: ZeroEvidence) -> Iterator[Doubt]:
 # Of an outline above the zero plane.
 
 
-THING_HEIGHT, BESIDE, SECOND_POINTS = 150e-6, 0.5e-3, 10
+MIN_OBJECT_HEIGHT, MAX_DISTANCE_BESIDE, MIN_SECOND_POINTS = 150e-6, 0.5e-3, 10
 """Height in m above the surface from which a piece of the edge stands on it, distance in m beyond the body's sides from which
 it is no part of the body, and points of a piece that is one."""
 
@@ -529,10 +529,13 @@ def second_thing(e: OutlineEvidence) -> Iterator[Doubt]:
     if sides is not None:
         rim = e.traced.rim
         rim = e.zero.place(rim[~e.traced.masked(e.traced.setup.to_pixels(rim))])
-        far, out = ((place[:, 1] > THING_HEIGHT) & (sides.beyond(place[:, 0]) > BESIDE) for place in (e.placed, rim))
+        far, out = (
+            (place[:, 1] > MIN_OBJECT_HEIGHT) & (sides.beyond(place[:, 0]) > MAX_DISTANCE_BESIDE)
+            for place in (e.placed, rim)
+        )
         both = len(np.unique(np.sign(e.placed[far, 0] - sides.middle))) == 2
         balloon = both and len(e.pieces) == 1 and not out.any()  # wider than the body it stands on
-        if far.sum() + out.sum() >= SECOND_POINTS and not balloon:
+        if far.sum() + out.sum() >= MIN_SECOND_POINTS and not balloon:
             high = float(np.r_[z[far], rim[out, 1]].max())
             yield Doubt(
                 f"beside the body something stands up to {high * 1e3:.1f} mm above its surface: a second thing (a ball, a "
@@ -620,11 +623,11 @@ def moved(e: OutlineEvidence) -> Iterator[Doubt]:
             "camera was tilted since the zero was taken", "photograph it at zero pressure again")  # fmt: skip
 
 
-CREASE, CORNER = 8.0, 25.0
+MIN_CREASE_TURN, MIN_CORNER_TURN = 8.0, 25.0
 """Turn in degrees, beyond that of the neighbouring edge, which no membrane makes by itself, and which is another thing."""
-RIPPLE, RIPPLE_NOISES = 15e-6, 8.0
+MAX_RIPPLE, MAX_RIPPLE_ERRORS = 15e-6, 8.0
 """Distance in m of the edge from its neighbourhood, and the same in its own scatter, from which it is no membrane's."""
-NARROWEST = 0.08
+MIN_WIDTH_SHARE = 0.08
 """Least width at half height of what stands on the surface, as a share of the surface that is visible."""
 
 
@@ -636,7 +639,7 @@ def membrane(e: OutlineEvidence) -> Iterator[Doubt]:
     """
     place, turn = sharpest_turn(e.raw)
     high = f"{turn:.0f} degrees {e.raw[place, 1] * 1e3:.1f} mm above the surface"
-    if turn > CORNER:
+    if turn > MIN_CORNER_TURN:
         yield Doubt(
             f"the edge has a corner of {high}: a second thing (hair, tube, drop, finger) merges with the shadow, or hides "
             "part of it", f"take it away and photograph it again, {OR_MASK}", rejects=True)  # fmt: skip
@@ -644,17 +647,17 @@ def membrane(e: OutlineEvidence) -> Iterator[Doubt]:
     top = int(np.argmax(z))
     if z[top] >= max(10.0 * e.error[top], ON_SURFACE):
         width = float(np.ptp(x[z > 0.5 * z[top]]))
-        if width < NARROWEST * min(e.zero.extent[1] - e.zero.extent[0], float(np.ptp(x))):
+        if width < MIN_WIDTH_SHARE * min(e.zero.extent[1] - e.zero.extent[0], float(np.ptp(x))):
             yield Doubt(
                 f"the object on the surface is only {width * 1e3:.1f} mm wide at half its height: dust, a drop or another "
                 "object", f"take it away, {OR_MASK}")  # fmt: skip
     at, bump, scatter = e.ripple
-    if abs(bump) > max(RIPPLE, RIPPLE_NOISES * scatter):
+    if abs(bump) > max(MAX_RIPPLE, MAX_RIPPLE_ERRORS * scatter):
         yield Doubt(
             f"{e.raw[at, 1] * 1e3:.1f} mm above the surface the outline has a {'bump' if bump > 0.0 else 'hollow'} of "
             f"{abs(bump) * 1e6:.0f} um that is narrower than a membrane can bend: a fibre, a grain or a drop on it or "
             "on the lens, or the screen is not flat", f"take it away, {OR_MASK}")  # fmt: skip
-    if turn > CREASE:
+    if turn > MIN_CREASE_TURN:
         yield Doubt(
             f"the edge bends sharply by {high}: something lies on it or hides part of it, or it is creased",
             f"take it away, {OR_MASK}",
@@ -670,7 +673,7 @@ def clear_top(e: OutlineEvidence) -> Iterator[Doubt]:
     """Is the edge as clear at its highest place as elsewhere?"""
     error = e.error[e.above]
     own, usual = float(error[np.argmax(e.placed[e.above, 1])]), float(np.median(error))
-    if own >= max(UNCLEAR_TOP * usual, UNCLEAR):
+    if own >= max(UNCLEAR_TOP * usual, MIN_END_DISTANCE):
         yield Doubt(
             f"the edge is unclear at its highest place: {own * 1e6:.0f} um there, {usual * 1e6:.0f} um elsewhere"
         )
@@ -679,14 +682,14 @@ def clear_top(e: OutlineEvidence) -> Iterator[Doubt]:
 @register_check(OutlineEvidence)
 def zero_plane(e: OutlineEvidence) -> Iterator[Doubt]:
     """Is the zero plane's photograph free of doubt, and stored as this one?"""
-    found = [f"of the zero plane's photograph: {doubt}" for doubt in e.zero.doubts]
+    remarks = [f"of the zero plane's photograph: {doubt}" for doubt in e.zero.doubts]
     if e.zero.tone and e.zero.tone != e.traced.tone:
-        found.append(
+        remarks.append(
             f"it seems to store light as {e.traced.tone} but the zero plane's photograph as {e.zero.tone}; "
             "choose one with --tone"
         )
-    if found:
-        yield Doubt("; ".join(found))
+    if remarks:
+        yield Doubt("; ".join(remarks))
 
 
 LONGEST_DENT = 1e-3
@@ -714,7 +717,7 @@ def dent(e: OutlineEvidence) -> Iterator[Doubt]:
                 rejects=True)  # fmt: skip
 
 
-GAP, LARGEST = 1e-3, 4e-3
+MAX_TRUSTED_GAP, MAX_GAP = 1e-3, 4e-3
 """Missing length of edge in m that makes an outline untrusted, and that makes it none."""
 TOP_GAP = 0.5e-3
 """Missing length in m that makes it untrusted where its highest place may lie in it."""
@@ -731,21 +734,21 @@ def whole(e: OutlineEvidence) -> Iterator[Doubt]:
     seen, lengths, masked = e.gaps
     words = "the outline has a gap of {:.1f} mm where no edge is clear"
     longest = 1e3 * lengths[~masked].max(initial=0.0)
-    if longest > 1e3 * LARGEST:
+    if longest > 1e3 * MAX_GAP:
         # What else speaks against the edge may tell why a part of it is missing.
         verdict = "; ".join([words.format(longest), *e.traced.doubts])
         yield Doubt(verdict, f"remove what hides it and photograph it again, {OR_MASK}", rejects=True)
     highest = float(e.placed[e.kept[0] : e.kept[-1] + 1, 1].max())
-    found = []
+    doubts_of_whole = []
     for at in np.flatnonzero(lengths > TOP_GAP):
         part = slice(seen[at], seen[at + 1] + 1)
         reach = float((e.placed[part, 1] + 2.0 * e.error[part]).max())
         if highest > 3.0 * ON_SURFACE and reach > highest:
-            found.append(f"{words.format(lengths[at] * 1e3)}, and its highest place may lie in it")
-        elif lengths[at] > GAP and not masked[at]:
-            found.append(words.format(lengths[at] * 1e3))
-    if found:
-        yield Doubt("; ".join(found), f"remove what hides the edge there, {OR_MASK}")
+            doubts_of_whole.append(f"{words.format(lengths[at] * 1e3)}, and its highest place may lie in it")
+        elif lengths[at] > MAX_TRUSTED_GAP and not masked[at]:
+            doubts_of_whole.append(words.format(lengths[at] * 1e3))
+    if doubts_of_whole:
+        yield Doubt("; ".join(doubts_of_whole), f"remove what hides the edge there, {OR_MASK}")
 
 
 MOST_OVERHANG = 0.01
@@ -821,7 +824,7 @@ def _length(value: float) -> str:
     return f"{abs(value) * 1e3:.2f} mm" if abs(value) >= 95e-6 else f"{abs(value) * 1e6:.0f} um"
 
 
-CROWNED, CROWN_ERRORS = 0.06, 4.0
+MAX_CROWN_CHANGE, MAX_CROWN_ERRORS = 0.06, 4.0
 """Change of the top's curvature, as a share of it, and in its own standard errors, that no smooth course of a run has."""
 
 
@@ -829,7 +832,11 @@ CROWNED, CROWN_ERRORS = 0.06, 4.0
 def crown(e: RunEvidence) -> Iterator[Doubt]:
     """Is its top as round as those of the other photographs lead one to expect?"""
     odd = e.run.odd_crown
-    if odd is not None and odd.number == e.number and abs(odd.off) > max(CROWNED, CROWN_ERRORS * odd.error):
+    if (
+        odd is not None
+        and odd.number == e.number
+        and abs(odd.off) > max(MAX_CROWN_CHANGE, MAX_CROWN_ERRORS * odd.error)
+    ):
         more = "more" if odd.off > 0.0 else "less"
         yield Doubt(
             f"its top is {abs(odd.off):.0%} {more} curved than expected from the other photographs: something smooth (a drop, "

@@ -30,10 +30,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-SHOWN = 1200
+SHOWN_SIDE_PX = 1200
 """Longer side in px of a photograph in a picture."""
 
-HEAD = 0.62
+HEAD_INCHES = 0.62
 """Room in inches for up to three lines above a photograph."""
 
 EDGE_COLOUR, BRIDGE_COLOUR, REFUSED = "#ff2e63", "#ffd60a", "#c0392b"
@@ -49,10 +49,10 @@ def draw_edge(
 ) -> None:
     """Write a photograph (h, w, 3) with its edge, None if it has none, and with the reason if it was rejected; the
     pressure in Pa is for the headline."""
-    small, factor = _reduced(image)
+    small, factor = _reduced_photograph(image)
     height, width = small.shape[:2]
-    figure = figures.Figure(figsize=(8.0, 8.0 * height / width + HEAD), dpi=110)
-    axes = figure.add_axes((0.0, 0.0, 1.0, (8.0 * height / width) / (8.0 * height / width + HEAD)))
+    figure = figures.Figure(figsize=(8.0, 8.0 * height / width + HEAD_INCHES), dpi=110)
+    axes = figure.add_axes((0.0, 0.0, 1.0, (8.0 * height / width) / (8.0 * height / width + HEAD_INCHES)))
     _show(axes, small, factor)
     if traced is not None:
         _draw_line(axes, traced, 1.6)
@@ -67,14 +67,19 @@ def draw_edge(
         title, colour = title + ("" if outcome.trusted else " (not trusted)"), "#102a43"
     name = outcome.file.name if isinstance(outcome, Refusal) else outcome.source
     figure.text(
-        0.01, 1.0 - 0.08 / figure.get_figheight(), _wrapped(f"{name}   {title}"), color=colour, fontsize=10, va="top"
+        0.01,
+        1.0 - 0.08 / figure.get_figheight(),
+        _wrapped_text(f"{name}   {title}"),
+        color=colour,
+        fontsize=10,
+        va="top",
     )
     figure.savefig(path)
 
 
 def draw_steps(path: Path, image: pictures.Pixels, traced: edge.Traced, outline: Outline) -> None:
     """Write the four steps: photograph, distance to the shadow's colour, edge in pixels, outline in millimetres."""
-    small, factor = _reduced(image)
+    small, factor = _reduced_photograph(image)
     figure = figures.Figure(figsize=(13.0, 7.0), dpi=110, layout="constrained")
     halves = figure.add_gridspec(2, 1, height_ratios=(3.6, 3.4))
     pictures, last = figure.add_subfigure(halves[0]), figure.add_subfigure(halves[1])
@@ -112,18 +117,23 @@ def draw_steps(path: Path, image: pictures.Pixels, traced: edge.Traced, outline:
 def _draw_line(axes: Axes, traced: edge.Traced, width: float) -> None:
     """The edge, dotted where it only bridges a gap."""
     if traced.line.bridged.any():
-        axes.plot(*_parted(traced.line.px, traced.line.bridged).T, color=BRIDGE_COLOUR, linewidth=width, linestyle=":")
-    axes.plot(*_parted(traced.line.px, ~traced.line.bridged).T, color=EDGE_COLOUR, linewidth=width)
+        axes.plot(
+            *_points_with_gaps(traced.line.px, traced.line.bridged).T,
+            color=BRIDGE_COLOUR,
+            linewidth=width,
+            linestyle=":",
+        )
+    axes.plot(*_points_with_gaps(traced.line.px, ~traced.line.bridged).T, color=EDGE_COLOUR, linewidth=width)
 
 
-def _parted(points: Array, shown: Mask) -> Array:
+def _points_with_gaps(points: Array, shown: Mask) -> Array:
     """Return the points (n, 2) with NaN instead of those that are not shown, and do not lie beside one that is."""
     beside = shown | np.r_[False, shown[:-1]] if not shown.all() else shown
     return np.where(beside[:, None], points, np.nan)
 
 
-def _reduced(image: pictures.Pixels) -> tuple[pictures.Pixels, float]:
-    factor = max(1.0, max(image.shape[:2]) / SHOWN)
+def _reduced_photograph(image: pictures.Pixels) -> tuple[pictures.Pixels, float]:
+    factor = max(1.0, max(image.shape[:2]) / SHOWN_SIDE_PX)
     size = (round(image.shape[1] / factor), round(image.shape[0] / factor))
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA)), factor
 
@@ -136,12 +146,11 @@ def _show(axes: Axes, small: pictures.Pixels, factor: float) -> None:
     axes.set_ylim(height * factor - 0.5, -0.5)
 
 
-def _wrapped(text: str, width: int = 105) -> str:
+def _wrapped_text(text: str, width: int = 105) -> str:
     return "\n".join(processes.plain(line) for line in textwrap.wrap(text, width)[:3])
 
 
-FRAME = 640
-"""Width in px of the animation."""
+FRAME_WIDTH_PX = 640
 
 COURSE_POINTS = 200
 """Heights at which the course through a run is drawn."""
@@ -224,7 +233,7 @@ def animate(path: Path, pictures: Sequence[Path]) -> None:
     frames = []
     for file in pictures:
         with Image.open(file) as picture:
-            size = (FRAME, round(picture.height * FRAME / picture.width))
+            size = (FRAME_WIDTH_PX, round(picture.height * FRAME_WIDTH_PX / picture.width))
             frames.append(picture.convert("RGB").resize(size, Image.Resampling.LANCZOS).quantize(128))
     if frames:
         frames[0].save(path, save_all=True, append_images=frames[1:], duration=FRAME_TIME, loop=0)

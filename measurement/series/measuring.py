@@ -46,16 +46,16 @@ def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "",
     own.
     """
     if tone != AUTO:
-        return _traced(image, setup, tone, anyway)
+        return _traced_edges(image, setup, tone, anyway)
     names = sorted(TONES, key=lambda name: name != (likely or "srgb"))
-    first = _traced(image, setup, names[0], anyway)
+    first = _traced_edges(image, setup, names[0], anyway)
     # Where a shape fits this well, no other tone can be decisively better.
-    fits = first.edge.shape.chi_square < profiles.DECISIVE
+    fits = first.edge.shape.chi_square < profiles.DECISIVE_CHI_SQUARE
     if likely and fits:
         return first
     traces = [first]
     with contextlib.suppress(Unmeasurable):  # where only one tone shows an edge, the other is wrong
-        traces.append(_traced(image, setup, names[1], anyway))
+        traces.append(_traced_edges(image, setup, names[1], anyway))
     best, *others = sorted(traces, key=lambda traced: traced.edge.shape.chi_square)
     if not others and fits:
         return first
@@ -65,12 +65,12 @@ def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "",
     more = others[0].edge.shape.chi_square - shape.chi_square if others else np.inf
     evidence = more / max(1.0, shape.misfit**2)
     moved = float(np.median(best.edge.width)) * best.scale * TONE_SHIFT
-    if moved <= TONE_HARM or (clear and evidence >= profiles.DECISIVE):
+    if moved <= TONE_HARM or (clear and evidence >= profiles.DECISIVE_CHI_SQUARE):
         return best
     # Without evidence against it, not even a shape, a photograph has the tone of its series.
     if (
         likely
-        and not (first is not best and evidence >= profiles.DECISIVE)
+        and not (first is not best and evidence >= profiles.DECISIVE_CHI_SQUARE)
         and not first.edge.shape.misfit >= profiles.LARGEST_MISFIT
     ):
         return first
@@ -79,7 +79,7 @@ def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "",
     return best
 
 
-def _traced(image: Pixels, setup: Setup, tone: str, anyway: bool) -> edge.Traced:
+def _traced_edges(image: Pixels, setup: Setup, tone: str, anyway: bool) -> edge.Traced:
     traced = edge.Traced(image, setup, tone, anyway=anyway)
     traced.doubts = checks.doubts(checks.EdgeEvidence(traced))
     return traced
@@ -98,7 +98,7 @@ def zero_of(traced: edge.Traced, raised: edge.Traced | None = None) -> ZeroLine:
     hidden = 0.0
     if raised is not None:
         again = traced.of_level(raised)
-        if again.lift and again.edge.shape.chi_square <= traced.edge.shape.chi_square - profiles.DECISIVE:
+        if again.lift and again.edge.shape.chi_square <= traced.edge.shape.chi_square - profiles.DECISIVE_CHI_SQUARE:
             again.tone_error, again.doubts = 0.0, checks.doubts(checks.EdgeEvidence(again))
             traced = again
         elif raised.tone == traced.tone:
@@ -122,14 +122,14 @@ def zero_of(traced: edge.Traced, raised: edge.Traced | None = None) -> ZeroLine:
     evidence = checks.ZeroEvidence(traced, line)
     bow, lift = evidence.bow, traced.lift
     left = 0.0 if bow is None else bow.level_error
-    found = (*traced.doubts, *checks.doubts(evidence))
+    all_doubts = (*traced.doubts, *checks.doubts(evidence))
     if bow is not None and bow.by_depth(lift):
         # The lift goes with the body's chord along the light, so that the bow shows its mean too, which the shape underrates:
         # the middle between both is taken, and half of their difference as its error.
         more = 0.5 * max(0.0, bow.mean - lift)
         line = dataclasses.replace(line, origin=line.origin - more * line.normal)
         left, lift = float(np.hypot(bow.error, more)), lift + more
-    return dataclasses.replace(line, doubts=found, level_error=float(np.hypot(hidden, left)), lift=lift)
+    return dataclasses.replace(line, doubts=all_doubts, level_error=float(np.hypot(hidden, left)), lift=lift)
 
 
 def outline_of(traced: edge.Traced, zero: ZeroLine, pressure: float, pressure_error: float, source: str) -> Outline:
@@ -198,7 +198,7 @@ def zero_line(photographs: Sequence[Photograph], setup: Setup, tone: str = AUTO)
         except Unmeasurable as error:
             reasons.append(f"{photo.file.name}: {error}")
         except Exception as error:  # as in `_measure_one`
-            reasons.append(f"{photo.file.name}: {_unforeseen(error)}")
+            reasons.append(f"{photo.file.name}: {_unexpected_error(error)}")
     if doubted:
         return doubted[0]
     raise NoZero(f"no photograph at zero pressure shows the undeformed surface; {'; '.join(reasons)}")
@@ -289,7 +289,7 @@ def _outlines(outcomes: Sequence[Outline | Refusal]) -> dict[int, Outline]:
     return {k: outcome for k, outcome in enumerate(outcomes) if isinstance(outcome, Outline)}
 
 
-def _unforeseen(error: Exception) -> str:
+def _unexpected_error(error: Exception) -> str:
     words = " ".join(str(error).split())  # OpenCV's own have several lines
     return f"it led to an unforeseen failure ({type(error).__name__}: {words})"
 
@@ -318,13 +318,13 @@ def _measure_one(
     except Unmeasurable as error:
         outcome = Refusal(str(error), photo.file)
     except Exception as error:  # one odd photograph must not take the others with it
-        outcome = Refusal(_unforeseen(error), photo.file)
+        outcome = Refusal(_unexpected_error(error), photo.file)
     if pictures is not None and image is not None:
         drawing.draw_edge(pictures / f"{name}.png", image, setup, traced, outcome, photo.pressure)
     return Result(photo, outcome, name, sample)
 
 
-RESERVED = ("heights", "profiles", "steps", "animation", "overview")
+RESERVED_NAMES = ("heights", "profiles", "steps", "animation", "overview")
 """Stems of what a run writes beside its outlines: a photograph of such a name must not take the table's place."""
 
 
@@ -336,7 +336,7 @@ def _names(photographs: Sequence[Photograph]) -> list[str]:
         name = photo.file.stem if stems.count(stem) == 1 else photo.file.name.replace(".", "_")
         if not name.strip("."):
             name = f"_{name}"
-        while name.casefold() in (*RESERVED, *(other.casefold() for other in names)):
+        while name.casefold() in (*RESERVED_NAMES, *(other.casefold() for other in names)):
             name += "_"
         names.append(name)
     return names
@@ -346,7 +346,7 @@ def _names(photographs: Sequence[Photograph]) -> list[str]:
 # Outlines from a list of photographs, as one call: the zero plane, the shadow's size, every photograph, and their tables.
 
 
-HEIGHTS = ("file", "pressure_Pa", "pressure_error_Pa", "height_m", "height_error_m", "trusted", "remarks")
+HEIGHT_COLUMNS = ("file", "pressure_Pa", "pressure_error_Pa", "height_m", "height_error_m", "trusted", "remarks")
 
 
 class MeasuringOptions(TypedDict, total=False):
@@ -404,7 +404,7 @@ class Measurement:
         """
         with (folder / "heights.csv").open("w", newline="", encoding="utf-8") as file:
             rows = csv.writer(file)
-            rows.writerow(HEIGHTS)
+            rows.writerow(HEIGHT_COLUMNS)
             for result in self.results:
                 rows.writerow(_row(result))
         for result in self.results:

@@ -132,7 +132,7 @@ def _length_or_pressure(text: str) -> tuple[float, bool]:
             ) from None
 
 
-KNOWN = ("file", "pressure", "left", "right", "error", "hold", "rise", "use")
+KNOWN_COLUMNS = ("file", "pressure", "left", "right", "error", "hold", "rise", "use")
 TIMES = ("hold", "rise")
 ANYWAY = "anyway"
 """In the column ``use`` of a photograph that shall be used in spite of doubts."""
@@ -263,14 +263,14 @@ def _check_comments(path: Path, comments: list[tuple[int, str]], separator: str)
     """Reject a line that may be meant as a comment or as the row of a photograph whose name begins with #."""
     for number, line in comments:
         name = line.strip().partition(separator)[0].strip()
-        if len(name) > 1 and _there(path.parent / name):
+        if len(name) > 1 and _exists(path.parent / name):
             raise PhotoListError(
                 f"{path}, line {number}: # begins a comment, but there is a photograph {name}; write ./{name} to "
                 "list it, or a space after the # to leave it out"
             )
 
 
-def _there(file: Path) -> bool:
+def _exists(file: Path) -> bool:
     """Return whether there is such a file or folder; a name that no system takes is none."""
     try:
         return file.exists()
@@ -288,8 +288,8 @@ def _pictures(folder: Path) -> list[Path]:
 
 def _check_header(path: Path, header: list[str]) -> None:
     for name in header:
-        if name not in KNOWN:
-            raise PhotoListError(f"{path}: column {name!r} is unknown; the columns are {', '.join(KNOWN)}")
+        if name not in KNOWN_COLUMNS:
+            raise PhotoListError(f"{path}: column {name!r} is unknown; the columns are {', '.join(KNOWN_COLUMNS)}")
         if header.count(name) > 1:
             raise PhotoListError(f"{path}: column {name!r} is in the header twice")
     if "file" not in header:
@@ -377,7 +377,7 @@ def _seconds(name: str, text: str) -> float:
 def _find(folder: Path, name: str) -> Path:
     """Return the file of this name, of this name in other letters (cameras shout), or of this number."""
     path = folder / name
-    if _there(path):
+    if _exists(path):
         return path
     files = _pictures(path.parent)
     same = [file for file in files if file.name.lower() == path.name.lower()]
@@ -421,26 +421,26 @@ class ColumnError(ValueError):
 
 Float32Array = npt.NDArray[np.float32]
 
-ROWS, COLUMNS, SIDE = 3, 4, 192
+FINGERPRINT_ROWS, FINGERPRINT_COLUMNS, FINGERPRINT_SIDE_PX = 3, 4, 192
 """Patches in a column and in a row of the frame, and their side in px, that are kept of each photograph."""
 
-FINE = 3.0
+SMOOTHING_PX = 3.0
 """Standard deviation in px of the smooth part that is taken away."""
 
-MOVING, MARGIN = 0.15, 13
+MAX_LIGHT_DIFFERENCE, EDGE_MARGIN_PX = 0.15, 13
 """Share of the lit screen's brightness by which photographs may differ at a place that is compared, and its surroundings
 in px that are left out: the shadows' edges lie elsewhere in each."""
 
 MOST_OTHERS = 4
 """Photographs of the same run that tell what all of them share."""
 
-COPIED = 0.03
+MIN_COPY_CORRELATION = 0.03
 """Least correlation of what is left by which one is the other's copy; honest exposures stay below 0.007."""
 
 COPIED_BY_ONE = 0.06
 """By how much two must be more alike than each is to the only other photograph."""
 
-NEAR = 60e-6
+SAME_OUTLINE_TOLERANCE = 60e-6
 """Distance in m up to which two outlines may show the same: a copy of another brightness moves the edge a little."""
 
 
@@ -456,9 +456,9 @@ class Sample:
 def cut_out(image: pictures.Pixels) -> pictures.Pixels:
     """Return the patches (patches, side, side) of a picture (h, w, 3) in grey, spread over its frame."""
     height, width = image.shape[:2]
-    side = min(SIDE, height // ROWS, width // COLUMNS)
-    tops = np.linspace(0, height - side, ROWS).astype(int)
-    lefts = np.linspace(0, width - side, COLUMNS).astype(int)
+    side = min(FINGERPRINT_SIDE_PX, height // FINGERPRINT_ROWS, width // FINGERPRINT_COLUMNS)
+    tops = np.linspace(0, height - side, FINGERPRINT_ROWS).astype(int)
+    lefts = np.linspace(0, width - side, FINGERPRINT_COLUMNS).astype(int)
     patches = [cv2.cvtColor(image[y : y + side, x : x + side], cv2.COLOR_RGB2GRAY) for y in tops for x in lefts]
     return np.stack(patches)
 
@@ -466,7 +466,7 @@ def cut_out(image: pictures.Pixels) -> pictures.Pixels:
 def prepared(patches: pictures.Pixels) -> Sample:
     """Return the patches of `cut_out`, parted into what is smooth and what is fine."""
     light = patches.astype(np.float32)
-    smooth = np.stack([cv2.GaussianBlur(patch, (0, 0), FINE) for patch in light])
+    smooth = np.stack([cv2.GaussianBlur(patch, (0, 0), SMOOTHING_PX) for patch in light])
     fine = (light - smooth).ravel()
     scatter = max(robust.deviation(fine), 0.3)
     level = max(float(smooth.max()), 1.0)
@@ -478,24 +478,24 @@ def likeness(first: Sample, second: Sample, others: Sequence[Sample]) -> float:
     unknown. With fewer than two others the bar is another, see `is_copy`."""
     if not others or any(other.fine.shape != first.fine.shape for other in (second, *others)):
         return np.nan
-    still = _still([first, second, *others])
+    still = _unchanged_places([first, second, *others])
     if still.sum() < 1000:
         return np.nan
-    one, two, *rest = (sample.fine[still].astype(np.float64) for sample in (first, second, *others))
+    light, two, *rest = (sample.fine[still].astype(np.float64) for sample in (first, second, *others))
     if len(rest) == 1:
-        return _correlation(one, two) - max(_correlation(one, rest[0]), _correlation(two, rest[0]))
+        return _correlation(light, two) - max(_correlation(light, rest[0]), _correlation(two, rest[0]))
     half = len(rest) // 2
     left, right = np.mean(rest[:half], axis=0), np.mean(rest[half:], axis=0)
-    found = []
+    grids = []
     for pattern, instrument in ((left, right), (right, left)):
         shared = float(pattern @ instrument)
         if not shared > 0.0:
-            found.append(_correlation(one, two))
+            grids.append(_correlation(light, two))
             continue
-        rest_one = one - float(one @ instrument) / shared * pattern
+        rest_one = light - float(light @ instrument) / shared * pattern
         rest_two = two - float(two @ pattern) / shared * instrument
-        found.append(_correlation(rest_one, rest_two))
-    return float(np.mean(found))
+        grids.append(_correlation(rest_one, rest_two))
+    return float(np.mean(grids))
 
 
 def is_copy(first: Sample, second: Sample, others: Sequence[Sample]) -> bool:
@@ -504,12 +504,12 @@ def is_copy(first: Sample, second: Sample, others: Sequence[Sample]) -> bool:
     alike = likeness(first, second, others)
     if len(others) < 2:
         return bool(alike > COPIED_BY_ONE)
-    if not alike > COPIED:
+    if not alike > MIN_COPY_CORRELATION:
         return False
     # A camera that was nudged between photographs makes those before it alike, and those after it.
     usual = [
-        likeness(one, other, [rest for rest in others if rest is not other])
-        for one in (first, second)
+        likeness(sample, other, [rest for rest in others if rest is not other])
+        for sample in (first, second)
         for other in others
         if len(others) > 2
     ]
@@ -523,7 +523,7 @@ def copies(outlines: Mapping[int, Outline], samples: Mapping[int, pictures.Pixel
     usable = [k for k in outlines if k in samples]
     kept = functools.cache(lambda k: prepared(samples[k]))
     near = {(i, j) for i in usable for j in usable if i != j and _same_outline(outlines[i], outlines[j])}
-    found: dict[int, str] = {}
+    copies: dict[int, str] = {}
     for i, j in sorted(near):
         if i > j:
             continue
@@ -534,11 +534,11 @@ def copies(outlines: Mapping[int, Outline], samples: Mapping[int, pictures.Pixel
         if is_copy(kept(i), kept(j), [kept(k) for k in rest[:MOST_OTHERS]]):
             first, second = outlines[i], outlines[j]
             if first.pressure != second.pressure:
-                found.setdefault(i, _two_pressures(second.source))
-                found.setdefault(j, _two_pressures(first.source))
+                copies.setdefault(i, _two_pressures(second.source))
+                copies.setdefault(j, _two_pressures(first.source))
             else:
-                found.setdefault(j, f"it is a copy of {first.source}, saved again: {SAME_NOISE}, so it counts once")
-    return found
+                copies.setdefault(j, f"it is a copy of {first.source}, saved again: {SAME_NOISE}, so it counts once")
+    return copies
 
 
 SAME_NOISE = "it has the same noise, which two exposures never have"
@@ -548,17 +548,20 @@ def _two_pressures(other: str) -> str:
     return f"it and {other} are copies of one photograph: {SAME_NOISE}; one of their different pressures is wrong"
 
 
-def _same_outline(one: Outline, two: Outline) -> bool:
-    if abs(one.height - two.height) > NEAR:
+def _same_outline(outline: Outline, two: Outline) -> bool:
+    if abs(outline.height - two.height) > SAME_OUTLINE_TOLERANCE:
         return False
-    left, right = max(one.x[0], two.x[0]), min(one.x[-1], two.x[-1])
-    inside = (one.x >= left) & (one.x <= right)
+    left, right = max(outline.x[0], two.x[0]), min(outline.x[-1], two.x[-1])
+    inside = (outline.x >= left) & (outline.x <= right)
     if inside.sum() < 10:
         return False
-    return float(np.median(np.abs(one.z[inside] - np.interp(one.x[inside], two.x, two.z)))) <= NEAR
+    return (
+        float(np.median(np.abs(outline.z[inside] - np.interp(outline.x[inside], two.x, two.z))))
+        <= SAME_OUTLINE_TOLERANCE
+    )
 
 
-def _still(samples: Sequence[Sample]) -> npt.NDArray[np.bool_]:
+def _unchanged_places(samples: Sequence[Sample]) -> npt.NDArray[np.bool_]:
     """Return the places (n,) that look alike in all: no shadow's edge passes over them."""
     middle = np.median([sample.smooth for sample in samples[2:]], axis=0)
     thin = middle.ravel()[::37]
@@ -566,14 +569,14 @@ def _still(samples: Sequence[Sample]) -> npt.NDArray[np.bool_]:
     for sample in samples:
         # A copy may be brighter, or of another gamma: a line through the brightnesses is near enough.
         scale, offset = np.polyfit(sample.smooth.ravel()[::37], thin, 1)
-        moving |= np.abs(scale * sample.smooth + offset - middle) > MOVING
-    kernel = np.ones((MARGIN, MARGIN), np.uint8)
+        moving |= np.abs(scale * sample.smooth + offset - middle) > MAX_LIGHT_DIFFERENCE
+    kernel = np.ones((EDGE_MARGIN_PX, EDGE_MARGIN_PX), np.uint8)
     return np.stack([cv2.dilate(patch.astype(np.uint8), kernel) == 0 for patch in moving]).ravel()
 
 
-def _correlation(one: npt.NDArray[np.float64], two: npt.NDArray[np.float64]) -> float:
-    size = float(one @ one) * float(two @ two)
-    return float(one @ two) / float(np.sqrt(size)) if size > 0.0 else 0.0
+def _correlation(light: npt.NDArray[np.float64], two: npt.NDArray[np.float64]) -> float:
+    size = float(light @ light) * float(two @ two)
+    return float(light @ two) / float(np.sqrt(size)) if size > 0.0 else 0.0
 
 
 def same_pictures(photographs: Sequence[Photograph]) -> dict[Path, str]:
@@ -585,12 +588,12 @@ def same_pictures(photographs: Sequence[Photograph]) -> dict[Path, str]:
             alike.setdefault(files.file_digest(photo.file), []).append(photo)
         except (OSError, ValueError):
             continue  # a file that cannot be read is rejected with its own reason
-    found: dict[Path, str] = {}
+    same_pictures: dict[Path, str] = {}
     for group in alike.values():
         one_pressure = len({photo.pressure for photo in group}) == 1
         for photo in group[1:] if one_pressure else group:
             others = group[:1] if one_pressure else [other for other in group if other is not photo]
             names = " and ".join(other.file.name for other in others)
             wrong = "and counts once" if one_pressure else "listed at another pressure: one of the two is wrong"
-            found[photo.file] = f"it is the same picture as {names}, {wrong}"
-    return found
+            same_pictures[photo.file] = f"it is the same picture as {names}, {wrong}"
+    return same_pictures

@@ -3,7 +3,7 @@
 What is wrong with a photograph cannot always be seen in it: a copy listed at another pressure, a pressure misread by a factor
 of ten, two rows swapped, an actuator that was not let down for a second photograph at zero. It stands out from the others.
 The list's order is the experiment's: a photograph that follows a higher one at a higher pressure may have been taken while
-the pressure was let down, and lies then between the course upwards and `LAG` below it.
+the pressure was let down, and lies then between the course upwards and `MAX_LAG_SHARE` below it.
 """
 
 from __future__ import annotations
@@ -62,7 +62,9 @@ class Run:
     def later_in_hold(self) -> Mask:
         """Photographs that are not the first of their hold: the silicone has crept since, at the same pressure."""
         began = [outline.history[: reached(outline.history) + 1] for outline in self.outlines.values()]
-        return np.array([bool(one) and one in began[:k] for k, one in enumerate(began)], dtype=bool)
+        return np.array(
+            [bool(photograph) and photograph in began[:k] for k, photograph in enumerate(began)], dtype=bool
+        )
 
     @property
     def course(self) -> Course:
@@ -79,9 +81,9 @@ class Run:
         run = self.trusted
         if not run.outlines:
             return {}
-        told = {**_risen_zeros(run), **_signs(run)}
+        told = {**_risen_zeros(run), **_suction_photographs(run)}
         good = ~np.isin(np.arange(len(run.outlines)), list(told)) & ~run.later_in_hold
-        odd = _strangers(run[good])
+        odd = _contradicted(run[good])
         told.update({int(k): odd[place] for place, k in enumerate(np.flatnonzero(good)) if place in odd})
         return {number: told[k] for k, number in enumerate(run.outlines) if k in told}
 
@@ -132,27 +134,27 @@ class Run:
 def course_of(outlines: list[Outline]) -> Course | None:
     """Return the course through the trusted outlines of a run; None where they are too few or do not rise."""
     run = Run(dict(enumerate(outlines))).trusted
-    return run.course if _tells(run) else None
+    return run.course if _course_is_known(run) else None
 
 
-def _tells(run: Run) -> bool:
-    return len(run.outlines) >= FEWEST and float(run.heights.max()) > max(
+def _course_is_known(run: Run) -> bool:
+    return len(run.outlines) >= MIN_PHOTOGRAPHS and float(run.heights.max()) > max(
         10.0 * float(np.median(run.height_errors)), zero.ON_SURFACE
     )
 
 
-def _signs(run: Run) -> dict[int, str]:
+def _suction_photographs(run: Run) -> dict[int, str]:
     """Return the photographs at a pressure below zero: suction draws a surface in, where its shadow cannot show it."""
-    found = {}
-    for k in np.nonzero(run.pressures < -CLEAR * run.pressure_errors)[0]:
-        risen = run.heights[k] > CLEAR * run.height_errors[k] + zero.ON_SURFACE
+    suction_photographs = {}
+    for k in np.nonzero(run.pressures < -CLEAR_ERRORS * run.pressure_errors)[0]:
+        risen = run.heights[k] > CLEAR_ERRORS * run.height_errors[k] + zero.ON_SURFACE
         why = (
             f"and its outline rises by {run.heights[k] * 1e3:.2f} mm: the sign is wrong, or the two tubes are swapped"
             if risen
             else "and suction draws the surface in, which a shadow from the side cannot show"
         )
-        found[int(k)] = f"its pressure is negative ({run.pressures[k]:.0f} Pa), {why}"
-    return found
+        suction_photographs[int(k)] = f"its pressure is negative ({run.pressures[k]:.0f} Pa), {why}"
+    return suction_photographs
 
 
 def _risen_zeros(run: Run) -> dict[int, str]:
@@ -161,8 +163,8 @@ def _risen_zeros(run: Run) -> dict[int, str]:
     # The lowest pressures tell best how far the reading's error may lift a surface at zero.
     lowest = np.nonzero(raised)[0][np.argsort(run.pressures[raised])][:3]
     slope = float(np.median(run.heights[lowest] / run.pressures[lowest])) if len(lowest) else 0.0
-    pressure = np.abs(run.pressures) + CLEAR * run.pressure_errors
-    allowed = zero.ON_SURFACE + CLEAR * run.height_errors + max(slope, 0.0) * pressure
+    pressure = np.abs(run.pressures) + CLEAR_ERRORS * run.pressure_errors
+    allowed = zero.ON_SURFACE + CLEAR_ERRORS * run.height_errors + max(slope, 0.0) * pressure
     return {
         int(
             k
@@ -172,19 +174,19 @@ def _risen_zeros(run: Run) -> dict[int, str]:
     }
 
 
-def _strangers(run: Run) -> dict[int, str]:
+def _contradicted(run: Run) -> dict[int, str]:
     """Return the photographs that the others contradict, each with what the others lead one to expect."""
-    if not _tells(run):
+    if not _course_is_known(run):
         return {}
     later = _let_down(run)
     together = _outliers(run)
     odd = together
-    if later.any() and (~later).sum() >= FEWEST:
+    if later.any() and (~later).sum() >= MIN_PHOTOGRAPHS:
         first = np.nonzero(~later)[0]
         odd = np.zeros(len(later), dtype=bool)
         odd[first[_outliers(run[~later])]] = True
         odd |= later & together & ~_lagging(run, run[~later & ~odd].course)
-    return _named(run, odd)
+    return _odd_sentences(run, odd)
 
 
 def _let_down(run: Run) -> Mask:
@@ -192,18 +194,20 @@ def _let_down(run: Run) -> Mask:
     experiment's."""
     steps = np.sign(np.diff(run.pressures))
     steps = steps[steps != 0.0]
-    if np.sum(steps[1:] != steps[:-1]) > TURNS:
+    if np.sum(steps[1:] != steps[:-1]) > MAX_REVERSALS:
         return np.zeros(len(run.outlines), dtype=bool)
     earlier = np.tri(len(run.outlines), k=-1, dtype=bool)
-    above = run.pressures[None, :] - run.pressures[:, None] > CLEAR * run.pressure_errors[:, None]
-    higher = run.heights[None, :] - run.heights[:, None] > CLEAR * run.height_errors[:, None]
+    above = run.pressures[None, :] - run.pressures[:, None] > CLEAR_ERRORS * run.pressure_errors[:, None]
+    higher = run.heights[None, :] - run.heights[:, None] > CLEAR_ERRORS * run.height_errors[:, None]
     return np.any(earlier & above & higher, axis=1)
 
 
 def _lagging(run: Run, course: Course) -> Mask:
     """Return whether each may have been taken while the pressure was let down, by the course upwards."""
     upwards, spread, _ = course.at(run.heights, run.pressure_errors)
-    return (run.pressures < upwards + CLEAR * spread) & (run.pressures > (1.0 - LAG) * upwards - CLEAR * spread)
+    return (run.pressures < upwards + CLEAR_ERRORS * spread) & (
+        run.pressures > (1.0 - MAX_LAG_SHARE) * upwards - CLEAR_ERRORS * spread
+    )
 
 
 def _outliers(run: Run) -> Mask:
@@ -214,8 +218,8 @@ def _outliers(run: Run) -> Mask:
     """
     kept = np.ones(len(run.outlines), dtype=bool)
     judged = ~run.is_zero | (run.heights > zero.ON_SURFACE)
-    for _ in range(max(1, len(kept) // SHARE)):
-        if kept.sum() < FEWEST:
+    for _ in range(max(1, len(kept) // WRONG_SHARE)):
+        if kept.sum() < MIN_PHOTOGRAPHS:
             break
         part = run[kept]
         tails = part.course.left_out()[2][: len(part.outlines)]
@@ -225,28 +229,28 @@ def _outliers(run: Run) -> Mask:
         kept[np.nonzero(kept)[0][int(np.argmin(tails))]] = False
     while not kept.all():
         aside = np.nonzero(~kept)[0]
-        tails = _tails(run, run[kept].course, aside, run.pressures[aside])
+        tails = _tail_probabilities(run, run[kept].course, aside, run.pressures[aside])
         likeliest = int(np.argmax(tails))
-        if tails[likeliest] < CHANCE:
+        if tails[likeliest] < MIN_PROBABILITY:
             break
         kept[aside[likeliest]] = True
     return ~kept
 
 
-def _tails(run: Run, course: Course, numbers: npt.NDArray[np.int64], pressures: Array) -> Array:
+def _tail_probabilities(run: Run, course: Course, numbers: npt.NDArray[np.int64], pressures: Array) -> Array:
     """Return the probabilities that good photographs of these heights are as far off as at these pressures (k,) in Pa."""
     errors = np.hypot(run.pressure_errors[numbers], course.slope(run.heights[numbers]) * run.height_errors[numbers])
     table = course.at(run.heights[numbers], errors)[2]
     return course.tail(table, pressures)
 
 
-def _named(run: Run, odd: Mask) -> dict[int, str]:
+def _odd_sentences(run: Run, odd: Mask) -> dict[int, str]:
     """Return a sentence for each photograph that is odd."""
     if not odd.any():
         return {}
     course = run[~odd].course
     numbers = np.nonzero(odd)[0]
-    found = {}
+    odd_sentences = {}
     for k in numbers:
         pressure, height = float(run.pressures[k]), float(run.heights[k])
         expected, spread, _ = course.at(np.array([height]), run.pressure_errors[[k]])
@@ -258,21 +262,21 @@ def _named(run: Run, odd: Mask) -> dict[int, str]:
             if at
             else f"its pressure is outside the range of the other photographs, from which the expectation is {there}"
         )
-        found[int(k)] = why + _cause(run, course, int(k), numbers)
-    return found
+        odd_sentences[int(k)] = why + _cause(run, course, int(k), numbers)
+    return odd_sentences
 
 
 def _cause(run: Run, course: Course, k: int, odd: npt.NDArray[np.int64]) -> str:
     """Return what would explain an odd photograph; empty if nothing simple does."""
     here = np.array([k])
     for factor, word in ((10.0, "a tenth of what it was"), (0.1, "ten times what it was")):
-        if _tails(run, course, here, run.pressures[here] * factor)[0] > FITS:
+        if _tail_probabilities(run, course, here, run.pressures[here] * factor)[0] > MIN_FITTING_PROBABILITY:
             return f": the pressure in the list may be {word}"
     for other in odd:
         if other == k:
             continue
         pair = np.array([k, other])
-        if (_tails(run, course, pair, run.pressures[pair[::-1]]) > FITS).all():
+        if (_tail_probabilities(run, course, pair, run.pressures[pair[::-1]]) > MIN_FITTING_PROBABILITY).all():
             return f": its row and that of {list(run.outlines.values())[other].source} may be swapped"
     return ""
 
@@ -320,25 +324,25 @@ class Result:
 # Learning (2006), sections 5.4.2 (leaving one out) and 6.3 (splines).
 
 
-ROUGHNESS = np.geomspace(0.1, 40.0, 7)
+ROUGHNESS_GRID = np.geomspace(0.1, 40.0, 7)
 """Sizes of the white noise, for pressure and height in units of their greatest values."""
 
-USUAL, SPREAD = 2.0, 1.2
+USUAL_ROUGHNESS, ROUGHNESS_DEVIATION = 2.0, 1.2
 """Prior of the roughness: most probable value, and its deviation in natural logarithms."""
 
-SCATTER = np.array([0.0, 0.0025, 0.005, 0.01, 0.03])
+SCATTER_GRID = np.array([0.0, 0.0025, 0.005, 0.01, 0.03])
 """Scatter of the pressures beyond their errors in units of the greatest one."""
 
-LIKELY = np.array([0.3, 0.2, 0.2, 0.2, 0.1])
+SCATTER_PROBABILITY = np.array([0.3, 0.2, 0.2, 0.2, 0.1])
 """Prior probability of each scatter."""
 
-ANYWHERE = 10.0
+LINE_DEVIATION = 10.0
 """Prior standard deviation of the line's height and slope, which are unknown."""
 
-BENT, BEFORE = 3.0, 0.2
+PARABOLA_DEVIATION, NOISE_LEAD = 3.0, 0.2
 """Prior standard deviation of the parabola's coefficient, and how far before the lowest point the noise starts."""
 
-TIMES = (2, 3)
+INTEGRATION_ORDERS = (2, 3)
 """Times that the white noise is integrated."""
 
 
@@ -433,15 +437,15 @@ def _models(u: Array, q: Array, noise: Array) -> tuple[Array, Array, Array]:
     """Return the inverse roots L^-1 of the covariances L L^T (m, n, n), logarithms of the evidence (m,), and scatters
     (m,). Roots, because the line's wide prior leaves inverses of the covariances themselves with few digits."""
     prior = _prior(u, u)
-    scatter = np.tile(SCATTER, len(prior) // len(SCATTER))
+    scatter = np.tile(SCATTER_GRID, len(prior) // len(SCATTER_GRID))
     matrix = prior + (scatter[:, None] ** 2 + noise**2)[:, :, None] * np.eye(len(u))
     lower = np.linalg.cholesky(matrix)
     root = np.linalg.solve(lower, np.broadcast_to(np.eye(len(u)), matrix.shape))
     size = 2.0 * np.log(np.einsum("mii->mi", lower)).sum(axis=1)
     fit = np.sum((root @ q) ** 2, axis=1)
     before = [
-        np.log(likely) - 0.5 * (np.log(rough / USUAL) / SPREAD) ** 2
-        for _ in TIMES for rough in ROUGHNESS for likely in LIKELY
+        np.log(likely) - 0.5 * (np.log(rough / USUAL_ROUGHNESS) / ROUGHNESS_DEVIATION) ** 2
+        for _ in INTEGRATION_ORDERS for rough in ROUGHNESS_GRID for likely in SCATTER_PROBABILITY
     ]  # fmt: skip
     return root, -0.5 * (fit + size) + np.array(before), scatter
 
@@ -450,18 +454,18 @@ def _prior(v: Array, u: Array, diagonal: bool = False) -> Array:
     """Return the covariances (m, k, n) of the course at v (k,) and u (n,), or its variances (m, k) at v; one per model."""
     product = v * v if diagonal else v[:, None] * u
     first, second = (v, v) if diagonal else (v[:, None], u[None, :])
-    found = []
-    for times in TIMES:
+    covariances = []
+    for times in INTEGRATION_ORDERS:
         # Noise that is integrated three times leaves a parabola open, not only a line.
-        known = ANYWHERE**2 * (1.0 + product) + (BENT**2 * product**2 if times > 2 else 0.0)
-        kernel = _integrated(first, second, times)
-        found += [known + rough**2 * kernel for rough in ROUGHNESS for _ in SCATTER]
-    return np.stack(found)
+        known = LINE_DEVIATION**2 * (1.0 + product) + (PARABOLA_DEVIATION**2 * product**2 if times > 2 else 0.0)
+        kernel = _integrated_covariance(first, second, times)
+        covariances += [known + rough**2 * kernel for rough in ROUGHNESS_GRID for _ in SCATTER_GRID]
+    return np.stack(covariances)
 
 
-def _integrated(v: Array, u: Array, times: int) -> Array:
+def _integrated_covariance(v: Array, u: Array, times: int) -> Array:
     """Return the covariance of white noise integrated two or three times from a place before all points."""
-    v, u = np.maximum(v + BEFORE, 0.0), np.maximum(u + BEFORE, 0.0)
+    v, u = np.maximum(v + NOISE_LEAD, 0.0), np.maximum(u + NOISE_LEAD, 0.0)
     least, apart = np.minimum(v, u), np.abs(v - u)
     if times == 2:
         return np.asarray(least**3 / 3.0 + apart * least**2 / 2.0)
@@ -473,25 +477,25 @@ def _weights(logarithms: Array) -> Array:
     return np.asarray(weight / weight.sum(axis=0))
 
 
-FEWEST = 4
+MIN_PHOTOGRAPHS = 4
 """Photographs, one at zero among them, from which there is a course to compare with."""
 
-CHANCE = 1e-3
+MIN_PROBABILITY = 1e-3
 """Probability that a good photograph is as far off, below which one is not trusted."""
 
-FITS = 0.01
+MIN_FITTING_PROBABILITY = 0.01
 """The same from which another pressure explains a photograph."""
 
-SHARE = 4
+WRONG_SHARE = 4
 """At most every so manieth photograph is taken for wrong before the course is looked for through the others."""
 
-LAG = 0.5
+MAX_LAG_SHARE = 0.5
 """Greatest share of the pressure by which a height is kept at less while a soft body is let down."""
 
-TURNS = 4
+MAX_REVERSALS = 4
 """Turns between rising and falling pressure beyond which the list's order is not that of the experiment."""
 
-CLEAR = 3.0
+CLEAR_ERRORS = 3.0
 """Standard errors from which a difference is one."""
 
 
@@ -508,7 +512,7 @@ CLEAR = 3.0
 MIN_RAISED_OUTLINES = 4
 """Raised outlines from which their common course can be told from a body that was moved."""
 
-CURVED = 6
+MIN_CURVED_OUTLINES = 6
 """Raised outlines from which the course may bend."""
 
 MIN_HEIGHT_RATIO = 5.0
@@ -534,7 +538,7 @@ class Common:
         heights, values = self.heights[self.known], self.values[self.known]
         scale = float(heights.max())
         # A line, or a parabola where there are points enough, that none of them draws away.
-        terms = np.vander(heights / scale, 3 if len(heights) >= CURVED else 2, increasing=True)
+        terms = np.vander(heights / scale, 3 if len(heights) >= MIN_CURVED_OUTLINES else 2, increasing=True)
         fit = least_squares(
             lambda c: (terms @ c - values) / self.usual, np.zeros(terms.shape[1]), loss="soft_l1",
             jac=lambda c: terms / self.usual,
@@ -550,7 +554,7 @@ class Common:
 # smooth function of the height, from which only the photograph with the blob departs.
 
 
-CROWN = 0.15
+CROWN_SHARE = 0.15
 """Share of the height below the top over which its curvature is measured."""
 
 LEAST_SCATTER = 0.01
@@ -561,13 +565,17 @@ def crown_of(outline: Outline) -> tuple[float, float] | None:
     """Return the curvature at an outline's top times the square of its half width over its height, and its standard error; None
     where too few points are seen."""
     x, z, error = outline.x - outline.x[outline.apex], outline.z, outline.error
-    top = z > (1.0 - CROWN) * outline.height
+    top = z > (1.0 - CROWN_SHARE) * outline.height
     half = 0.5 * float(np.ptp(x[z > 0.5 * outline.height]))
-    if len(np.unique(x[top])) < edge.SPAN:
+    if len(np.unique(x[top])) < edge.SMOOTHING_POINTS:
         return None
     bend = -2.0 * float(np.polynomial.Polynomial.fit(x[top], z[top], 2).convert().coef[-1])
     # Neighbours err together over a span of points, and the parabola is as deep as the part of the height.
-    own = float(np.median(error[top])) / np.sqrt(float(top.sum()) / edge.SPAN) / (CROWN * outline.height)
+    own = (
+        float(np.median(error[top]))
+        / np.sqrt(float(top.sum()) / edge.SMOOTHING_POINTS)
+        / (CROWN_SHARE * outline.height)
+    )
     value = bend * half**2 / outline.height
     return value, 3.0 * own * abs(value)
 
@@ -591,7 +599,7 @@ class OddCrown:
         best: tuple[float, OddCrown] | None = None
         for place, number in enumerate(crowns):
             others = np.arange(len(values)) != place
-            order = 3 if len(values) > CURVED else 2
+            order = 3 if len(values) > MIN_CURVED_OUTLINES else 2
             terms = np.vander(heights / heights.max(), order, increasing=True)
             slopes = np.linalg.pinv(terms[others])
             rest = values[others] - terms[others] @ slopes @ values[others]

@@ -18,7 +18,7 @@ from softmodels.common import errors, files, names, units
 from softmodels.common.lazy import MPI
 from softmodels.common.names import checked
 from softmodels.common.processes import one_at_a_time
-from softmodels.decks.deck import WRITTEN, Deck, calculix, check, deck_of, needs_equations
+from softmodels.decks.deck import WRITTEN_BY, Deck, calculix, check, deck_of, needs_equations
 from softmodels.materials.laws import Material
 from softmodels.mechanics import compiling, mpi
 from softmodels.mechanics.body import Body
@@ -178,12 +178,12 @@ def compare(first: Run | str | Path, second: Run | str | Path, *more: Run | str 
     """
     from softmodels.pictures import comparison
 
-    def of(number: int, one: Run | str | Path) -> comparison.Compared:
+    def of(number: int, one: Run | str | Path) -> comparison.ComparedResult:
         if not isinstance(one, Run):
             name = ("first", "second")[number] if number < 2 else "more"
-            return comparison.Compared.from_folder(names.place(name, one, "a run, or a folder of results"))
+            return comparison.ComparedResult.from_folder(names.place(name, one, "a run, or a folder of results"))
         rest = one[0]
-        return comparison.Compared(f"{one.case.name} ({number + 1})", one.case, one.table, rest.points, len(rest.cells),
+        return comparison.ComparedResult(f"{one.case.name} ({number + 1})", one.case, one.table, rest.points, len(rest.cells),
                         lambda step: one[step].displacement)  # fmt: skip
 
     return comparison.compared([of(number, one) for number, one in enumerate((first, second, *more))])
@@ -205,7 +205,7 @@ def limit(
     Args:
         device: The device.
         material: Its silicone, or the name of one.
-        hold: How long the pressure must be borne by a silicone with a memory, in s or a text such as ``"5 min"``; 0 for ever.
+        hold: How long a device of silicone with memory must survive at constant pressure: s, or ``"5 min"``; 0: unlimited.
         vacuum: Whether the pressure falls from ambient instead of rising.
         options: Fields of a `Case` by their names.
 
@@ -369,7 +369,7 @@ def export(case: Case | str | Path, file: str | Path) -> Deck:
     path = names.place("file", file, "a file")
     if path.suffix.lower() != ".inp":
         raise CaseError(f"{path} ends in {path.suffix or 'nothing'}; a deck for CalculiX ends in .inp")
-    if path.exists() and WRITTEN.encode() not in files.read_file(path, files.GEOMETRY)[:500]:
+    if path.exists() and WRITTEN_BY.encode() not in files.read_file(path, files.MAX_GEOMETRY_BYTES)[:500]:
         raise CaseError(f"{path} exists and is not a deck written by this program; give another name")
     check(whole)
     with tempfile.TemporaryDirectory() as folder:

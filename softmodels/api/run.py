@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from softmodels.path import stability
 
 
-class Run(cards.Shown):
+class Run(cards.ResultCard):
     """The states of an inflated device. Made by `softmodels.inflate`, `softmodels.run` and `softmodels.load`.
 
     Beside the properties below, each variable of the table is an array in SI over the states by its name: ``run.time``,
@@ -514,7 +514,7 @@ SAME = 1e-6
 """Relative distance below which two values are the same."""
 
 
-class StateIndexError(errors.Spoken, IndexError):
+class StateIndexError(errors.OptionMessage, IndexError):
     """No state of a run has this number; the message is for the user."""
 
 
@@ -584,7 +584,7 @@ type Place = str | Sequence[float] | Array
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class SolvedState(cards.Shown):
+class SolvedState(cards.ResultCard):
     """One state of a run, SI units. Its arrays are read-only; ``state.displacement.copy()`` can be changed.
 
     Attributes:

@@ -121,14 +121,14 @@ def _design(result: DesignResult) -> Drawing:
     return draw_design.parameters(parameters_told(result))
 
 
-def _mould(mould: make.Made) -> Drawing:
+def _mould(mould: make.Mould) -> Drawing:
     from softmodels.casting import pictures
 
     return pictures.exploded_picture(mould) if offscreen.can_render() else None
 
 
 DRAWINGS: Mapping[str, Callable[..., Drawing]] = {
-    "Limit": _limit, "FitReport": _fit, "DesignResult": _design, "Made": _mould,
+    "Limit": _limit, "FitReport": _fit, "DesignResult": _design, "Mould": _mould,
     "Comparison": operator.methodcaller("plot"),
 }  # fmt: skip
 """By class, so that a run's card does not import fits, designs and moulds."""
@@ -212,7 +212,7 @@ class Animation:
 
     def __repr__(self) -> str:
         height, width, _ = self.frames[0].shape
-        return f"<Animation of {len(self.frames)} frames, {width} x {height} pixels, {solid.SECONDS:g} s>"
+        return f"<Animation of {len(self.frames)} frames, {width} x {height} pixels, {solid.MOTION_SECONDS:g} s>"
 
     def _repr_html_(self) -> str:
         source = files.data_uri(solid.webp([*self.frames]), "image/webp")

@@ -36,14 +36,14 @@ _runs: dict[str, Run] = {}
 def path(case: str) -> replies.PathAnswer:
     """Return the path of a case, given as the text of its file."""
     if case not in _runs:
-        found = calls.run(Case.from_toml(case))
+        path_run = calls.run(Case.from_toml(case))
         _runs.clear()
-        _runs[case] = found
-    found = _runs[case]
-    end = found.limit.why if found.limit else ""
-    states, material = [_state(one) for one in found], found.case.material
+        _runs[case] = path_run
+    path_run = _runs[case]
+    end = path_run.limit.why if path_run.limit else ""
+    states, material = [_state(solved) for solved in path_run], path_run.case.material
     return replies.PathAnswer(
-        states, end, found.notes, COLOURS, silicones.stretch_at_break(material), silicones.break_words(material)
+        states, end, path_run.notes, COLOURS, silicones.stretch_at_break(material), silicones.break_words(material)
     )
 
 
@@ -54,25 +54,25 @@ def state(case: str, pressure: str) -> replies.StateAnswer:
     return _state(_runs[case].at(pressure))
 
 
-def _state(one: SolvedState) -> replies.StateAnswer:
+def _state(state: SolvedState) -> replies.StateAnswer:
     return replies.StateAnswer(
-        one.variables, replies.Section.of(one.points, one.displacement, one.cells, one.von_mises / 1e3)
+        state.variables, replies.Section.of(state.points, state.displacement, state.cells, state.von_mises / 1e3)
     )
 
 
 def limit(case: str) -> str:
     """Return what the largest pressure of a case's device is, as a sentence with the margin to its last requested one."""
     asked = Case.from_toml(case)
-    found = calls.limit(
+    limit = calls.limit(
         asked.actuator, asked.material, formulation=asked.formulation, components=asked.components, solver=asked.solver
     )
-    pressure = f"{found.pressure / asked.cm:.4g} cm ({found.pressure / 1e3:.4g} kPa)"
-    if not found.found:
-        return f"no limit point up to {pressure}, where the largest stretch is {found.stretch:.3g}"
-    what = "limit point" if found.kind == "limit" else "bifurcation"
+    pressure = f"{limit.pressure / asked.cm:.4g} cm ({limit.pressure / 1e3:.4g} kPa)"
+    if not limit.found:
+        return f"no limit point up to {pressure}, where the largest stretch is {limit.stretch:.3g}"
+    what = "limit point" if limit.kind == "limit" else "bifurcation"
     highest = max(asked.load.of(trials.PRESSURE), default=0.0)
-    margin = f", {found.pressure / highest:.3g} times the highest pressure" if highest else ""
-    return f"{what} at {pressure}{margin}; largest stretch there {found.stretch:.3g}"
+    margin = f", {limit.pressure / highest:.3g} times the highest pressure" if highest else ""
+    return f"{what} at {pressure}{margin}; largest stretch there {limit.stretch:.3g}"
 
 
 def spread(case: str) -> str:
@@ -120,8 +120,8 @@ _solved: dict[tuple[str, float], _Solved] = {}
 def _solved_in(folder: str) -> _Solved:
     key = folder, (Path(folder) / "path.csv").stat().st_mtime
     if key not in _solved:
-        for one in _solved.values():
-            one.simulation.release()
+        for solved in _solved.values():
+            solved.simulation.release()
         _solved.clear()
         _solved[key] = _Solved(folder)
     return _solved[key]
@@ -151,8 +151,7 @@ def linear(folder: str, pressure: float) -> replies.LinearAnswer:
     return answer
 
 
-SPACING = 1e-4
-"""Distance in m of the points of an outline."""
+OUTLINE_SPACING = 1e-4
 
 
 def outline(case: str, pressure: float, folder: str = "") -> Array:
@@ -171,4 +170,4 @@ def outline(case: str, pressure: float, folder: str = "") -> Array:
 
 
 def _half_outline(system: System, state: State) -> Array:
-    return shapes.half_outline(shapes.Silhouette(system).curve(state), SPACING, -np.inf)[0]
+    return shapes.half_outline(shapes.Silhouette(system).curve(state), OUTLINE_SPACING, -np.inf)[0]

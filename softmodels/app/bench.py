@@ -38,8 +38,8 @@ class Bench:
 
     def __init__(self, project: Project, address: str = ""):
         self.project, self.address = project, address
-        self.solver, self.slower = jobs.Warm("softmodels.app.answers"), jobs.Warm("softmodels.app.answers")
-        self.tracer = jobs.Warm("softmodels.app.tracing")
+        self.solver, self.slower = jobs.WarmWorker("softmodels.app.answers"), jobs.WarmWorker("softmodels.app.answers")
+        self.tracer = jobs.WarmWorker("softmodels.app.tracing")
         self.jobs, self.photographs = Jobs(project.folder), Photographs(project, self.tracer)
 
     async def begin(self) -> None:
@@ -199,7 +199,7 @@ PHOTOGRAPH = FileKind("photographs", "JPEG, PNG, TIFF or HEIC", photo_list.PICTU
 
 
 @dataclasses.dataclass
-class Listed:
+class ListedPhotograph:
     """A photograph of the list, its row by `COLUMNS`, its preview, and its traced edge, or why there is none."""
 
     file: Path
@@ -227,13 +227,13 @@ class Listed:
 class Photographs:
     """The photographs of a project, as all tabs see them, and the process that traces them."""
 
-    def __init__(self, project: Project, tracer: jobs.Warm):
+    def __init__(self, project: Project, tracer: jobs.WarmWorker):
         self.project, self.tracer = project, tracer
         self.changed: Event[str] = Event()
         self.grid, self.pitch, self.lens, self.tone = "", "9mm", "none", AUTO
         self.plane: replies.Plane | None = None
         self.error = ""
-        self.listed: dict[str, Listed] = {}
+        self.listed: dict[str, ListedPhotograph] = {}
         self.rows: dict[str, dict[str, str]] = {}
         self.handles = replies.Handles()
         self.read()
@@ -250,7 +250,7 @@ class Photographs:
             except (OSError, tables.TomlError) as error:
                 self.error = f"{BENCH} {error}"
         for file in self.project.files(PHOTOGRAPHS, photo_list.PICTURES):
-            self.listed[file.name] = Listed(file)
+            self.listed[file.name] = ListedPhotograph(file)
         if (listing := self.project / PHOTOS).exists():
             try:
                 self.take_list(listing)
@@ -278,9 +278,9 @@ class Photographs:
             return ""
 
     @property
-    def shadows(self) -> list[Listed]:
+    def shadows(self) -> list[ListedPhotograph]:
         """All photographs but that of the grid."""
-        return [one for one in self.listed.values() if one.file.name != self.grid]
+        return [photograph for photograph in self.listed.values() if photograph.file.name != self.grid]
 
     @property
     def measured(self) -> dict[str, dict[str, str]]:
@@ -291,21 +291,23 @@ class Photographs:
         except (OSError, KeyError, ValueError):
             return {}
 
-    async def change(self, one: Listed, **entries: str) -> None:
+    async def change(self, photograph: ListedPhotograph, **entries: str) -> None:
         """Change entries of a photograph's row, write the list, and trace it anew. The row stays as it was after a
         ColumnError (its pressure cannot be read) or OSError (the list cannot be written)."""
-        before, one.row = one.row, {**one.row, **entries}
+        before, photograph.row = photograph.row, {**photograph.row, **entries}
         try:
-            self.pressure_of(one)
+            self.pressure_of(photograph)
             self.write_list()
         except (ColumnError, OSError):
-            one.row = before
+            photograph.row = before
             raise
-        await self.trace(one)
+        await self.trace(photograph)
 
     def write_list(self) -> None:
         """Write ``photos.csv`` of the photographs with a pressure, with all columns that their rows have."""
-        rows = [{**one.row, "file": f"{PHOTOGRAPHS}/{one.file.name}"} for one in self.shadows if one.pressure]
+        rows = [
+            {**shadow.row, "file": f"{PHOTOGRAPHS}/{shadow.file.name}"} for shadow in self.shadows if shadow.pressure
+        ]
         text = io.StringIO()
         names = ("file", "pressure", *(name for name in COLUMNS[1:] if any(row[name] for row in rows)))
         table = csv.DictWriter(text, names, extrasaction="ignore", lineterminator="\n")
@@ -313,9 +315,9 @@ class Photographs:
         table.writerows(rows)
         files.write_text(self.project / PHOTOS, text.getvalue())
 
-    def pressure_of(self, one: Listed) -> float:
+    def pressure_of(self, photograph: ListedPhotograph) -> float:
         """Return the pressure in Pa as typed; NaN where there is none. ColumnError if it cannot be read."""
-        return self.column.read(one.pressure)[0] if one.pressure else math.nan
+        return self.column.read(photograph.pressure)[0] if photograph.pressure else math.nan
 
     @property
     def column(self) -> Column:
@@ -330,15 +332,15 @@ class Photographs:
         if name.lower().endswith(".csv"):
             return self._add_list(name, data)
         file = self.project.keep(PHOTOGRAPHS, name, data, PHOTOGRAPH)
-        one = Listed(file, self.rows.get(file.name, dict.fromkeys(COLUMNS, "")))
+        photograph = ListedPhotograph(file, self.rows.get(file.name, dict.fromkeys(COLUMNS, "")))
         try:
-            one.preview = await self.tracer.ask("preview", str(file))
+            photograph.preview = await self.tracer.ask("preview", str(file))
         except jobs.AnswerError as error:
             file.unlink(missing_ok=True)
             raise jobs.AnswerError(f"{name}: {error}") from None
-        self.listed[file.name] = one
+        self.listed[file.name] = photograph
         self.changed.emit(file.name)
-        await self.trace(one)
+        await self.trace(photograph)
 
     def _add_list(self, name: str, data: bytes) -> None:
         with tempfile.TemporaryDirectory() as folder:
@@ -351,19 +353,19 @@ class Photographs:
         self.write_list()
         self.changed.emit("")
 
-    async def show(self, one: Listed) -> None:
+    async def show(self, photograph: ListedPhotograph) -> None:
         """Make a photograph's preview, if there is none yet."""
-        if one.preview is None:
+        if photograph.preview is None:
             try:
-                one.preview = await self.tracer.ask("preview", str(one.file))
+                photograph.preview = await self.tracer.ask("preview", str(photograph.file))
             except jobs.AnswerError as error:
-                one.why = str(error)
+                photograph.why = str(error)
 
     async def find_plane(self, grid: str, pitch: str, lens: str) -> None:
         """Find the screen's plane in the photograph of its grid, and trace all anew; AnswerError if there is no such grid."""
-        found: replies.Plane = await self.tracer.ask("plane", str(self.listed[grid].file), pitch, self._lens(lens))
-        files.write_text(self.project / SETUP, found.setup)
-        self.plane, self.grid, self.pitch, self.lens = found, grid, pitch, lens
+        plane: replies.Plane = await self.tracer.ask("plane", str(self.listed[grid].file), pitch, self._lens(lens))
+        files.write_text(self.project / SETUP, plane.setup)
+        self.plane, self.grid, self.pitch, self.lens = plane, grid, pitch, lens
         self._write_bench()
         self.handles = replies.Handles()
         self.write_list()
@@ -388,20 +390,22 @@ class Photographs:
         return str(self.project / lens) if lens.endswith(".toml") else lens
 
     async def trace_all(self) -> None:
-        for one in self.shadows:
-            await self.trace(one)
+        for photograph in self.shadows:
+            await self.trace(photograph)
 
-    async def trace(self, one: Listed) -> None:
+    async def trace(self, photograph: ListedPhotograph) -> None:
         """Find the edge in a photograph."""
-        if not self.setup or one.file.name == self.grid:
+        if not self.setup or photograph.file.name == self.grid:
             return
         try:
-            pressure = self.pressure_of(one)
-            one.traced = await self.tracer.ask("trace", str(one.file), self.setup, pressure, self.tone, one.anyway)
-            one.why = ""
+            pressure = self.pressure_of(photograph)
+            photograph.traced = await self.tracer.ask(
+                "trace", str(photograph.file), self.setup, pressure, self.tone, photograph.anyway
+            )
+            photograph.why = ""
         except (jobs.AnswerError, ColumnError) as error:
-            one.traced, one.why = None, str(error)
-        self.changed.emit(one.file.name)
+            photograph.traced, photograph.why = None, str(error)
+        self.changed.emit(photograph.file.name)
 
     async def begin(self) -> None:
         """Read where the handles of the project's setup are."""

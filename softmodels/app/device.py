@@ -103,7 +103,9 @@ class DevicePage(forms.TabPage):
         liquid = forms.tagged(
             ui.input("Liquid of the column", value=units.exact_text(case.water_density, "kg/m^3")), "liquid"
         )
-        liquid.tooltip(f"Its density: centimetres here and on the photographs are of it. 970 kg/m^3 is {units.LIGHTER}")
+        liquid.tooltip(
+            f"Its density: centimetres here and on the photographs are of it. 970 kg/m^3 is {units.DENSITY_NOTE}"
+        )
         liquid.on("change", lambda _: self._take_liquid(str(liquid.value)))
 
     def _take_device(self, name: str) -> None:
@@ -176,7 +178,7 @@ class DevicePage(forms.TabPage):
         self.slider.props(f"max={top} step={top / 500}")
         self.slider.set_value(top)
         self._show(answer.states[self.pressures.index(top)])
-        self._plot(table.PathTable(one.row for one in answer.states))
+        self._plot(table.PathTable(solved.row for solved in answer.states))
         self._report(answer)
         for label in (self.limit, self.spread):
             label.set_text("")
@@ -238,12 +240,12 @@ class DevicePage(forms.TabPage):
         solved = device == base and abs(wanted - linear.pressure) <= 1e-3 * cm
         self.reading.set_text(f"{wanted / cm:.4g} cm")
         mark = "" if solved else "  (linear)"
-        found = linear.at(wanted, changes)
+        answer = linear.at(wanted, changes)
         labels = [("pressure", f"{wanted / cm:.4g} cm ({wanted / 1e3:.4g} kPa)")]
         labels += [
             (f"rise of the {name.removesuffix('_mm')}" if name.endswith("_mm") else "added volume",
              f"{value:.4g} {name.rpartition('_')[2]}{mark}")
-            for name, value in found.items()
+            for name, value in answer.items()
         ]  # fmt: skip
         self._table(labels)
         self.about.set_text(
@@ -322,7 +324,7 @@ class DevicePage(forms.TabPage):
         probes = [(name, f"{row.shown(name):.4g}{bands.get(name, '')} mm")
                   for name in row if name in self.project.case.actuator.probes]  # fmt: skip
         unit = units.column_unit(self.project.case.cm)
-        found = [
+        figures = [
             ("pressure", f"{row.shown('pressure'):.4g} {unit} ({row['pressure'] / 1e3:.4g} kPa)"),
             *((f"rise of the {name}", text) for name, text in probes),
             ("added volume", row.told("added_volume")),
@@ -332,8 +334,8 @@ class DevicePage(forms.TabPage):
         assert self.answer is not None
         if self.answer.breaks_at:
             share = (row["max_stretch"] - 1.0) / (self.answer.breaks_at - 1.0)
-            found.append(("of the least strain at break", f"{share:.0%}: {self.answer.breaks}"))
-        return found
+            figures.append(("of the least strain at break", f"{share:.0%}: {self.answer.breaks}"))
+        return figures
 
     def _draw(self, section: replies.Section, pressure: float) -> None:
         text = f"section at {pressure:.4g} cm, von Mises stress from 0 to {self.tops:.3g} kPa"
@@ -375,7 +377,7 @@ class DevicePage(forms.TabPage):
 
 GREY = "#808080"
 """Is read on white and on black."""
-FAINT = {"splitLine": {"lineStyle": {"opacity": 0.25}}, "axisLabel": {"color": GREY}}
+FAINT_AXES = {"splitLine": {"lineStyle": {"opacity": 0.25}}, "axisLabel": {"color": GREY}}
 
 
 def stored_run(project: bench.Project) -> tuple[Case | None, table.PathTable]:
@@ -422,12 +424,12 @@ def _chart(points: Sequence[tuple[float, float]], name: str, unit: str) -> dict[
             "nameLocation": "middle",
             "nameGap": 26,
             "nameTextStyle": {"color": GREY},
-            **FAINT,
+            **FAINT_AXES,
         },
         "yAxis": {
             "name": f"rise of the {name} in mm" if name else "",
             "nameTextStyle": {"align": "left", "color": GREY},
-            **FAINT,
+            **FAINT_AXES,
         },
         "series": [{"type": "line", "data": list(points), "symbolSize": 5}],
         "tooltip": {"trigger": "axis"},

@@ -47,7 +47,7 @@ Take = Callable[[str, object], None]
 """Takes a field's name and its new value: a number in SI units, or a text."""
 Moved = Callable[[str, float], None]
 """Takes the name of a number whose slider moves, and its value there in SI units."""
-WORDS = {
+PAGE_WORDING = {
     "give setup --mask smaller ones": "make them smaller",
     "give setup --roi a larger one": "make it larger",
     r"give two points of (its|the) surface to setup --zero": r"drag the Zero line onto \1 surface",
@@ -70,7 +70,7 @@ WORDS = {
 
 def page_words(sentence: str) -> str:
     """Return a sentence that names options of the command line with the page's controls instead."""
-    for option, control in WORDS.items():
+    for option, control in PAGE_WORDING.items():
         sentence = re.sub(option, control, sentence)
     return sentence
 
@@ -173,7 +173,7 @@ def job_panel(bench: Bench, output: str, title: str, command: Callable[[], Comma
             spinner, state = ui.spinner(), tagged(ui.label(), f"state-{output}", "", "")
         sentence = tagged(ui.label(), f"why-{output}", "text-negative", "")
         line = tagged(ui.label(), f"line-{output}", "text-sm font-mono whitespace-pre-wrap break-words", "")
-        with ui.expansion("All it printed").classes("w-full").props("dense") as log:
+        with ui.expansion("Log").classes("w-full").props("dense") as log:
             whole = ui.code("", language="text").classes("w-full")
         frame = ui.html("", sanitize=False).classes("w-full")
 
@@ -187,7 +187,7 @@ def job_panel(bench: Bench, output: str, title: str, command: Callable[[], Comma
         if job is None:
             return
         text = jobs.log(job)
-        lines = [one for one in text.splitlines() if one.strip()]
+        lines = [text_line for text_line in text.splitlines() if text_line.strip()]
         state.set_text(job.state)
         line.set_text(page_words(lines[-1]) if lines else "")
         whole.set_content(f"$ {job.command}\n{text}")
@@ -204,7 +204,7 @@ def job_panel(bench: Bench, output: str, title: str, command: Callable[[], Comma
 # The fields of a device: a slider and a box with the unit for each number, lists for choices.
 
 
-SPAN, STEPS = 3.0, 200
+SLIDER_FACTOR, SLIDER_STEPS = 3.0, 200
 """A slider reaches from the default over this factor to the default times it, in so many steps."""
 
 
@@ -243,10 +243,10 @@ def _control(device: Actuator, name: str, field: schema.About, take: Take, moved
 def _number(device: Actuator, name: str, field: schema.About, take: Take, moved: Moved) -> None:
     unit, value, label = field.kind.unit, float(getattr(device, name)), name.replace("_", " ")
     usual = float(default_of(device, name) or value or 1.0)  # type: ignore[arg-type]
-    low, high = min(usual / SPAN, value), max(usual * SPAN, value)
+    low, high = min(usual / SLIDER_FACTOR, value), max(usual * SLIDER_FACTOR, value)
     with ui.row().classes("w-full items-center no-wrap gap-2"):
         box = tagged(ui.input(label, value=units.readable(value, unit)), name, "w-32 shrink-0").tooltip(field.help)
-        slider = ui.slider(min=low, max=high, step=(high - low) / STEPS, value=value)
+        slider = ui.slider(min=low, max=high, step=(high - low) / SLIDER_STEPS, value=value)
         tagged(slider, f"{name}-slider", "grow", f'aria-label="{label}"')
 
     def shown(value: float) -> None:
@@ -349,8 +349,8 @@ def section_svg(section: replies.Section, box: Array, top: float, colours: list[
 
 def _paths(curves: Array, end: str = "") -> str:
     """Return curves of k points each, shape (n, k, 2), as the path of an SVG, whose y points downwards."""
-    one = "M" + "L".join(["%.3f %.3f"] * curves.shape[1]) + end
-    return one * len(curves) % tuple((curves * (1.0, -1.0)).ravel().tolist())
+    path = "M" + "L".join(["%.3f %.3f"] * curves.shape[1]) + end
+    return path * len(curves) % tuple((curves * (1.0, -1.0)).ravel().tolist())
 
 
 def _scale_bar(wide: float, foot: float) -> str:

@@ -84,7 +84,7 @@ class Jobs:
         seal = table.pop("seal", "")
         job = Job.from_table(table, int(file.stem))
         if job.active and not hmac.compare_digest(str(seal).encode(), self._seal(job).encode()):
-            job.state = ELSEWHERE
+            job.state = RECORDED_ELSEWHERE
         return job
 
     def _seal(self, job: Job) -> str:
@@ -101,7 +101,7 @@ class Jobs:
 
     def start(self, words: list[str], output: str, *, resumable: bool = False) -> Job:
         """Start a command, once those before it have ended."""
-        job = Job(1 + max((one.number for one in self.all), default=0), words, output, resumable)
+        job = Job(1 + max((started.number for started in self.all), default=0), words, output, resumable)
         self.all.append(job)
         self._launch(job)
         return job
@@ -174,7 +174,7 @@ class Jobs:
             status = await process.wait()
             del self._processes[job.number]
             if not self.ending:
-                self._set(job, ENDED.get(status, FAILED))
+                self._set(job, JOB_STATES.get(status, FAILED))
 
 
 class SupersededError(Exception):
@@ -185,7 +185,7 @@ class AnswerError(Exception):
     """The sentence for the user of a question that has no answer."""
 
 
-class Warm:
+class WarmWorker:
     """A process of its own that answers questions, by functions of a module that the server does not import, in the order in
     which they are asked. A question that waits is dropped when the same is asked again, as while a slider moves. A process
     that dies, as when memory runs out, is replaced at the next question."""
@@ -226,9 +226,9 @@ class Warm:
 
 
 FOLDER = "jobs"
-ENDED = {outcomes.DONE: DONE, outcomes.NO_EQUILIBRIUM: DONE, outcomes.STOPPED: STOPPED}
+JOB_STATES = {outcomes.DONE: DONE, outcomes.NO_EQUILIBRIUM: DONE, outcomes.STOPPED: STOPPED}
 """States by exit status; some photographs refused has that of a limit point. All others are `FAILED`."""
-ELSEWHERE = "recorded elsewhere, not run"
+RECORDED_ELSEWHERE = "recorded elsewhere, not run"
 """State of a job that another machine, or anyone without this one's `machine_key`, recorded as waiting or running."""
 
 

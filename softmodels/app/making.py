@@ -1,4 +1,4 @@
-"""The pages of the material, of a better device within limits, and of the mould to cast one in."""
+"""The pages of the material, of optimised devices, and of the mould."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from softmodels.case.case import Case
 from softmodels.casting import settings
 from softmodels.common import errors, files, schema, units
 from softmodels.materials import silicones
-from softmodels.materials.laws import LAWS, RUBBER
+from softmodels.materials.laws import DEFAULT_POISSON_RATIO, LAWS
 from softmodels.path import steps
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ class MaterialPage(forms.TabPage):
                 laws = ui.select(sorted(LAWS), value=["yeoh"], label="Laws to compare", multiple=True)
                 self.laws = forms.tagged(laws, "laws", props="dense use-chips")
                 self.fixed = forms.tagged(ui.input("Fixed parameters", placeholder="c3=0, leak=0"), "fixed")
-                self.poisson = forms.tagged(ui.input("Poisson's ratio", value=f"{RUBBER:g}"), "poisson")
+                self.poisson = forms.tagged(ui.input("Poisson's ratio", value=f"{DEFAULT_POISSON_RATIO:g}"), "poisson")
                 products = ui.select(
                     ["any", *sorted(silicones.PRODUCTS)], value="any", label="Cast from", with_input=True
                 )
@@ -105,22 +105,22 @@ class MaterialPage(forms.TabPage):
         """Show the answer of the last fit."""
         self.answer.clear()
         try:
-            found = files.read_json(self.project / FIT / "fit.json")
-            law = next(one for one in found["laws"] if one["law"] == found["chosen"])
+            report = files.read_json(self.project / FIT / "fit.json")
+            law = next(fitted_law for fitted_law in report["laws"] if fitted_law["law"] == report["chosen"])
         except (OSError, ValueError, KeyError, StopIteration):
             return
         with self.answer:
             with ui.grid(columns="auto auto auto").classes("gap-x-6 gap-y-0"):
-                for one in law["parameters"]:
-                    ends, unit = one["interval_95"], one["unit"]
+                for parameter in law["parameters"]:
+                    ends, unit = parameter["interval_95"], parameter["unit"]
                     value, *between = (
-                        units.readable(float(f"{end:.4g}"), unit) for end in (one["value"], *(ends or ()))
+                        units.readable(float(f"{end:.4g}"), unit) for end in (parameter["value"], *(ends or ()))
                     )
-                    about = "fixed" if one["fixed"] else f"95 %: {' to '.join(between)}" if between else ""
-                    ui.label(one["name"].replace("_", " ")).classes("quiet")
-                    ui.label(value).props(f'data-name="fitted-{one["name"]}"')
+                    about = "fixed" if parameter["fixed"] else f"95 %: {' to '.join(between)}" if between else ""
+                    ui.label(parameter["name"].replace("_", " ")).classes("quiet")
+                    ui.label(value).props(f'data-name="fitted-{parameter["name"]}"')
                     ui.label(about)
-            ui.label(forms.page_words(found["verdict"])).classes("text-sm")
+            ui.label(forms.page_words(report["verdict"])).classes("text-sm")
             ui.button("Use it for the device", on_click=self._use).props('outline data-name="use-material"')
 
     def _use(self) -> None:
@@ -214,7 +214,7 @@ LIMITS = {
 """Limits by what the page calls them: their quantity and side."""
 OF_PROBE = ("rise", "height")
 AT_PRESSURE = (*OF_PROBE, "peak_stretch", "peak_von_mises", "added_volume")
-REACH = 1.5
+LENGTH_FACTOR = 1.5
 """Bounds of a varied length, as a factor of the present one both ways."""
 
 
@@ -239,7 +239,7 @@ class DesignPage(forms.TabPage):
         names = [name for name in actuator.parameter_names(device) if actuator.is_length(device, name)]
         varied = ui.select(names, value=names[:1], label="lengths", multiple=True)
         self.varied = forms.tagged(varied, "varied", props="dense use-chips")
-        self.reach = forms.tagged(ui.input("from and to, as a factor both ways", value=f"{REACH:g}"), "reach")
+        self.reach = forms.tagged(ui.input("from and to, as a factor both ways", value=f"{LENGTH_FACTOR:g}"), "reach")
         ui.label("What it should do").classes("font-bold")
         self.objective = forms.tagged(ui.select(list(OBJECTIVES), value="most rise", label="objective"), "objective")
         probes = list(device.probes)
@@ -263,7 +263,7 @@ class DesignPage(forms.TabPage):
         if not self.varied.value:
             raise errors.FieldError("choose at least one length that may change")
         if not reach > 1.0:
-            raise errors.FieldError(f"the factor is {reach:g}; it must be above 1, such as {REACH:g}")
+            raise errors.FieldError(f"the factor is {reach:g}; it must be above 1, such as {LENGTH_FACTOR:g}")
         bounds = {}
         for name in self.varied.value:
             now = actuator.parameter(device, name)

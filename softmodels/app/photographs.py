@@ -15,7 +15,7 @@ from nicegui import ui
 from measurement.series import photo_list
 from measurement.series.photo_list import PhotoListError
 from softmodels.app import device, forms, jobs, replies
-from softmodels.app.bench import AUTO, BOARDS, LENS, OUTLINES, PHOTOGRAPH, PHOTOS, SETUP, Bench, Listed
+from softmodels.app.bench import AUTO, BOARDS, LENS, OUTLINES, PHOTOGRAPH, PHOTOS, SETUP, Bench, ListedPhotograph
 from softmodels.app.jobs import Job
 from softmodels.common import units
 from softmodels.common.arrays import Array
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 TONE_WORDS = {"srgb": "sRGB, as a camera's JPEG", "linear": "linear, in proportion to the light"}
-REACH = 40.0
+HANDLE_REACH_PX = 40.0
 """Pixels of a preview within which a press takes hold of a handle."""
 
 
@@ -42,7 +42,7 @@ class PhotographsPage(forms.TabPage):
         with ui.element("div").classes("two-columns"):
             with ui.column().classes("w-full min-w-0"):
                 kinds = "image/*,.heic,.tif,.tiff,.csv"
-                drop = "Drop photographs here, or take them"
+                drop = "Drop photographs here, or take some"
                 self.upload_box(drop, PHOTOGRAPH, kinds, "drop", self._uploaded)
                 with ui.card().classes("w-full"):
                     self._table()
@@ -127,28 +127,30 @@ class PhotographsPage(forms.TabPage):
         unit = units.column_unit(self.project.case.cm)
         self.liquid.set_text(f"Pressures in {unit} (the liquid is set beside the device's pressures), or in kPa")
         self.boards.set_text(f"{count} photographs of the board" if count else "")
-        shown = {one.file.name: one for one in self.photos.shadows}
+        shown = {shadow.file.name: shadow for shadow in self.photos.shadows}
         for name in [name for name in self.rows if name not in shown]:
             self.rows.pop(name)[0].delete()
-        for name, one in shown.items():
+        for name, photograph in shown.items():
             if name not in self.rows:
                 with self.listing, ui.row().classes("w-full items-center no-wrap gap-2") as row:
                     ui.button(name, on_click=lambda _, name=name: self._choose(name)).props(
                         "flat dense no-caps align=left"
                     ).classes("grow truncate")
-                    box = ui.input(value=one.pressure, placeholder="12.5 cm").props("dense").classes("w-24")
+                    box = ui.input(value=photograph.pressure, placeholder="12.5 cm").props("dense").classes("w-24")
                     box.props(f'aria-label="pressure of {_attribute(name)}"')
-                    box.on("change", lambda _, one=one, box=box: self._pressure(one, str(box.value)))
+                    box.on(
+                        "change", lambda _, photograph=photograph, box=box: self._pressure(photograph, str(box.value))
+                    )
                     icon = ui.icon("hourglass_empty")
                     with icon:
                         tooltip = ui.tooltip("")
                 self.rows[name] = row, box, icon, tooltip
             _, box, icon, tooltip = self.rows[name]
-            name_of_icon, colour = _mark(one)
+            name_of_icon, colour = _mark(photograph)
             icon.set_name(name_of_icon)
-            box.set_value(one.pressure)
+            box.set_value(photograph.pressure)
             icon.props(f"color={colour}")
-            tooltip.set_text(forms.page_words(one.doubts) or "edge found")
+            tooltip.set_text(forms.page_words(photograph.doubts) or "edge found")
 
     async def _boards(self, event: MultiUploadEventArguments) -> None:
         await self.keep(event, BOARDS, PHOTOGRAPH)
@@ -171,17 +173,17 @@ class PhotographsPage(forms.TabPage):
         self.find.props(remove="loading")
         return None
 
-    async def _pressure(self, one: Listed, text: str) -> None:
-        await self._change(one, pressure=text.strip(), error="")
+    async def _pressure(self, photograph: ListedPhotograph, text: str) -> None:
+        await self._change(photograph, pressure=text.strip(), error="")
 
-    async def _change(self, one: Listed, **entries: str) -> None:
-        with self.saying(f"{one.file.name}: "):
-            await self.photos.change(one, **entries)
+    async def _change(self, photograph: ListedPhotograph, **entries: str) -> None:
+        with self.saying(f"{photograph.file.name}: "):
+            await self.photos.change(photograph, **entries)
             self.say("")
 
     async def _use(self) -> None:
-        if (one := self.photos.listed.get(self.shown)) is not None:
-            await self._change(one, use=photo_list.ANYWAY if self.anyway.value else "")
+        if (photograph := self.photos.listed.get(self.shown)) is not None:
+            await self._change(photograph, use=photo_list.ANYWAY if self.anyway.value else "")
 
     async def _tone(self) -> None:
         if self.tone.value != self.photos.tone:
@@ -216,23 +218,23 @@ class PhotographsPage(forms.TabPage):
     # -- the picture --------------------------------------------------------------------------------------------------
 
     async def _show(self) -> None:
-        one = self.photos.listed.get(self.shown)
-        if one is None:
+        photograph = self.photos.listed.get(self.shown)
+        if photograph is None:
             return
-        await self.photos.show(one)
-        if one.preview is None:
-            return self.say(one.why)
-        source, self.scale = picture_of(one.preview)
+        await self.photos.show(photograph)
+        if photograph.preview is None:
+            return self.say(photograph.why)
+        source, self.scale = picture_of(photograph.preview)
         self.image.set_source(source)
         self.image.set_visibility(True)
         self._draw()
-        traced = one.traced
-        words = [one.file.name, f"{one.preview.width} x {one.preview.height} px"]
-        if one.file.name == self.photos.grid and self.photos.plane is not None:
+        traced = photograph.traced
+        words = [photograph.file.name, f"{photograph.preview.width} x {photograph.preview.height} px"]
+        if photograph.file.name == self.photos.grid and self.photos.plane is not None:
             plane = self.photos.plane
             words.append(f"{len(plane.crossings)} crossings, residual to the plane {plane.residual * 1e6:.3g} um (rms)")
         height, error = (None, None) if traced is None else (traced.height, traced.height_error)
-        if (row := self.photos.measured.get(one.file.name)) is not None:
+        if (row := self.photos.measured.get(photograph.file.name)) is not None:
             height, error = float(row["height_m"]), float(row["height_error_m"])
         if height is not None and error is not None:
             words.append(f"height {height * 1e3:.4f} mm ± {error * 1e6:.1f} um")
@@ -240,35 +242,35 @@ class PhotographsPage(forms.TabPage):
             wide = f", drawn {traced.enlarged} times as wide" if traced.enlarged > 1 else ""
             words.append(f"band: its standard error{wide}")
         self.about.set_text("; ".join(words))
-        self._doubt(one)
+        self._doubt(photograph)
 
-    def _doubt(self, one: Listed) -> None:
+    def _doubt(self, photograph: ListedPhotograph) -> None:
         """Show what speaks against a photograph, which handle may cure it, and whether it shall be used anyway."""
-        doubts = forms.page_words(one.doubts)
-        verdict = "refused" if one.why else "not trusted, used anyway" if one.anyway else "not trusted"
+        doubts = forms.page_words(photograph.doubts)
+        verdict = "refused" if photograph.why else "not trusted, used anyway" if photograph.anyway else "not trusted"
         self.doubt_words.set_text(f"{verdict}: {doubts}" if doubts else "")
-        self.doubt.set_visibility(bool(doubts) or one.anyway)
-        self.anyway.set_value(one.anyway)
+        self.doubt.set_visibility(bool(doubts) or photograph.anyway)
+        self.anyway.set_value(photograph.anyway)
         for name, control in self.cures.items():
             control.classes("cures") if name in doubts else control.classes(remove="cures")
 
     def _draw(self) -> None:
-        one = self.photos.listed.get(self.shown)
-        if one is None or one.preview is None:
+        photograph = self.photos.listed.get(self.shown)
+        if photograph is None or photograph.preview is None:
             return
         scale = self.scale
         drawn: list[str] = []
-        if one.file.name == self.photos.grid and self.photos.plane is not None:
+        if photograph.file.name == self.photos.grid and self.photos.plane is not None:
             crossings = self.photos.plane.crossings / scale
             drawn += [f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4"/>' for x, y in crossings]
-        if one.traced is not None:
-            edge, (inner, outer) = one.traced.edge, one.traced.band
+        if photograph.traced is not None:
+            edge, (inner, outer) = photograph.traced.edge, photograph.traced.band
             for part in _parts(edge):
                 band = points_text(np.concatenate([inner[part], outer[part][::-1]]), scale)
                 drawn += [f'<polygon class="band" points="{band}"/>',
                           f'<polyline class="traced" points="{points_text(edge[part], scale)}"/>']  # fmt: skip
-            if one.traced.zero is not None and self.handles.zero is None:
-                drawn.append(f'<polyline class="zero" points="{points_text(one.traced.zero, scale)}"/>')
+            if photograph.traced.zero is not None and self.handles.zero is None:
+                drawn.append(f'<polyline class="zero" points="{points_text(photograph.traced.zero, scale)}"/>')
         handles = self.handles
         if handles.zero is not None:
             drawn.append(f'<polyline class="zero" points="{points_text(np.array(handles.zero), scale)}"/>')
@@ -315,11 +317,11 @@ class PhotographsPage(forms.TabPage):
         await self._move(handles)
 
     def _preview(self) -> replies.Preview | None:
-        one = self.photos.listed.get(self.shown)
+        photograph = self.photos.listed.get(self.shown)
         if not self.photos.setup:
             self.say("find the grid first")
             return None
-        return None if one is None else one.preview
+        return None if photograph is None else photograph.preview
 
     async def _move(self, handles: replies.Handles) -> None:
         handles.settle()
@@ -341,7 +343,9 @@ class PhotographsPage(forms.TabPage):
         corners = self.handles.corners
         if event.type == "pointerdown":
             near = min(corners, key=lambda corner: math.dist((x, y), corners[corner]), default=None)
-            self.held = near if near is not None and math.dist((x, y), corners[near]) < REACH * self.scale else None
+            self.held = (
+                near if near is not None and math.dist((x, y), corners[near]) < HANDLE_REACH_PX * self.scale else None
+            )
         elif self.held is not None:
             self.handles.drag(self.held, x, y)
             self._draw()
@@ -374,18 +378,20 @@ def _attribute(name: str) -> str:
     return name.replace('"', "").replace("\\", "")
 
 
-def _mark(one: Listed) -> tuple[str, str]:
-    if one.why:
+def _mark(photograph: ListedPhotograph) -> tuple[str, str]:
+    if photograph.why:
         return "block", "negative"
-    if one.traced is None:
+    if photograph.traced is None:
         return "hourglass_empty", "grey"
-    return ("help", "warning") if one.traced.doubts else ("check_circle", "positive")
+    return ("help", "warning") if photograph.traced.doubts else ("check_circle", "positive")
 
 
 def picture_of(preview: replies.Preview) -> tuple[str, float]:
     """Return a preview as a source for the page, and how many pixels of the photograph one of it spans."""
     longest = max(preview.width, preview.height)
-    return "data:image/jpeg;base64," + base64.b64encode(preview.jpeg).decode(), longest / min(replies.PREVIEW, longest)
+    return "data:image/jpeg;base64," + base64.b64encode(preview.jpeg).decode(), longest / min(
+        replies.PREVIEW_SIDE_PX, longest
+    )
 
 
 def points_text(px: Array, scale: float) -> str:
@@ -450,22 +456,22 @@ class OverlayPage(forms.TabPage):
         solid = "" if device.is_section(case.actuator) else str(self.project / device.OUTPUT)
         if solid and ((stored := device.stored_run(self.project)[0]) is None or stored.actuator != case.actuator):
             return "this device is a solid: run it first, on the page Device"
-        one, pressure = photos.listed.get(name), self.measured[name]
-        if one is None:
+        photograph, pressure = photos.listed.get(name), self.measured[name]
+        if photograph is None:
             return f"{name} is no longer among the photographs"
         curve = await self.bench.slower.ask("outline", case.to_toml(), pressure, solid, kind="outline")
-        file, listing = self.project / OUTLINES / f"{one.file.stem}.csv", self.project / PHOTOS
-        found: replies.Overlay = await self.bench.tracer.ask(
+        file, listing = self.project / OUTLINES / f"{photograph.file.stem}.csv", self.project / PHOTOS
+        overlay: replies.Overlay = await self.bench.tracer.ask(
             "overlay", str(listing), photos.setup, str(file), curve, case.actuator.axial
         )
-        await photos.show(one)
-        if one.preview is None:
-            return one.why
-        source, scale = picture_of(one.preview)
+        await photos.show(photograph)
+        if photograph.preview is None:
+            return photograph.why
+        source, scale = picture_of(photograph.preview)
         self.image.set_source(source)
         self.image.set_visibility(True)
-        self.image.set_content(f'<polyline class="simulated" points="{points_text(found.curve, scale)}"/>')
+        self.image.set_content(f'<polyline class="simulated" points="{points_text(overlay.curve, scale)}"/>')
         self.about.set_text(
-            f"{pressure / case.cm:.4g} cm; measured and simulated heights differ by {found.difference * 1e6:.3g} um (rms)"
+            f"{pressure / case.cm:.4g} cm; measured and simulated heights differ by {overlay.difference * 1e6:.3g} um (rms)"
         )
         return ""

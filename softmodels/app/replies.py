@@ -10,9 +10,9 @@ import numpy as np
 from softmodels.common.arrays import Array
 from softmodels.runs import grid, table
 
-PREVIEW = 1600
+PREVIEW_SIDE_PX = 1600
 """Longest side of a photograph's preview in px."""
-PARTS = 3
+PIECES_PER_EDGE = 3
 """Pieces per edge of a cell that have one colour each."""
 
 
@@ -30,13 +30,13 @@ class Section:
     def of(cls, points: Array, displacement: Array, cells: grid.Cells, values: Array) -> Section:
         """Return the section of nodes in m, shape (n, 3) with y = 0, and a nodal field."""
         before, after = points[:, ::2] * 1e3, (points + displacement)[:, ::2] * 1e3
-        fine, triangles = grid.fine_triangles(np.column_stack([after, values]), cells, PARTS)
+        fine, triangles = grid.fine_triangles(np.column_stack([after, values]), cells, PIECES_PER_EDGE)
         corners = fine[triangles]
         return cls(
             corners[..., :2],
             corners[..., 2].mean(axis=1),
-            _seen(grid.outline(after, cells)),
-            _seen(grid.outline(before, cells)),
+            _visible_curves(grid.outline(after, cells)),
+            _visible_curves(grid.outline(before, cells)),
         )
 
     def between(self, other: Section, share: float) -> Section:
@@ -46,7 +46,7 @@ class Section:
         return dataclasses.replace(self, **mixed)
 
 
-def _seen(curves: Array) -> Array:
+def _visible_curves(curves: Array) -> Array:
     """Return the curves without those on the axis, which is inside of the device."""
     return curves[np.abs(curves[..., 0]).max(axis=1) > 1e-9 * np.abs(curves).max()]
 
@@ -105,11 +105,11 @@ class Handles:
     @property
     def corners(self) -> dict[tuple[str, int, int], tuple[float, float]]:
         """The points that can be dragged: by what they belong to, its number, and theirs."""
-        found = {("zero", 0, k): (x, y) for k, (x, y) in enumerate(self.zero or [])}
+        corners = {("zero", 0, k): (x, y) for k, (x, y) in enumerate(self.zero or [])}
         for name, number, box in (("roi", 0, self.roi), *(("mask", n, mask) for n, mask in enumerate(self.masks))):
             if box is not None:
-                found |= {(name, number, 0): (box[0], box[1]), (name, number, 1): (box[2], box[3])}
-        return found
+                corners |= {(name, number, 0): (box[0], box[1]), (name, number, 1): (box[2], box[3])}
+        return corners
 
     def drag(self, corner: tuple[str, int, int], x: float, y: float) -> None:
         """Put a point elsewhere."""

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 
-HERE = "127.0.0.1"
-FIRST_PORT, PORTS = 8700, 100
+LOCAL_HOST = "127.0.0.1"
+FIRST_PORT, PORTS_TRIED = 8700, 100
 """Where free ports are looked for, and how many are tried."""
 FILES = "/files"
 """Where the project's files are served."""
@@ -36,7 +36,7 @@ LARGEST_UPLOAD = 400 << 20
 
 def free_port(host: str, wanted: int | None = None) -> int:
     """Return the wanted port, or the first free one from `FIRST_PORT`; OSError if it, or all of them, are in use."""
-    ports = [wanted] if wanted else range(FIRST_PORT, FIRST_PORT + PORTS)
+    ports = [wanted] if wanted else range(FIRST_PORT, FIRST_PORT + PORTS_TRIED)
     for port in ports:
         with socket.socket() as tried:
             tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -55,42 +55,42 @@ def lan_address() -> str:
         try:
             probe.connect(("192.0.2.1", 9))  # sends nothing; the route to any outside address names the interface
         except OSError:
-            return HERE
+            return LOCAL_HOST
         return str(probe.getsockname()[0])
 
 
 async def answers(port: int) -> bool:
     """Return whether a server of this machine listens at a port."""
     try:
-        _, writer = await asyncio.open_connection(HERE, port)
+        _, writer = await asyncio.open_connection(LOCAL_HOST, port)
     except OSError:
         return False
     writer.close()
     return True
 
 
-ALWAYS = {
+SECURITY_HEADERS = {
     "x-content-type-options": "nosniff",
     "referrer-policy": "no-referrer",
     "cross-origin-resource-policy": "same-origin",
     "cross-origin-opener-policy": "same-origin",
 }
 """Headers of all answers: a browser shows them as what they are called, and gives nothing of them to other sites."""
-FRAMED = "frame-ancestors 'self'"
-PAGE = f"{FRAMED}; base-uri 'self'; object-src 'none'; form-action 'self'"
+FRAME_POLICY = "frame-ancestors 'self'"
+PAGE_POLICY = f"{FRAME_POLICY}; base-uri 'self'; object-src 'none'; form-action 'self'"
 """Content security policy of the page: no other site shows it in a frame, and it sends forms nowhere else."""
 OF_PROJECT = (
     f"sandbox {forms.ALLOWED}; default-src 'none'; img-src data: blob:; media-src data: blob:; font-src data:; "
-    f"style-src 'unsafe-inline'; script-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; {FRAMED}"
+    f"style-src 'unsafe-inline'; script-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; {FRAME_POLICY}"
 )
 """That of the project's files, which may come from elsewhere: a report runs its program, but is not of the page's origin, and
 has no network."""
 
 
-def _hardened(send: Send, path: str) -> Send:
+def _with_headers(send: Send, path: str) -> Send:
     """Return how an answer is sent with the headers above; ``path`` is the one requested."""
-    policy = OF_PROJECT if path.startswith(FILES) else PAGE
-    own = {**ALWAYS, "content-security-policy": policy}
+    policy = OF_PROJECT if path.startswith(FILES) else PAGE_POLICY
+    own = {**SECURITY_HEADERS, "content-security-policy": policy}
 
     async def sent(message: Message) -> None:
         if message["type"] == "http.response.start":
@@ -104,7 +104,7 @@ def _hardened(send: Send, path: str) -> Send:
     return sent
 
 
-class Guard:
+class KeyMiddleware:
     """ASGI middleware that answers only requests with the key, addressed to this server by one of its hosts (with port), and
     not sent by other sites. No answer can be framed by other sites, and the project's files cannot act on the page.
 
@@ -119,7 +119,7 @@ class Guard:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
             return await self.app(scope, receive, send)
-        send = _hardened(send, scope["path"])
+        send = _with_headers(send, scope["path"])
         headers = {name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]}
         host, origin = headers.get("host", ""), headers.get("origin")
         if host not in self.hosts:
@@ -252,15 +252,15 @@ def build_page(bench: Bench) -> None:
 def serve(folder: Path, port: int | None = None, *, browser: bool = True, lan: bool = False) -> None:
     """Serve a project's page until Ctrl-C, in the user's browser if wanted, on a free port if none is given; over ``lan``
     other machines of the network may connect, with the key. OSError if the folder or the port cannot be used."""
-    host = "0.0.0.0" if lan else HERE
+    host = "0.0.0.0" if lan else LOCAL_HOST
     port = free_port(host, port)
-    outside = lan_address() if lan else HERE
+    outside = lan_address() if lan else LOCAL_HOST
     key = secrets.token_urlsafe(24)
-    hosts = frozenset(f"{name}:{port}" for name in (HERE, "localhost", outside))
+    hosts = frozenset(f"{name}:{port}" for name in (LOCAL_HOST, "localhost", outside))
     bench = Bench(Project(folder), f"http://{outside}:{port}/?{KEY}={key}" if lan else "")
     app.on_startup(bench.begin)
     app.on_shutdown(bench.end)
-    address = f"http://{HERE}:{port}/?{KEY}={key}"
+    address = f"http://{LOCAL_HOST}:{port}/?{KEY}={key}"
 
     async def tell() -> None:
         while not await answers(port):  # handlers of the start run before the server listens
@@ -273,7 +273,7 @@ def serve(folder: Path, port: int | None = None, *, browser: bool = True, lan: b
 
     app.on_startup(lambda: background_tasks.create(tell()))
     app.add_static_files(FILES, bench.project.folder, max_cache_age=0)
-    core.app.add_middleware(Guard, key=key, hosts=hosts)  # type: ignore[arg-type]
+    core.app.add_middleware(KeyMiddleware, key=key, hosts=hosts)  # type: ignore[arg-type]
     ui.run(
         lambda: build_page(bench), host=host, port=port, title="softmodels", show=False, reload=False, dark=None, favicon=ICON,
         show_welcome_message=False, reconnect_timeout=30.0, uvicorn_logging_level="error", storage_secret=None,

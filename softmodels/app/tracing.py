@@ -27,7 +27,7 @@ def preview(file: str) -> replies.Preview:
     """Return a small version of a photograph."""
     pixels = pictures.read_pixels(Path(file))
     picture = Image.fromarray(pixels)
-    picture.thumbnail((replies.PREVIEW, replies.PREVIEW))
+    picture.thumbnail((replies.PREVIEW_SIDE_PX, replies.PREVIEW_SIDE_PX))
     data = io.BytesIO()
     picture.convert("RGB").save(data, "JPEG", quality=85)
     return replies.Preview(data.getvalue(), pixels.shape[1], pixels.shape[0])
@@ -42,9 +42,9 @@ def plane(file: str, pitch: str, lens: str) -> replies.Plane:
     return replies.Plane(made.to_toml(), made.camera.distort(made.plane.points), float(made.plane.residual))
 
 
-BAND = 7.0
+BAND_WIDTH_PX = 7.0
 """Half width in px of a preview of a band that is seen."""
-ENLARGED = (1, 2, 5, 10, 20, 50, 100, 200, 500)
+ENLARGEMENTS = (1, 2, 5, 10, 20, 50, 100, 200, 500)
 
 
 def trace(file: str, setup: str, pressure: float, tone: str, anyway: bool) -> replies.Traced:
@@ -52,38 +52,40 @@ def trace(file: str, setup: str, pressure: float, tone: str, anyway: bool) -> re
     the one at 0 shows the undeformed surface, if the text of the setup does not have it. An edge may be used ``anyway``, in
     spite of doubts."""
     known = Setup.from_toml(setup)
-    found = measuring.trace_image(pictures.read_pixels(Path(file)), known, tone, anyway=anyway)
-    line, doubts, errors = None, found.doubts, found.own_error
+    traced = measuring.trace_image(pictures.read_pixels(Path(file)), known, tone, anyway=anyway)
+    line, doubts, errors = None, traced.doubts, traced.own_error
     height = error = None
     if pressure == 0.0 and known.zero is None:
-        line = measuring.zero_of(found)
+        line = measuring.zero_of(traced)
         doubts = line.doubts
     elif known.zero is not None:
         line = zero.ZeroLine.through(known.zero)
-        outline = measuring.outline_of(found, line, pressure, 0.0, Path(file).name)
+        outline = measuring.outline_of(traced, line, pressure, 0.0, Path(file).name)
         height, error, doubts, errors = (
             outline.height,
             outline.height_error,
             outline.reasons,
-            OutlineEvidence(found, line).error,
+            OutlineEvidence(traced, line).error,
         )
-    seen = BAND * max(1.0, max(known.camera.width, known.camera.height) / replies.PREVIEW) * found.scale
-    usual = float(np.median(errors[~found.line.bridged]))
-    enlarged = next((times for times in ENLARGED if times * usual >= seen), ENLARGED[-1])
-    wide = enlarged * errors[:, None] * found.normals
-    band = np.stack([known.to_pixels(found.points + wide), known.to_pixels(found.points - wide)])
+    seen = (
+        BAND_WIDTH_PX * max(1.0, max(known.camera.width, known.camera.height) / replies.PREVIEW_SIDE_PX) * traced.scale
+    )
+    usual = float(np.median(errors[~traced.line.bridged]))
+    enlarged = next((times for times in ENLARGEMENTS if times * usual >= seen), ENLARGEMENTS[-1])
+    wide = enlarged * errors[:, None] * traced.normals
+    band = np.stack([known.to_pixels(traced.points + wide), known.to_pixels(traced.points - wide)])
     ends = None
     if line is not None:
-        along = found.points @ line.direction
+        along = traced.points @ line.direction
         ends = known.to_pixels(line.origin + np.outer([np.nanmin(along), np.nanmax(along)], line.direction))
-    return replies.Traced(found.line.px, band, enlarged, doubts, ends, height, error)
+    return replies.Traced(traced.line.px, band, enlarged, doubts, ends, height, error)
 
 
 def moved(setup: str, handles: replies.Handles) -> str:
     """Return a setup's text with a zero line, region of interest and masks where their handles are."""
     known = Setup.from_toml(setup)
     line = None if handles.zero is None else known.to_metres(handles.zero)
-    roi, *masks = (None if one is None else tuple(one) for one in (handles.roi, *handles.masks))
+    roi, *masks = (None if region is None else tuple(region) for region in (handles.roi, *handles.masks))
     return dataclasses.replace(known, zero=line, roi=roi, masks=tuple(masks)).to_toml()  # type: ignore[arg-type]
 
 
@@ -94,7 +96,7 @@ def handles(setup: str) -> replies.Handles:
     return replies.Handles(zero, None if known.roi is None else list(known.roi), [list(mask) for mask in known.masks])
 
 
-SUNK = -5e-5
+MIN_SURFACE_HEIGHT = -5e-5
 """Height in m above the undeformed surface below which a shadow may show what is beside the outline."""
 
 
@@ -118,16 +120,16 @@ def overlay(listing: str, setup: str, outline: str, curve: Array, axial: bool = 
         along = (measured.x - axis) * side
         along = np.abs(along) if axial else along
         simulated = np.interp(along, upper[:, 0], upper[:, 1], left=-np.inf, right=-np.inf)
-        seen = simulated > SUNK
+        seen = simulated > MIN_SURFACE_HEIGHT
         return float(np.sqrt(np.mean((measured.z[seen] - simulated[seen]) ** 2))) if seen.any() else np.inf
 
     apex, top = float(measured.x[np.argmax(measured.z)]), float(upper[np.argmax(upper[:, 1]), 0])
-    found = []
+    edges = []
     for side in (1.0,) if axial else (1.0, -1.0):
         middle, reach = (apex, upper[-1, 0] / 4) if axial else (apex - side * top, upper[-1, 0] / 4)
         best = minimize_scalar(difference, bounds=(middle - reach, middle + reach), args=(side,), method="bounded")
-        found.append((float(best.fun), side, float(best.x)))
-    rms, side, axis = min(found)
+        edges.append((float(best.fun), side, float(best.x)))
+    rms, side, axis = min(edges)
     both = np.concatenate([curve[::-1] * [-1.0, 1.0], curve]) if axial else curve * [side, 1.0]
     both = both + np.array([axis, 0.0])
     placed = line.origin + both[:, :1] * line.direction + both[:, 1:] * line.normal

@@ -119,7 +119,7 @@ class GaugesEntry(Entry[Probes]):
 # Reject materials with implausible parameters, or unsuitable for the formulation.
 
 
-MODULI = (laws.SOFTEST, 1e9)
+MODULI = (laws.MIN_SHEAR_MODULUS, 1e9)
 """Accepted shear moduli in Pa, from the softest gels to the hardest elastomers, with a margin."""
 MOST_APART = 1e6
 """Maximum ratio of a region's shear modulus to the main one's that is solved accurately."""
@@ -207,7 +207,7 @@ class Case:
         "load steps; softmodels.case.load.steps_of makes them of the keys of a case file's [load], such as "
         "steps_of(force_N='0:10'), or a series for each of several cavities")))  # fmt: skip
     water_density: float = _value(
-        "load", schema.Quantity("kg/m^3"), f"density of the column's liquid; the default is {units.LIGHTER}",
+        "load", schema.Quantity("kg/m^3"), f"density of the column's liquid; the default is {units.DENSITY_NOTE}",
         units.WATER_DENSITY,
     )  # fmt: skip
     control: str = _value("load", schema.Choice(CONTROLS), "control of the continuation", "auto")

@@ -205,7 +205,7 @@ Line = tuple[str, str]
 NAME = r"[A-Za-z]\w*"
 
 
-class ProbeError(errors.Spoken, ValueError):
+class ProbeError(errors.OptionMessage, ValueError):
     """Invalid points, angles or profile; the message is for the user."""
 
 
@@ -406,7 +406,7 @@ MAX_PRESSURE = 1e6
 """Maximum pressure in Pa; above it the number or its unit is wrong for any silicone."""
 
 
-class SeriesError(errors.Spoken, ValueError):
+class SeriesError(errors.OptionMessage, ValueError):
     """A text is not a series of values; the message is for the user."""
 
 
@@ -641,7 +641,7 @@ class Option:
 # Errors of a case, raised with a message for the user before anything is solved.
 
 
-class CaseError(errors.Spoken, ValueError):
+class CaseError(errors.OptionMessage, ValueError):
     """Invalid input, detected before anything is solved; the message is for the user."""
 
 

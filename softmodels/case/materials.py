@@ -467,7 +467,7 @@ class ErrorsEntry(Entry[AnyBand | None]):
 
 
 DENSITY = schema.Quantity("kg/m^3")
-MODULI = (laws.SOFTEST, 1e12)
+MODULI = (laws.MIN_SHEAR_MODULUS, 1e12)
 """Accepted shear moduli of a region in Pa, from the softest gels to hard metals."""
 
 
@@ -706,7 +706,7 @@ def own_modules(*things: object) -> str:
     So it does what their fields name (`Component.looked_up`).
     """
     names = {value.__module__: None for value in _within(things)}
-    files = [_file(sys.modules.get(name)) for name in names if name.split(".")[0] not in errors.OWN]
+    files = [_file(sys.modules.get(name)) for name in names if name.split(".")[0] not in errors.OWN_PACKAGES]
     named = filter(None, os.environ.get(VARIABLE, "").split(os.pathsep))
     return os.pathsep.join(dict.fromkeys([*named, *(str(file) for file in files if file is not None)]))
 

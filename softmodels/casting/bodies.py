@@ -26,18 +26,16 @@ from softmodels.common.lazy import gmsh
 
 Solid = tuple[int, int]
 """Dimension, which is 3, and tag."""
-MM = 1e3
-"""Lengths in the model over those in m."""
-NEAR = 1e-6
-"""Tolerance relative to the part's size."""
-FLUSH = 1e-4
+MM_PER_M = 1e3
+POINT_TOLERANCE = 1e-6
+FLUSH_TOLERANCE = 1e-4
 """Distance in mm below which two faces are in one plane: boxes of the CAD kernel are a little larger than what is in them."""
 LEAST_SILICONE = 0.5e-3
 """Minimum silicone around a tube, m: thinner walls tear when the tube is pushed in."""
-JIG = 5.0
+JIG_HEIGHT = 5.0
 """Height of the bonding jig above and below the bond, mm."""
 UP, DOWN = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0])
-HANDLE = 3.0
+HANDLE_THICKNESS = 3.0
 """Thickness in mm of the head by which an inlet pin is pulled, and by how much its radius is larger than the pin's."""
 
 
@@ -55,7 +53,7 @@ class Frame:
 
     def placed(self, place: Vector) -> Array:
         """Return the place in the mould, in mm, of a place in the device, in m."""
-        return np.asarray(MM * self.scale * (self.turn @ np.asarray(place)))
+        return np.asarray(MM_PER_M * self.scale * (self.turn @ np.asarray(place)))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -207,7 +205,7 @@ def _block(low: Array, high: Array) -> Solid:
     return (3, int(gmsh.model.occ.addBox(*low, *np.subtract(high, low))))
 
 
-def _within(solids: Sequence[Solid], low: Array, high: Array) -> list[Solid]:
+def _copies_in_box(solids: Sequence[Solid], low: Array, high: Array) -> list[Solid]:
     """Return copies of what lies in a box, of several solids."""
     occ = gmsh.model.occ
     return list(occ.intersect(occ.copy(list(solids)), [_block(low, high)])[0]) if solids else []
@@ -272,20 +270,20 @@ class _Maker:
         """Cut the grooves for threads; return their volume."""
         before = self.occ.getMass(*self.whole)
         tools = grooves.groove_solids(wound, self._split[0], self.workshop.scale)
-        self.whole = _one(list(self.occ.cut([self.whole], tools)[0]), "the grooved tube")
+        self.whole = _single_solid(list(self.occ.cut([self.whole], tools)[0]), "the grooved tube")
         self.occ.synchronize()
         return float(before - self.occ.getMass(*self.whole))
 
     def _heights(self, boxes: Array, outer: int) -> tuple[float, float]:
         """Return the heights between which the piece lies, mm."""
-        pour, metre = self.pour, MM * self.workshop.scale
+        pour, metre = self.pour, MM_PER_M * self.workshop.scale
         low, high = boxes[outer, :, 2]
         cavities = np.delete(boxes[:, :, 2], outer, axis=0)
         if pour.level is None and not len(cavities):
             raise MouldError("the part has no closed cavity, so it needs no mould with a core")
         level = 0.5 * float(cavities.min() + cavities.max()) if pour.level is None else metre * pour.level
         top = float(high) if pour.end is None else metre * pour.end
-        if not low - FLUSH < level < high - FLUSH:
+        if not low - FLUSH_TOLERANCE < level < high - FLUSH_TOLERANCE:
             asked = self.workshop.level
             value = schema.shown(level / metre if asked is None else asked, "m")
             low, high = (low, high) if asked is None or level == metre * asked else (-high, -low)
@@ -298,9 +296,11 @@ class _Maker:
     def tooling(self) -> Tooling:
         """Make it; see `Tooling`."""
         occ, workshop = self.occ, self.workshop
-        wall, rim = MM * workshop.wall, MM * workshop.rim
+        wall, rim = MM_PER_M * workshop.wall, MM_PER_M * workshop.rim
         far = np.array([1.0, 1.0, 0.0]) * (self.high - self.low).max()
-        piece = _one(_within([self.whole], self.low - far, self.high + far), f"the piece {self.pour.name!r}")
+        piece = _single_solid(
+            _copies_in_box([self.whole], self.low - far, self.high + far), f"the piece {self.pour.name!r}"
+        )
         cut = [inlet.room for inlet in self.inlets]
         target = list(occ.cut([piece], cut, removeObject=False, removeTool=False)[0]) if cut else occ.copy([piece])
         occ.synchronize()
@@ -330,7 +330,7 @@ class _Maker:
     def _add(self, kind: str, solids: list[Solid], pull: Array) -> None:
         name = f"{self.pour.name} {kind}"
         self.occ.synchronize()
-        self.bodies.append(ToolBody(name, _one(solids, f"the {name}"), np.asarray(pull, dtype=float)))
+        self.bodies.append(ToolBody(name, _single_solid(solids, f"the {name}"), np.asarray(pull, dtype=float)))
 
     def _complement(self, piece: Solid) -> tuple[Solid, list[Solid], list[Solid]]:
         """Return what is between the planes beside a piece: around it, cores on the lid, and what belongs to the cup's
@@ -340,11 +340,11 @@ class _Maker:
         around, cores, recesses = [], [], []
         for part in parts:
             low, high = _box(part)
-            if (low[:2] < self.low[:2] + FLUSH).any():
+            if (low[:2] < self.low[:2] + FLUSH_TOLERANCE).any():
                 around.append(part)
-            elif low[2] < self.level + FLUSH and self.pour.lid:
+            elif low[2] < self.level + FLUSH_TOLERANCE and self.pour.lid:
                 cores.append(part)
-            elif high[2] > self.top - FLUSH:
+            elif high[2] > self.top - FLUSH_TOLERANCE:
                 recesses.append(part)
             else:
                 place = self.frame.drawn(np.array(self.occ.getCenterOfMass(*part))).round(3)
@@ -353,22 +353,22 @@ class _Maker:
                     f"{self.pour.name} half and does not reach the parting plane, so its core would float; choose another "
                     f"plane (--split) or direction (--pull)"
                 )
-        return _one(around, f"the cup of the {self.pour.name}"), cores, recesses
+        return _single_solid(around, f"the cup of the {self.pour.name}"), cores, recesses
 
     def _ring(self, around: Solid) -> Solid:
         """Return what is around the piece in the lid's plane, as a ring on both sides of it: a jig for the bond."""
         faces = gmsh.model.getBoundary([around], oriented=False)
-        flat = [(2, face) for _, face in faces if _box((2, face))[:, 2].max() < self.level + FLUSH]
-        half = min(JIG, 0.5 * (self.top - self.level))
+        flat = [(2, face) for _, face in faces if _box((2, face))[:, 2].max() < self.level + FLUSH_TOLERANCE]
+        half = min(JIG_HEIGHT, 0.5 * (self.top - self.level))
         base = self.occ.copy(flat)
         self.occ.translate(base, 0, 0, -half)
         ring = [solid for solid in self.occ.extrude(base, 0, 0, 2.0 * half) if solid[0] == 3]
-        return _one(merged(ring), "the jig")
+        return _single_solid(merged(ring), "the jig")
 
     def _pierce(self, cup: list[Solid], lid: list[Solid], target: list[Solid]) -> tuple[list[Solid], list[Solid]]:
         """Cut the pour opening and the vents, the bolts' holes and the inlet pins' bores."""
         occ, workshop, pour = self.occ, self.workshop, self.pour
-        metre, wall = MM * workshop.scale, MM * workshop.wall
+        metre, wall = MM_PER_M * workshop.scale, MM_PER_M * workshop.wall
         tools: list[Solid] = []
         if not pour.squeezed and (pour.lid or pour.gate is not None or pour.wax):
             gate = self.level if pour.gate is None else metre * pour.gate
@@ -384,7 +384,7 @@ class _Maker:
             ):
                 if start == outside:  # it is open there
                     continue
-                neck = 0.5 * MM * width
+                neck = 0.5 * MM_PER_M * width
                 mouth, heights = (
                     neck + abs(outside - start) * workshop.slope,
                     (min(start, outside), max(start, outside)),
@@ -413,8 +413,15 @@ class _Maker:
 
     def _bolts(self) -> list[Solid]:
         """Return the bolts' shanks: upright in the middle of each rim; of a cup in two halves across both."""
-        middle, half, radius = 0.5 * (self.low + self.high), 0.5 * MM * self.workshop.rim, 0.5 * MM * self.workshop.bolt
-        begin, end = self.low - MM * self.workshop.wall * UP, self.high + MM * self.workshop.wall * UP
+        middle, half, radius = (
+            0.5 * (self.low + self.high),
+            0.5 * MM_PER_M * self.workshop.rim,
+            0.5 * MM_PER_M * self.workshop.bolt,
+        )
+        begin, end = (
+            self.low - MM_PER_M * self.workshop.wall * UP,
+            self.high + MM_PER_M * self.workshop.wall * UP,
+        )
         if self.pour.sideways is not None:
             axis, _ = self._split
             starts = [np.where(np.arange(3) == axis, begin, middle) for _ in range(2)]
@@ -433,22 +440,25 @@ class _Maker:
         """Return the place of an upright bolt, moved along its rim if an inlet pin would cross it."""
         for inlet in self.inlets:
             across = np.cross(UP, inlet.outwards)
-            off, needed = float((start - inlet.begin) @ across), radius + inlet.radius + MM * self.workshop.least_wall
+            off, needed = (
+                float((start - inlet.begin) @ across),
+                radius + inlet.radius + MM_PER_M * self.workshop.least_wall,
+            )
             if inlet.bore is not None and abs(off) < needed and (start - inlet.begin) @ inlet.outwards > 0.0:
                 start = start + (needed + 1.0 - off) * across
         return start
 
     def _carry(self, lid: list[Solid], cores: list[Solid]) -> list[Solid]:
         """Put cores on the lid."""
-        found = merged([*lid, *cores])
-        if len(found) > 1:
-            loose = min(found, key=lambda solid: float(self.occ.getMass(*solid)))
+        carrier = merged([*lid, *cores])
+        if len(carrier) > 1:
+            loose = min(carrier, key=lambda solid: float(self.occ.getMass(*solid)))
             place = self.frame.drawn(np.array(self.occ.getCenterOfMass(*loose))).round(3)
             raise MouldError(
                 f"a core of the {self.pour.name} around {', '.join(f'{value + 0.0:.4g}' for value in place)} mm does not "
                 f"stand on the lid; choose another plane (--split)"
             )
-        return found
+        return carrier
 
     def _peg(self, cores: list[Solid], lid: list[Solid]) -> list[Solid]:
         """Give the lost core a peg that stands in the lid."""
@@ -456,8 +466,8 @@ class _Maker:
         line = self._split if self.pour.sideways is not None else None
         self.occ.synchronize()
         places, room = _places(_edge(cores, self.level), line)
-        radius = min(0.6 * float(room.max()), 1.5 * MM * workshop.pin)
-        length, gap = MM * workshop.pin_length, MM * workshop.clearance
+        radius = min(0.6 * float(room.max()), 1.5 * MM_PER_M * workshop.pin)
+        length, gap = MM_PER_M * workshop.pin_length, MM_PER_M * workshop.clearance
         at = (float(places[room.argmax()][0]), float(places[room.argmax()][1]))
         peg = _cone(at, self.level, -length, radius, radius - length * workshop.slope)
         socket = _cone(at, self.level, -length - gap, radius + gap, radius - length * workshop.slope + gap)
@@ -467,16 +477,16 @@ class _Maker:
 
     def _join(self, cup: list[Solid], lid: list[Solid]) -> tuple[list[Solid], list[Solid]]:
         """Put the pins on the cup and sink their sockets into the lid."""
-        length = MM * self.workshop.pin_length
-        return self._pinned(cup, lid, self.level, length, length + MM * self.workshop.clearance)
+        length = MM_PER_M * self.workshop.pin_length
+        return self._pinned(cup, lid, self.level, length, length + MM_PER_M * self.workshop.clearance)
 
     def _pinned(
         self, upper: list[Solid], lower: list[Solid], level: float, length: float, deep: float
     ) -> tuple[list[Solid], list[Solid]]:
         """Put pins down from one body, and sink their sockets into that below; in three corners, so that one way only
         fits."""
-        workshop, half = self.workshop, 0.5 * MM * self.workshop.rim
-        gap, root = MM * workshop.clearance, 0.5 * MM * workshop.pin
+        workshop, half = self.workshop, 0.5 * MM_PER_M * self.workshop.rim
+        gap, root = MM_PER_M * workshop.clearance, 0.5 * MM_PER_M * workshop.pin
         (x, y), (X, Y) = self.low[:2] + half, self.high[:2] - half
         tip, places = root - length * workshop.slope, ((x, y), (X, y), (x, Y))
         upper = merged([*upper, *(_cone(place, level, -length, root, tip) for place in places)])
@@ -490,21 +500,23 @@ class _Maker:
         """Add the cup in its parts."""
         pour, far = self.pour, np.full(3, 2.0 * float((self.high - self.low).max()) + 100.0)
         if pour.floor is not None:
-            height = MM * self.workshop.scale * pour.floor
-            frame = _within(cup, self.low - far, np.array([*self.high[:2], height]) + far * (1.0, 1.0, 0.0))
-            floor = _within(cup, np.array([*self.low[:2], height]) - far * (1.0, 1.0, 0.0), self.high + far)
+            height = MM_PER_M * self.workshop.scale * pour.floor
+            frame = _copies_in_box(cup, self.low - far, np.array([*self.high[:2], height]) + far * (1.0, 1.0, 0.0))
+            floor = _copies_in_box(cup, np.array([*self.low[:2], height]) - far * (1.0, 1.0, 0.0), self.high + far)
             self.occ.remove(cup, recursive=True)
             deep = height - self.level  # the sockets go through the frame, which may be thin
-            floor, frame = self._pinned(floor, frame, height, min(MM * self.workshop.pin_length, 0.8 * deep), deep)
+            floor, frame = self._pinned(
+                floor, frame, height, min(MM_PER_M * self.workshop.pin_length, 0.8 * deep), deep
+            )
             self._add("floor", floor, UP)
             self._add("frame", frame, DOWN)
         elif pour.sideways is not None:
             axis, middle = self._split
-            one, other = (_within(cup, *self._side(far, axis, middle, way)) for way in (-1, 1))
+            half, other = (_copies_in_box(cup, *self._side(far, axis, middle, way)) for way in (-1, 1))
             self.occ.remove(cup, recursive=True)
-            one, other = self._doweled(one, other, axis, middle)
+            half, other = self._doweled(half, other, axis, middle)
             along = np.eye(3)[axis]
-            self._add("cup left", one, -along)
+            self._add("cup left", half, -along)
             self._add("cup right", other, along)
         else:
             self._add("cup" if pour.lid else "tray", cup, UP)
@@ -515,13 +527,17 @@ class _Maker:
         return low, high
 
     def _doweled(
-        self, one: list[Solid], other: list[Solid], axis: int, middle: float
+        self, solids: list[Solid], other: list[Solid], axis: int, middle: float
     ) -> tuple[list[Solid], list[Solid]]:
         """Put dowels between the two halves of a cup, two at the bottom and one at the top."""
         workshop, across = self.workshop, 1 - axis
-        gap, root, length = MM * workshop.clearance, 0.5 * MM * workshop.pin, MM * workshop.pin_length
-        tip, half = root - length * workshop.slope, 0.5 * MM * workshop.rim
-        low, high = self.level + half, self.top + MM * workshop.wall - half
+        gap, root, length = (
+            MM_PER_M * workshop.clearance,
+            0.5 * MM_PER_M * workshop.pin,
+            MM_PER_M * workshop.pin_length,
+        )
+        tip, half = root - length * workshop.slope, 0.5 * MM_PER_M * workshop.rim
+        low, high = self.level + half, self.top + MM_PER_M * workshop.wall - half
         dowels, sockets = [], []
         for edge, height in ((0, low), (1, low), (0, high)):
             at = np.zeros(3)
@@ -530,7 +546,7 @@ class _Maker:
             dowels.append((3, int(self.occ.addCone(*at, *(length * along), root, tip))))
             sockets.append((3, int(self.occ.addCone(*at, *((length + gap) * along), root + gap, tip + gap))))
         self.openings += sockets
-        return merged([*one, *dowels]), list(self.occ.cut(other, sockets, removeTool=False)[0])
+        return merged([*solids, *dowels]), list(self.occ.cut(other, sockets, removeTool=False)[0])
 
     def _inlet(self, ends: tuple[Vector, Vector]) -> Inlet | None:
         """Return the inlet if it runs through this piece."""
@@ -539,7 +555,7 @@ class _Maker:
         length = float(np.linalg.norm(along))
         along /= length
         upright = abs(along[2]) > 1.0 - 1e-9
-        in_plane = not upright and max(abs(begin[2] - self.level), abs(end[2] - self.level)) < FLUSH
+        in_plane = not upright and max(abs(begin[2] - self.level), abs(end[2] - self.level)) < FLUSH_TOLERANCE
         if not in_plane and not self.level < middle[2] < self.top:
             return None
         part = "pin" if not upright and not in_plane else "lid" if self.pour.lid else "cup"
@@ -547,7 +563,7 @@ class _Maker:
 
     def _make_inlet(self, part: str, begin: Array, end: Array, length: float) -> Inlet:
         occ, workshop = self.occ, self.workshop
-        along, radius = (end - begin) / length, 0.5 * MM * workshop.inlet_width
+        along, radius = (end - begin) / length, 0.5 * MM_PER_M * workshop.inlet_width
         upright = abs(along[2]) > 1.0 - 1e-9
         self._check_silicone(begin, end - begin, radius)
         outer = radius + (0.5 * LUER_TAPER * length if workshop.inlet == "luer" else 0.0)
@@ -560,18 +576,23 @@ class _Maker:
                 )
             outer, inner = self._tapered(length, radius, part)
         core = self._rod(begin, end, outer, inner)
-        room = _one(list(occ.intersect([core], [self.envelope], removeTool=False)[0]), "the inlet")
+        room = _single_solid(list(occ.intersect([core], [self.envelope], removeTool=False)[0]), "the inlet")
         far = np.array([1.0, 1.0, 0.0]) * 2.0 * float((self.high - self.low).max())
-        room = _one(_within([room], self.low - far, self.high + far), "the inlet")
+        room = _single_solid(_copies_in_box([room], self.low - far, self.high + far), "the inlet")
         self.plugs += occ.intersect([room], [self.whole], removeObject=False, removeTool=False)[0]
         if part != "pin":
             return Inlet(part, room, occ.copy([room])[0], None, -along, begin, outer)
-        reach = MM * workshop.rim
+        reach = MM_PER_M * workshop.rim
         pin = self._rod(begin - reach * along, begin, outer + 0.5 * self._cone_of * reach, outer)
-        head = self._rod(begin - (reach + HANDLE) * along, begin - reach * along, outer + HANDLE, outer + HANDLE)
-        gap = MM * workshop.clearance
+        head = self._rod(
+            begin - (reach + HANDLE_THICKNESS) * along,
+            begin - reach * along,
+            outer + HANDLE_THICKNESS,
+            outer + HANDLE_THICKNESS,
+        )
+        gap = MM_PER_M * workshop.clearance
         bore = self._rod(begin - reach * along, begin, outer + 0.5 * self._cone_of * reach + gap, outer + gap)
-        core = _one(merged([occ.copy([room])[0], pin, head]), "the inlet pin")
+        core = _single_solid(merged([occ.copy([room])[0], pin, head]), "the inlet pin")
         return Inlet(part, room, core, bore, -along, begin, outer + 0.5 * self._cone_of * reach + gap)
 
     @property
@@ -586,10 +607,10 @@ class _Maker:
 
     def _check_silicone(self, begin: Array, along: Array, radius: float) -> None:
         occ, workshop = self.occ, self.workshop
-        around = (3, occ.addCylinder(*begin, *along, radius + MM * LEAST_SILICONE))
+        around = (3, occ.addCylinder(*begin, *along, radius + MM_PER_M * LEAST_SILICONE))
         inside = occ.intersect(occ.copy([around]), [self.envelope], removeTool=False)[0]
-        found = sum(occ.getMass(*solid) for solid in inside)
-        if found < (1.0 - NEAR) * occ.getMass(*around):
+        volume = sum(occ.getMass(*solid) for solid in inside)
+        if volume < (1.0 - POINT_TOLERANCE) * occ.getMass(*around):
             raise MouldError(
                 f"tube is {schema.shown(workshop.tube, 'm')}; it would leave less than {schema.shown(LEAST_SILICONE, 'm')} of "
                 f"silicone around it"
@@ -600,11 +621,11 @@ class _Maker:
         """Return the radii of an upright inlet's core outside and inside: thinner away from the body that carries it."""
         workshop = self.workshop
         tip = radius - length * workshop.slope
-        if 2.0 * tip < MM * workshop.least_wall:
+        if 2.0 * tip < MM_PER_M * workshop.least_wall:
             raise MouldError(
-                f"draft is {schema.shown(workshop.draft, 'degree')}; over {schema.shown(length / MM, 'm')} it "
+                f"draft is {schema.shown(workshop.draft, 'degree')}; over {schema.shown(length / MM_PER_M, 'm')} it "
                 "closes the inlet: of its "
-                f"core of {schema.shown(workshop.tube, 'm')} {schema.shown(max(2.0 * tip, 0.0) / MM, 'm')} are "
+                f"core of {schema.shown(workshop.tube, 'm')} {schema.shown(max(2.0 * tip, 0.0) / MM_PER_M, 'm')} are "
                 "left, but the printer's "
                 f"smallest rib is {schema.shown(workshop.least_wall, 'm')}"
             )
@@ -650,7 +671,7 @@ def _cone(place: tuple[float, float], level: float, height: float, begin: float,
     return (3, int(gmsh.model.occ.addCone(*place, level, 0, 0, height, begin, end)))
 
 
-def _one(solids: list[Solid], what: str) -> Solid:
+def _single_solid(solids: list[Solid], what: str) -> Solid:
     if len(solids) != 1 or solids[0][0] != 3:
         raise MeshingError(
             f"the CAD kernel made {len(solids)} solids of {what} instead of one; change a length slightly"
@@ -662,9 +683,9 @@ def _one(solids: list[Solid], what: str) -> Solid:
 # Place the pour opening and the vents on flat faces of the piece, clear of every core.
 
 
-GRID = 120
+GRID_PLACES = 120
 """Number of candidate places along the longer side."""
-ALONG = 60
+EDGE_POINTS = 60
 """Points on each curve of the face's edge."""
 
 
@@ -682,36 +703,38 @@ def hole_places(
     are.
     """
     places, room = _places(_edge(cast, heights[0]), line)
-    needed = 0.5 * MM * workshop.least_gap if fewer else 0.5 * MM * workshop.pour + MM * workshop.least_gap
+    needed = (
+        0.5 * MM_PER_M * workshop.least_gap if fewer else 0.5 * MM_PER_M * workshop.pour + MM_PER_M * workshop.least_gap
+    )
     best = float(room.max(initial=0.0))
     if best < needed and fewer:
         raise MouldError(
-            f"a core's peg is {schema.shown(round(2.0 * best / MM, 6), 'm')} wide, too narrow to cast the core of "
+            f"a core's peg is {schema.shown(round(2.0 * best / MM_PER_M, 6), 'm')} wide, too narrow to cast the core of "
             "wax through it; "
             "print the core (--core lost)"
         )
     if best < needed:
         raise MouldError(
             f"pour is {schema.shown(workshop.pour, 'm')}; the bonding face has room for "
-            f"{schema.shown(round(max(2.0 * (best / MM - workshop.least_gap), 0.0), 6), 'm')} beside the cores"
+            f"{schema.shown(round(max(2.0 * (best / MM_PER_M - workshop.least_gap), 0.0), 6), 'm')} beside the cores"
         )
     pour = places[room.argmax()]
     if heights[1] != heights[0]:
         places, room = _places(_edge(cast, heights[1]), line)
-    free = places[room >= 0.5 * MM * workshop.vent + MM * workshop.least_gap]
-    apart = 0.5 * MM * (workshop.pour + workshop.vent) + MM * workshop.least_wall
-    found = [pour]
+    free = places[room >= 0.5 * MM_PER_M * workshop.vent + MM_PER_M * workshop.least_gap]
+    apart = 0.5 * MM_PER_M * (workshop.pour + workshop.vent) + MM_PER_M * workshop.least_wall
+    hole_places = [pour]
     for _ in range(workshop.vents):
-        beside = found[1:] if heights[1] != heights[0] and len(found) > 1 else found
+        beside = hole_places[1:] if heights[1] != heights[0] and len(hole_places) > 1 else hole_places
         distance, _ = cKDTree(np.array(beside)).query(free)
         if not len(free) or distance.max() < apart:
             if fewer:
                 break
             raise MouldError(
-                f"vents is {workshop.vents}; the bonding face has room for {len(found) - 1} beside the cores"
+                f"vents is {workshop.vents}; the bonding face has room for {len(hole_places) - 1} beside the cores"
             )
-        found.append(free[distance.argmax()])
-    return found
+        hole_places.append(free[distance.argmax()])
+    return hole_places
 
 
 def _edge(cast: list[Solid], level: float) -> Array:
@@ -723,7 +746,7 @@ def _edge(cast: list[Solid], level: float) -> Array:
             continue
         for _, curve in gmsh.model.getBoundary([(2, face)], combined=False, oriented=False):
             low, high = (bound[0] for bound in gmsh.model.getParametrizationBounds(1, curve))
-            at = np.reshape(gmsh.model.getValue(1, curve, np.linspace(low, high, ALONG + 1)), (-1, 3))[:, :2]
+            at = np.reshape(gmsh.model.getValue(1, curve, np.linspace(low, high, EDGE_POINTS + 1)), (-1, 3))[:, :2]
             pieces.append(np.stack([at[:-1], at[1:]], axis=1))
     if not pieces:
         raise MouldError("the parting plane leaves no face to bond; choose another (--split)")
@@ -733,7 +756,7 @@ def _edge(cast: list[Solid], level: float) -> Array:
 def _places(segments: Array, line: tuple[int, float] | None = None) -> tuple[Array, Array]:
     """Return the places inside of an edge, shape (n, 2), on a line if there is one, and how far each is from the edge."""
     low, high = segments.min(axis=(0, 1)), segments.max(axis=(0, 1))
-    step = float((high - low).max()) / GRID
+    step = float((high - low).max()) / GRID_PLACES
     x, y = np.meshgrid(*(np.arange(a + 0.5 * step, b, step) for a, b in zip(low, high, strict=True)), indexing="ij")
     places = np.column_stack([x.ravel(), y.ravel()])
     if line is not None:

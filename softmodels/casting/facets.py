@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from geometries import meshing
 from softmodels.casting import settings
-from softmodels.casting.bodies import MM, Solid, imported
+from softmodels.casting.bodies import MM_PER_M, Solid, imported
 from softmodels.common import names
 from softmodels.common.arrays import Array
 from softmodels.common.errors import MeshingError
@@ -65,10 +65,9 @@ class Facets:
         return int(np.count_nonzero(count != 1)) + sum((b, a) not in both for a, b in both)
 
 
-SHARE = 0.72
+EDGE_SAFETY_FACTOR = 0.72
 """Safety factor of the edge length, because triangles deviate more than their edges."""
-ROUNDS = 4
-"""Maximum number of refinements."""
+MAX_REFINEMENTS = 4
 FINE_ENOUGH = 10_000
 """Number of triangles above which second order is accurate for the volume; fewer are curved to fourth order."""
 LEAST_COSINE = 0.7
@@ -81,14 +80,14 @@ def facets_of(file: Path, chord: float) -> Facets:
     with meshing.private_model():
         solid = read_step(file)
         surfaces = [tag for _, tag in gmsh.model.getBoundary([(3, solid)], oriented=False)]
-        shares = dict.fromkeys(surfaces, SHARE)
-        for _ in range(ROUNDS):
+        shares = dict.fromkeys(surfaces, EDGE_SAFETY_FACTOR)
+        for _ in range(MAX_REFINEMENTS):
             set_sizes(solid, shares, chord)
             gmsh.model.mesh.clear()
             gmsh.model.mesh.generate(2)
             off = {surface: _distance(surface, chord) for surface in surfaces}
             if max(off.values()) <= chord:
-                return _measured(surfaces, max(off.values()))
+                return _oriented_triangles(surfaces, max(off.values()))
             for surface, distance in off.items():
                 shares[surface] *= max(0.5, min(1.0, 0.9 * math.sqrt(chord / max(distance, 1e-12))))
     raise MeshingError(
@@ -103,7 +102,7 @@ def read_step(file: Path) -> int:
     return int(solid)
 
 
-def _measured(surfaces: list[int], chord: float) -> Facets:
+def _oriented_triangles(surfaces: list[int], chord: float) -> Facets:
     """Read the current mesh, and orient its triangles outwards."""
     tags, places, _ = gmsh.model.mesh.getNodes()
     index = np.full(int(tags.max()) + 1, -1)
@@ -136,8 +135,8 @@ def _turns(meshed: dict[int, Cells], points: Array) -> dict[int, float]:
     meets: dict[int, dict[int, float]] = {surface: {} for surface in meshed}
     for pair in owners.values():
         if len(pair) == 2 and pair[0][0] != pair[1][0]:
-            (one, way), (other, back) = pair
-            meets[one][other] = meets[other][one] = -way * back
+            (start, way), (other, back) = pair
+            meets[start][other] = meets[other][start] = -way * back
     begin = next(iter(meshed))
     turns, queue = {begin: 1.0}, [begin]
     while queue:
@@ -161,14 +160,14 @@ def _normals(surface: int, corners: Cells) -> Array:
     values = np.reshape(gmsh.model.getNormal(surface, at), (-1, 3))
     index = np.full(int(tags.max()) + 1, -1)
     index[tags.astype(int)] = np.arange(len(tags))
-    found = values[index[corners]]
+    corner_normals = values[index[corners]]
     a, b, c = np.moveaxis(places.reshape(-1, 3)[index[corners]], 1, 0)
     flat = np.cross(b - a, c - a)
     flat /= np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-300)
-    flat *= np.sign(np.einsum("ikj,ij->i", found, flat))[:, None]
+    flat *= np.sign(np.einsum("ikj,ij->i", corner_normals, flat))[:, None]
     # At a pole the surface parametrisation has no valid normal; use the triangle's.
-    lost = np.einsum("ikj,ij->ik", found, flat) < LEAST_COSINE
-    return np.asarray(np.where(lost[:, :, None], flat[:, None], found))
+    lost = np.einsum("ikj,ij->ik", corner_normals, flat) < LEAST_COSINE
+    return np.asarray(np.where(lost[:, :, None], flat[:, None], corner_normals))
 
 
 def _distance(surface: int, chord: float) -> float:
@@ -212,9 +211,9 @@ def _off_sphere(on: Array, looked: Array) -> Array:
     side."""
     middle = on.mean(axis=0)
     rows = np.column_stack([2.0 * (on - middle), np.ones(len(on))])
-    found = np.linalg.lstsq(rows, ((on - middle) ** 2).sum(axis=1), rcond=None)[0]
-    radius = math.sqrt(found[3] + found[:3] @ found[:3])
-    return np.asarray(np.abs(np.linalg.norm(looked - middle - found[:3], axis=1) - radius))
+    solution = np.linalg.lstsq(rows, ((on - middle) ** 2).sum(axis=1), rcond=None)[0]
+    radius = math.sqrt(solution[3] + solution[:3] @ solution[:3])
+    return np.asarray(np.abs(np.linalg.norm(looked - middle - solution[:3], axis=1) - radius))
 
 
 def _volume(turns: dict[int, float], middle: Array, count: int) -> tuple[float, Array]:
@@ -237,7 +236,7 @@ def _volume(turns: dict[int, float], middle: Array, count: int) -> tuple[float, 
 # Maximum edge lengths of a body's triangles for a given chord error.
 
 
-PLANAR, DELAUNAY = 3, 6
+PLANAR_ALGORITHM, DELAUNAY_ALGORITHM = 3, 6
 """Gmsh's algorithms: a plane needs no inner nodes."""
 
 
@@ -248,7 +247,7 @@ def set_sizes(solid: int, shares: dict[int, float], chord: float) -> None:
     sizes: dict[tuple[int, int], float] = {}
     for surface, share in shares.items():
         plane = gmsh.model.getType(2, surface) == "Plane"
-        gmsh.model.mesh.setAlgorithm(2, surface, PLANAR if plane else DELAUNAY)
+        gmsh.model.mesh.setAlgorithm(2, surface, PLANAR_ALGORITHM if plane else DELAUNAY_ALGORITHM)
         size = largest if plane else min(largest, share * 2.0 * math.sqrt(2.0 * chord / _curvature(surface)))
         sizes[2, surface] = size
         for _, curve in gmsh.model.getBoundary([(2, surface)], combined=False, oriented=False):
@@ -281,9 +280,9 @@ def _bend(curve: int) -> float:
 # What the printer gets: bodies laid on their flat sides on plates, how long that takes, and a coupon for its clearances.
 
 
-FLAT = 1e-3
+LOWEST_PLANE_TOLERANCE = 1e-3
 """Distance in mm from the lowest plane below which a triangle lies in it."""
-BETWEEN = 4.0
+PLATE_GAP = 4.0
 """Gap between bodies on a plate, and to its edge, mm."""
 RESIN_DENSITY = 1100.0
 """Density of cured printing resin, kg/m3."""
@@ -297,7 +296,7 @@ QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
 @dataclasses.dataclass(frozen=True)
-class Placed:
+class PlacedBody:
     """A body's surface where it lies on a plate (numbered from 1), in mm from the plate's corner."""
 
     name: str
@@ -322,7 +321,7 @@ def laid_flat(facets: Facets) -> Facets:
 
     def flat(turn: Array) -> float:
         heights = facets.corners @ turn[2]
-        lowest = (heights - heights.min()).max(axis=1) < FLAT
+        lowest = (heights - heights.min()).max(axis=1) < LOWEST_PLANE_TOLERANCE
         return float(np.linalg.norm(areas[lowest], axis=1).sum())
 
     turn = max(SIDES, key=flat)
@@ -330,36 +329,36 @@ def laid_flat(facets: Facets) -> Facets:
     return moved(facets, turn, -points.min(axis=0))
 
 
-def arranged(bodies: Sequence[tuple[str, Facets]], workshop: settings.Workshop) -> list[Placed]:
+def arranged(bodies: Sequence[tuple[str, Facets]], workshop: settings.Workshop) -> list[PlacedBody]:
     """Return bodies on plates: in rows, the deepest first, and on a further plate where one is full.
 
     A body that is larger than a plate has one for itself.
     """
-    wide, deep = MM * workshop.bed_width, MM * workshop.bed_depth
+    wide, deep = MM_PER_M * workshop.bed_width, MM_PER_M * workshop.bed_depth
     laid = []
     for name, facets in bodies:
         flat = laid_flat(facets)
         x, y, _ = flat.points.max(axis=0)
-        if y > x or x > wide - 2.0 * BETWEEN:
-            flat = moved(flat, QUARTER, np.array([y, 0.0, 0.0])) if x <= deep - 2.0 * BETWEEN or y > x else flat
+        if y > x or x > wide - 2.0 * PLATE_GAP:
+            flat = moved(flat, QUARTER, np.array([y, 0.0, 0.0])) if x <= deep - 2.0 * PLATE_GAP or y > x else flat
         laid.append((name, flat))
-    laid.sort(key=lambda one: -float(one[1].points[:, 1].max()))
-    found, plate, x, y, row = list[Placed](), 1, BETWEEN, BETWEEN, 0.0
+    laid.sort(key=lambda body: -float(body[1].points[:, 1].max()))
+    placed, plate, x, y, row = list[PlacedBody](), 1, PLATE_GAP, PLATE_GAP, 0.0
     for name, flat in laid:
         width, depth = (float(value) for value in flat.points[:, :2].max(axis=0))
-        if x > BETWEEN and x + width > wide - BETWEEN:
-            x, y, row = BETWEEN, y + row + BETWEEN, 0.0
-        if y > BETWEEN and y + depth > deep - BETWEEN:
-            plate, x, y, row = plate + 1, BETWEEN, BETWEEN, 0.0
-        found.append(Placed(name, plate, moved(flat, np.eye(3), np.array([x, y, 0.0]))))
-        x, row = x + width + BETWEEN, max(row, depth)
-    return found
+        if x > PLATE_GAP and x + width > wide - PLATE_GAP:
+            x, y, row = PLATE_GAP, y + row + PLATE_GAP, 0.0
+        if y > PLATE_GAP and y + depth > deep - PLATE_GAP:
+            plate, x, y, row = plate + 1, PLATE_GAP, PLATE_GAP, 0.0
+        placed.append(PlacedBody(name, plate, moved(flat, np.eye(3), np.array([x, y, 0.0]))))
+        x, row = x + width + PLATE_GAP, max(row, depth)
+    return placed
 
 
-def too_large(placed: Sequence[Placed], workshop: settings.Workshop) -> list[str]:
+def too_large(placed: Sequence[PlacedBody], workshop: settings.Workshop) -> list[str]:
     """Return the names of the bodies that are larger than a plate."""
-    size = MM * np.array([workshop.bed_width, workshop.bed_depth])
-    return [one.name for one in placed if (one.facets.points[:, :2].max(axis=0) > size).any()]
+    size = MM_PER_M * np.array([workshop.bed_width, workshop.bed_depth])
+    return [body.name for body in placed if (body.facets.points[:, :2].max(axis=0) > size).any()]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -376,34 +375,34 @@ class PrintEstimate:
         return RESIN_DENSITY * self.resin
 
 
-def print_estimate(placed: Sequence[Placed], workshop: settings.Workshop) -> PrintEstimate:
+def print_estimate(placed: Sequence[PlacedBody], workshop: settings.Workshop) -> PrintEstimate:
     """Return what the bodies on their plates take on a printer that cures a layer at a time."""
     times = []
-    for _, group in itertools.groupby(placed, lambda one: one.plate):
-        height = max(float(one.facets.points[:, 2].max()) for one in group) / MM
+    for _, group in itertools.groupby(placed, lambda body: body.plate):
+        height = max(float(body.facets.points[:, 2].max()) for body in group) / MM_PER_M
         times.append(math.ceil(height / workshop.layer) * workshop.layer_time)
-    return PrintEstimate(sum(one.facets.volume for one in placed) / MM**3, tuple(times))
+    return PrintEstimate(sum(body.facets.volume for body in placed) / MM_PER_M**3, tuple(times))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The coupon: sockets of several clearances for one pin, and ribs and slots of several widths, to find what a printer can do.
 
 
-CLEARANCES = (0.05, 0.10, 0.15, 0.20, 0.25, 0.30)
+COUPON_CLEARANCES = (0.05, 0.10, 0.15, 0.20, 0.25, 0.30)
 """Clearances of the coupon's sockets, mm, from the marked corner on."""
-WIDTHS = (0.3, 0.4, 0.5, 0.6, 0.8, 1.0)
+COUPON_WIDTHS = (0.3, 0.4, 0.5, 0.6, 0.8, 1.0)
 """Widths of the coupon's ribs and slots, mm, in the same order."""
 
 
 def coupon_solids(workshop: settings.Workshop) -> dict[str, Solid]:
     """Add the coupon to the current Gmsh model: a plate with sockets, ribs and slots, and a pin on a foot."""
     occ = gmsh.model.occ
-    pitch, deep = MM * workshop.pin + 4.0, MM * workshop.pin_length
-    root, drop = 0.5 * MM * workshop.pin, MM * workshop.pin_length * workshop.slope
-    plate = (3, occ.addBox(0, 0, 0, pitch * len(CLEARANCES), 3.0 * pitch, deep + 2.0))
+    pitch, deep = MM_PER_M * workshop.pin + 4.0, MM_PER_M * workshop.pin_length
+    root, drop = 0.5 * MM_PER_M * workshop.pin, MM_PER_M * workshop.pin_length * workshop.slope
+    plate = (3, occ.addBox(0, 0, 0, pitch * len(COUPON_CLEARANCES), 3.0 * pitch, deep + 2.0))
     top = deep + 2.0
     ribs, tools = list[Solid](), [(3, occ.addBox(-1, -1, -1, 3, 3, top + 2))]  # the corner cut off marks the first one
-    for k, (gap, width) in enumerate(zip(CLEARANCES, WIDTHS, strict=True)):
+    for k, (gap, width) in enumerate(zip(COUPON_CLEARANCES, COUPON_WIDTHS, strict=True)):
         x = (k + 0.5) * pitch
         tools.append((3, occ.addCone(x, 0.5 * pitch, top, 0, 0, -deep, root + gap, root + gap - drop)))
         tools.append((3, occ.addBox(x - 0.5 * width, 1.2 * pitch, top - 2.0, width, 0.6 * pitch, 3.0)))
@@ -416,7 +415,7 @@ def coupon_solids(workshop: settings.Workshop) -> dict[str, Solid]:
     return {"coupon": body[0], "coupon pin": peg[0]}
 
 
-def plate_names(placed: Sequence[Placed]) -> list[str]:
+def plate_names(placed: Sequence[PlacedBody]) -> list[str]:
     """Return the names of the plates' files without ending, in their order."""
-    count = max(one.plate for one in placed)
+    count = max(body.plate for body in placed)
     return ["plate"] if count == 1 else [f"plate-{k}" for k in range(1, count + 1)]

@@ -17,12 +17,12 @@ import numpy as np
 from geometries import Actuator, actuator
 from softmodels.case.case import Case
 from softmodels.casting import make, settings
-from softmodels.casting.bodies import MM
+from softmodels.casting.bodies import MM_PER_M
 from softmodels.casting.facets import (
-    CLEARANCES,
-    WIDTHS,
+    COUPON_CLEARANCES,
+    COUPON_WIDTHS,
     Facets,
-    Placed,
+    PlacedBody,
     arranged,
     plate_names,
     print_estimate,
@@ -90,7 +90,7 @@ def three_mf_bytes(bodies: Mapping[str, Facets]) -> bytes:
     return data.getvalue()
 
 
-def write_bodies(folder: Path, asked: settings.Asked, made: make.Made) -> None:
+def write_bodies(folder: Path, asked: settings.MouldRequest, made: make.Mould) -> None:
     """Write everything but pictures and the sheet."""
     for body in (*made.bodies, *made.casts):
         write_bytes(folder / f"{body.stem}.step", body.step)
@@ -100,7 +100,7 @@ def write_bodies(folder: Path, asked: settings.Asked, made: make.Made) -> None:
         write_bytes(folder / f"{body.stem}.stl", stl_bytes(body.facets))
     placed = printed(asked, made)
     for plate, name in enumerate(plate_names(placed), 1):
-        on_it = {one.name: one.facets for one in placed if one.plate == plate}
+        on_it = {placed_body.name: placed_body.facets for placed_body in placed if placed_body.plate == plate}
         write_bytes(folder / f"{name}.3mf", three_mf_bytes(on_it))
         write_bytes(folder / f"{name}.stl", stl_bytes(*on_it.values()))
     write_bytes(folder / "device.step", made.device)
@@ -108,12 +108,12 @@ def write_bodies(folder: Path, asked: settings.Asked, made: make.Made) -> None:
     write_text(folder / "checks.json", json.dumps(checks(asked, made), indent=1) + "\n")
 
 
-def printed(asked: settings.Asked, made: make.Made) -> list[Placed]:
+def printed(asked: settings.MouldRequest, made: make.Mould) -> list[PlacedBody]:
     """Return all that is printed, on plates."""
     return arranged([(body.name, body.facets) for body in (*made.printed, *made.extras)], asked.workshop)
 
 
-def checks(asked: settings.Asked, made: make.Made) -> dict[str, object]:
+def checks(asked: settings.MouldRequest, made: make.Mould) -> dict[str, object]:
     """Return the check results; keys end in their unit."""
     return {
         "device_volume_mm3": made.volume * 1e9,
@@ -123,14 +123,14 @@ def checks(asked: settings.Asked, made: make.Made) -> dict[str, object]:
         "device_less_cast_share": made.differs,
         "block_less_bodies_openings_casts_share": made.balance,
         "smallest_silicone_wall_mm": made.thinnest * 1e3,
-        "smallest_channel_mm": _known(made.channel * 1e3),
+        "smallest_channel_mm": _json_number(made.channel * 1e3),
         "shrinkage": asked.workshop.shrinkage,
         "stl_chord_allowed_mm": asked.workshop.chord * 1e3,
         "bodies": {body.name: _of_body(body) for body in made.bodies},
     }
 
 
-def _known(value: float) -> float | None:
+def _json_number(value: float) -> float | None:
     """Return a number that JSON can hold."""
     return value if math.isfinite(value) else None
 
@@ -141,16 +141,16 @@ def _of_body(body: make.MouldBody) -> dict[str, object]:
         "watertight": body.facets.open_edges == 0,
         "volume_mm3": body.facets.volume,
         "least_lean_of_part_deg": body.checked.lean + 0.0,
-        "least_draft_of_pins_and_holes_deg": _known(body.checked.own_lean),
+        "least_draft_of_pins_and_holes_deg": _json_number(body.checked.own_lean),
         "smallest_wall_mm": body.checked.wall * 1e3,
-        "smallest_gap_mm": _known(body.checked.gap * 1e3),
+        "smallest_gap_mm": _json_number(body.checked.gap * 1e3),
         "overlap_on_the_way_out_mm": body.checked.overlap * 1e3,
         "fins": [
             {
                 "count": fin.alike,
-                "thickness_mm": fin.thickness * MM,
-                "depth_mm": fin.depth * MM,
-                "length_mm": fin.length * MM,
+                "thickness_mm": fin.thickness * MM_PER_M,
+                "depth_mm": fin.depth * MM_PER_M,
+                "length_mm": fin.length * MM_PER_M,
                 "draft_deg": fin.draft,
                 "depth_over_thickness": fin.slenderness,
                 "depth_over_thickness_allowed": fin.allowed,
@@ -201,7 +201,7 @@ def mould(
     layer_time: float | str | None = None,
     pull: str | None = None,
     split: str | None = None,
-) -> make.Made:
+) -> make.Mould:
     """Make the mould of a device, and write it if a folder is given.
 
     Args:
@@ -230,29 +230,28 @@ def mould(
     return _made_into(folder, asked)
 
 
-def _made_into(folder: str | Path | None, asked: settings.Asked) -> make.Made:
+def _made_into(folder: str | Path | None, asked: settings.MouldRequest) -> make.Mould:
     """Make a mould, and write it into a folder if one is given."""
     if folder is None:
         return make.made(asked.device, asked.workshop)
     output = names.place("folder", folder, "a folder")
     own = commands.ResultFolder(output, output, "mould", {"silicone": asked.silicone, "workshop": asked.workshop})
     try:
-        found = make.made(asked.device, asked.workshop)
+        mould = make.made(asked.device, asked.workshop)
         with own.writing() as inside:
-            write_bodies(inside, asked, found)
-            write_sheet(inside, asked, found)
+            write_bodies(inside, asked, mould)
+            write_sheet(inside, asked, mould)
     finally:
         own.leave()
-    return found
+    return mould
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The casting sheet: amounts, steps, dimensions and checks.
 
 
-READ = "see the data sheet"
-ML = 1e6
-"""ml per m3."""
+READ_DATA_SHEET = "see the data sheet"
+ML_PER_M3 = 1e6
 
 Row = tuple[str, ...]
 
@@ -280,21 +279,21 @@ class BenchSheet:
     notes: Sequence[str]
 
 
-def bench_sheet(asked: settings.Asked, made: make.Made) -> BenchSheet:
+def bench_sheet(asked: settings.MouldRequest, made: make.Mould) -> BenchSheet:
     """Return the sheet of a mould."""
     return BenchSheet(
-        f"Mould of {asked.name}", _about(asked, made), _amounts(asked, made), _prints(asked, made), _steps(asked, made),
+        f"Mould of {asked.name}", _description(asked, made), _amounts(asked, made), _prints(asked, made), _steps(asked, made),
         _walls(asked, made), _checks(asked, made), [*(f"{text[0].upper()}{text[1:]}." for text in made.notes), *_notes(asked)],
     )  # fmt: skip
 
 
-def _about(asked: settings.Asked, made: make.Made) -> list[str]:
+def _description(asked: settings.MouldRequest, made: make.Mould) -> list[str]:
     silicone, workshop = asked.casting, asked.workshop
     count = ("", "", "two", "three", "four")[min(len(made.casts), 4)]
     pieces = ", ".join(f"the {cast.piece}" for cast in made.casts)
     how = f"It is cast in {count} pieces, {pieces}, which are bonded. " if count else "It is cast in one piece. "
     texts = [
-        f"{type(asked.device).__name__}, {made.volume * ML:.4g} ml of silicone"
+        f"{type(asked.device).__name__}, {made.volume * ML_PER_M3:.4g} ml of silicone"
         + (f", {asked.silicone}." if asked.silicone else "; the silicone is not named."),
         how + made.recipe.why,
     ]
@@ -305,7 +304,7 @@ def _about(asked: settings.Asked, made: make.Made) -> list[str]:
             f"{_time(silicone.pot_life)}, cure {_time(silicone.cure_time)} at 23 C. Source: {silicone.source}."
         )
     else:
-        texts.append(f"Mixing ratio, density, pot life and cure time: {READ} of the silicone.")
+        texts.append(f"Mixing ratio, density, pot life and cure time: {READ_DATA_SHEET} of the silicone.")
     if workshop.shrinkage:
         larger = workshop.scale - 1.0
         texts.append(f"All bodies are larger by {larger:.2%}, for a linear shrinkage of {workshop.shrinkage:.2%}.")
@@ -327,21 +326,21 @@ def _time(seconds: float) -> str:
     )
 
 
-def _amounts(asked: settings.Asked, made: make.Made) -> SheetTable:
+def _amounts(asked: settings.MouldRequest, made: make.Mould) -> SheetTable:
     """Return the volumes and masses of each piece and of all, with the surplus, and the amounts of A and B."""
     silicone, more = asked.casting, 1.0 + asked.workshop.surplus
-    volumes = [(cast.name, cast.facets.volume / MM**3) for cast in made.casts]
+    volumes = [(cast.name, cast.facets.volume / MM_PER_M**3) for cast in made.casts]
     if len(volumes) > 1:
         volumes.append(("all", sum(volume for _, volume in volumes)))
     rows = []
     for name, volume in volumes:
-        row = [name, f"{volume * ML:.2f}", f"{volume * more * ML:.1f}"]
+        row = [name, f"{volume * ML_PER_M3:.2f}", f"{volume * more * ML_PER_M3:.1f}"]
         if silicone:
             mass = 1e3 * silicone.density * volume
             a, b = (more * mass * part / sum(silicone.parts) for part in silicone.parts)
             row += [f"{mass:.2f}", f"{more * mass:.1f}", f"{a:.1f}", f"{b:.1f}"]
         else:
-            row += [READ, "", "", ""]
+            row += [READ_DATA_SHEET, "", "", ""]
         rows.append(tuple(row))
     extra = f"{asked.workshop.surplus:.0%}"
     head = (
@@ -356,15 +355,15 @@ def _amounts(asked: settings.Asked, made: make.Made) -> SheetTable:
     return SheetTable("Silicone", head, rows)
 
 
-def _prints(asked: settings.Asked, made: make.Made) -> SheetTable:
+def _prints(asked: settings.MouldRequest, made: make.Mould) -> SheetTable:
     """Return the resin of all bodies, and the printer's time for each plate."""
     workshop, placed = asked.workshop, printed(asked, made)
-    found = print_estimate(placed, workshop)
+    prints = print_estimate(placed, workshop)
     rows = [
-        ("resin", f"{found.resin * ML:.1f} ml, {1e3 * found.mass:.0f} g", "without supports and what the wash takes"),
+        ("resin", f"{prints.resin * ML_PER_M3:.1f} ml, {1e3 * prints.mass:.0f} g", "without supports and what the wash takes"),
         *((f"plate {k}, {name}.stl", _time(time),
            f"layers of {schema.shown(workshop.layer, 'm')}, {schema.shown(workshop.layer_time, 's')} each")
-          for k, (name, time) in enumerate(zip(plate_names(placed), found.times, strict=True), 1)),
+          for k, (name, time) in enumerate(zip(plate_names(placed), prints.times, strict=True), 1)),
     ]  # fmt: skip
     rows += [
         (name, "larger than the plate", "print it on a larger one, or in pieces")
@@ -373,20 +372,20 @@ def _prints(asked: settings.Asked, made: make.Made) -> SheetTable:
     return SheetTable("Printing", ("what", "estimate", "of"), rows)
 
 
-def _steps(asked: settings.Asked, made: make.Made) -> list[str]:
+def _steps(asked: settings.MouldRequest, made: make.Mould) -> list[str]:
     silicone = asked.casting
-    pot = f"within {_time(silicone.pot_life)}" if silicone else f"within its pot life ({READ})"
-    cure = _time(silicone.cure_time) if silicone else f"its cure time ({READ})"
+    pot = f"within {_time(silicone.pot_life)}" if silicone else f"within its pot life ({READ_DATA_SHEET})"
+    cure = _time(silicone.cure_time) if silicone else f"its cure time ({READ_DATA_SHEET})"
     weigh = (
         "Weigh A and B as in the table of silicone"
         if silicone
-        else f"Weigh A and B in the ratio of the silicone ({READ})"
+        else f"Weigh A and B in the ratio of the silicone ({READ_DATA_SHEET})"
     )
     steps = [
         f"Print or mill the {len(made.printed)} bodies (lengths in mm), as laid flat in the plates' files, without supports. "
         "Freshly printed resin inhibits platinum-cure silicone: bake or coat the prints.",
         "Try the coupon first: which sockets take its pin, and which ribs and slots are whole? From the corner cut off, "
-        f"clearances are {_list(CLEARANCES)} mm and widths {_list(WIDTHS)} mm.",
+        f"clearances are {_list(COUPON_CLEARANCES)} mm and widths {_list(COUPON_WIDTHS)} mm.",
         "Test the fit without silicone. The pins allow only one orientation; the rims must close without a gap.",
         "Coat all bodies thinly with release agent.",
         *itertools.chain.from_iterable(_wax_steps(pour, *made.of(pour)) for pour in made.recipe.pours if pour.wax),
@@ -404,25 +403,25 @@ def _steps(asked: settings.Asked, made: make.Made) -> list[str]:
     return [*steps, *_thread_steps(made), *_tube_steps(asked, made)]
 
 
-def _thread_steps(made: make.Made) -> list[str]:
+def _thread_steps(made: make.Mould) -> list[str]:
     """Return how a tube is wound."""
     wound = made.wound
     if wound is None:
         return []
-    found = []
+    steps = []
     for lay in wound.lays:
         length = f"{lay.length(wound.radius, wound.end - wound.begin):.2f} m in all"
         if lay.threads:
             hand = "right" if lay.angle > 0.0 else "left"
             threads = f"{lay.threads} thread{'s side by side, each' if lay.threads > 1 else ','} one turn every"
-            found.append(
+            steps.append(
                 f"at {abs(lay.angle):g} deg, {hand}-handed: {threads} {schema.shown(_brief(lay.advance), 'm')}, {length}"
             )
         else:
-            found.append(f"rings every {schema.shown(_brief(lay.spacing), 'm')}, {length}")
+            steps.append(f"rings every {schema.shown(_brief(lay.spacing), 'm')}, {length}")
     return [
         f"Wind thread of {schema.shown(wound.width, 'm')} into the grooves without stretching the tube "
-        f"({'; '.join(found)}). Hold its "
+        f"({'; '.join(steps)}). Hold its "
         "ends with a drop of silicone, then brush a thin coat of silicone over all of it."
     ]
 
@@ -445,9 +444,9 @@ def _wax_steps(pour: actuator.Pour, bodies: Sequence[make.MouldBody], core: make
         else "to the brim, and tilt and tap the air out from under its shoulder"
     )
     return [
-        f"Clamp {parts} and stand them with the open end up. Melt {1.2 * core.facets.volume / MM**3 * ML:.1f} ml of wax that "
-        "melts below the softening point of the prints, warm the mould, and pour through the open end, or inject with a warm "
-        f"syringe, {full}. Top up while it sets and shrinks, and scrape it flush when it is cold.",
+        f"Clamp {parts} and stand them with the open end up. Melt {1.2 * core.facets.volume / MM_PER_M**3 * ML_PER_M3:.1f} ml "
+        "of wax that melts below the softening point of the prints, warm the mould, and pour through the open end, or inject "
+        f"with a warm syringe, {full}. Top up while it sets and shrinks, and scrape it flush when it is cold.",
         f"{'Part the halves sideways' if sideways else 'Lift the floor off, and the frame the other way'}, take the "
         f"{pour.name} out{', cut off what set in the vents' if vented else ''}, and smooth its seam with a warm blade.",
     ]
@@ -500,7 +499,7 @@ def _pour_steps(pour: actuator.Pour, bodies: Sequence[str], cure: str, wax: bool
     return steps
 
 
-def _tube_steps(asked: settings.Asked, made: make.Made) -> list[str]:
+def _tube_steps(asked: settings.MouldRequest, made: make.Mould) -> list[str]:
     """Return how the tube is put in, and the test of the cavity; nothing without a closed one."""
     workshop = asked.workshop
     if made.plug:
@@ -516,50 +515,60 @@ def _tube_steps(asked: settings.Asked, made: make.Made) -> list[str]:
     return [first, "Inflate gently under water: no bubbles may rise from the bond or the tube."]
 
 
-def _walls(asked: settings.Asked, made: make.Made) -> SheetTable:
+def _walls(asked: settings.MouldRequest, made: make.Mould) -> SheetTable:
     workshop = asked.workshop
-    rows = [(f"silicone of the {cast.piece} beyond its core, along the pull", f"{cast.beyond * MM:.2f}", "")
+    rows = [(f"silicone of the {cast.piece} beyond its core, along the pull", f"{cast.beyond * MM_PER_M:.2f}", "")
             for cast in made.casts if cast.beyond > 1e-6]  # fmt: skip
-    rows.append(("thinnest silicone", f"{made.thinnest * MM:.2f}", ""))
+    rows.append(("thinnest silicone", f"{made.thinnest * MM_PER_M:.2f}", ""))
     if not math.isnan(made.channel):
         rows.append(
-            ("narrowest channel or cavity", f"{made.channel * MM:.2f}", f"{workshop.least_wall * MM:g} (printer's rib)")
+            (
+                "narrowest channel or cavity",
+                f"{made.channel * MM_PER_M:.2f}",
+                f"{workshop.least_wall * MM_PER_M:g} (printer's rib)",
+            )
         )
     rows += [
-        ("floors and lids of the mould", f"{workshop.wall * MM:.2f}", f"{workshop.least_wall * MM:g}"),
-        ("rims of the mould", f"{workshop.rim * MM:.2f}", f"{workshop.least_wall * MM:g}"),
-        ("pins, diameter at their root", f"{workshop.pin * MM:.2f}", ""),
-        ("gap around a pin", f"{workshop.clearance * MM:.2f}", ""),
+        (
+            "floors and lids of the mould",
+            f"{workshop.wall * MM_PER_M:.2f}",
+            f"{workshop.least_wall * MM_PER_M:g}",
+        ),
+        ("rims of the mould", f"{workshop.rim * MM_PER_M:.2f}", f"{workshop.least_wall * MM_PER_M:g}"),
+        ("pins, diameter at their root", f"{workshop.pin * MM_PER_M:.2f}", ""),
+        ("gap around a pin", f"{workshop.clearance * MM_PER_M:.2f}", ""),
     ]
     if made.wound:
-        size = f"{made.wound.width * MM:.2f} x {made.wound.depth * MM:.2f}"
-        rows.append(("groove for the thread, width and depth", size, f"{workshop.least_wall * MM:g} (printer's wall)"))
+        size = f"{made.wound.width * MM_PER_M:.2f} x {made.wound.depth * MM_PER_M:.2f}"
+        rows.append(
+            ("groove for the thread, width and depth", size, f"{workshop.least_wall * MM_PER_M:g} (printer's wall)")
+        )
     if workshop.bolt:
-        rows.append(("holes for bolts, diameter", f"{workshop.bolt * MM:.2f}", ""))
+        rows.append(("holes for bolts, diameter", f"{workshop.bolt * MM_PER_M:.2f}", ""))
     return SheetTable("Thicknesses", ("what", "mm", "at least, mm"), rows)
 
 
-def _checks(asked: settings.Asked, made: make.Made) -> SheetTable:
-    rows = [_checked(body) for body in made.bodies]
+def _checks(asked: settings.MouldRequest, made: make.Mould) -> SheetTable:
+    rows = [_checked_body(body) for body in made.bodies]
     head = ("body", "watertight", "thinnest wall (mm)", "narrowest gap (mm)", "smallest draft of the part's walls (deg)",
             "smallest draft of pins and holes (deg)", "depth of fins over their thickness",
             f"STL error (um; {asked.workshop.chord * 1e6:g} allowed)")  # fmt: skip
     return SheetTable("Checked before writing", head, rows)
 
 
-def _checked(body: make.MouldBody) -> Row:
-    found = body.checked
-    assert found is not None
+def _checked_body(body: make.MouldBody) -> Row:
+    checks = body.checked
+    assert checks is not None
     return (
-        body.name, "yes" if body.facets.open_edges == 0 else "no", f"{found.wall * MM:.2f}",
-        f"{found.gap * MM:.2f}" if math.isfinite(found.gap) else "",
-        f"{max(found.lean, 0.0) + 0.0:.2f}", "" if math.isnan(found.own_lean) else f"{found.own_lean:.2f}",
-        f"{found.fins[0].slenderness:.3g} ({found.fins[0].allowed:g} allowed)" if found.fins else "",
-        f"{found.chord * 1e6:.0f}",
+        body.name, "yes" if body.facets.open_edges == 0 else "no", f"{checks.wall * MM_PER_M:.2f}",
+        f"{checks.gap * MM_PER_M:.2f}" if math.isfinite(checks.gap) else "",
+        f"{max(checks.lean, 0.0) + 0.0:.2f}", "" if math.isnan(checks.own_lean) else f"{checks.own_lean:.2f}",
+        f"{checks.fins[0].slenderness:.3g} ({checks.fins[0].allowed:g} allowed)" if checks.fins else "",
+        f"{checks.chord * 1e6:.0f}",
     )  # fmt: skip
 
 
-def _notes(asked: settings.Asked) -> list[str]:
+def _notes(asked: settings.MouldRequest) -> list[str]:
     notes = [
         "Walls of the part parallel to the pull have no draft, so that the cast equals the computed device: the flexible "
         "silicone is bent out of its cup. Pins, sockets, pour opening, vents and an upright inlet have draft.",
@@ -574,12 +583,12 @@ def _notes(asked: settings.Asked) -> list[str]:
 # The sheet with its pictures.
 
 
-def write_sheet(folder: Path, asked: settings.Asked, made: make.Made, pictures: bool = True) -> bool:
+def write_sheet(folder: Path, asked: settings.MouldRequest, made: make.Mould, pictures: bool = True) -> bool:
     """Write ``sheet.md``, ``sheet.html``, the drawings and the pictures into a folder; return whether pictures were rendered:
     if wanted, and where that can be done."""
     rendered = pictures and offscreen.can_render()
     drawing(made).savefig(folder / DRAWING)
-    size = (MM * asked.workshop.bed_width, MM * asked.workshop.bed_depth)
+    size = (MM_PER_M * asked.workshop.bed_width, MM_PER_M * asked.workshop.bed_depth)
     plates_picture(printed(asked, made), size).savefig(folder / PLATES)
     files = draw_all(folder, made) if rendered else []
     files += [(PLATES, "The printer's plates from above"), (DRAWING, "Outer dimensions of the bodies")]
@@ -591,11 +600,13 @@ def write_sheet(folder: Path, asked: settings.Asked, made: make.Made, pictures: 
     return rendered
 
 
-def sheet_page(sheet: BenchSheet, pictures: Mapping[str, pages.Picture], made: make.Made) -> str:
+def sheet_page(sheet: BenchSheet, pictures: Mapping[str, pages.Picture], made: make.Mould) -> str:
     """Return the sheet as a page, with pictures by the names of their files."""
     first, steps, plates = ([pictures[name]] if name in pictures else [] for name in (EXPLODED, STEPS, PLATES))
     others = [picture for name, picture in pictures.items() if name not in (EXPLODED, STEPS, PLATES)]
-    of_casts = [pages.Table(one.rows, one.head) for one in (sheet.amounts, sheet.walls, sheet.checks, sheet.prints)]
+    of_casts = [
+        pages.Table(table.rows, table.head) for table in (sheet.amounts, sheet.walls, sheet.checks, sheet.prints)
+    ]
     return Page(
         sheet.title, " ".join(sheet.about[:2]),
         [
@@ -609,8 +620,8 @@ def sheet_page(sheet: BenchSheet, pictures: Mapping[str, pages.Picture], made: m
         ],
         commands.Provenance.now(),
         [
-            pages.Fact("Silicone of the device", f"{made.volume * ML:.4g} ml"),
-            pages.Fact("Thinnest silicone", f"{made.thinnest * MM:.3g} mm"),
+            pages.Fact("Silicone of the device", f"{made.volume * ML_PER_M3:.4g} ml"),
+            pages.Fact("Thinnest silicone", f"{made.thinnest * MM_PER_M:.3g} mm"),
 pages.Fact("Silicone to mix", f"{sheet.amounts.rows[-1][2]} ml", sheet.amounts.head[2].partition(" (")[0]),
         ],
     ).html()  # fmt: skip

@@ -27,16 +27,15 @@ from softmodels.common.lazy import gmsh
 
 SMALLEST_ANGLE = 20.0
 """Smallest angle of a thread from the axis in degrees: below, grooves run together where the halves part."""
-RING = 89.99
-"""Angle in degrees above which threads are rings."""
-APART = 0.01
+MIN_RING_ANGLE = 89.99
+FLANK_DISTANCE = 0.01
 """Distance of the flanks from where they would touch the tube's cylinders, over its radius."""
-STRAY = 0.1
+HELIX_TOLERANCE = 0.1
 """Distance of a flank's plane pieces from the helix, over the thread's diameter."""
 
 
 @dataclasses.dataclass(frozen=True)
-class Lay:
+class ThreadFamily:
     """A family of threads around a tube: signed angle from the axis in degrees, how many threads run side by side, advance of
     each per turn and distance of neighbours along the tube in m. Rings have no advance."""
 
@@ -60,7 +59,7 @@ class Winding:
     end: float
     width: float
     depth: float
-    lays: tuple[Lay, ...]
+    lays: tuple[ThreadFamily, ...]
 
 
 def winding(workshop: settings.Workshop, wound: tuple[float, float, float] | None) -> Winding | None:
@@ -89,37 +88,42 @@ def winding(workshop: settings.Workshop, wound: tuple[float, float, float] | Non
             f"{schema.shown(workshop.least_wall, 'm')} (least_wall), and at most as high as half of the radius, "
             f"{schema.shown(radius, 'm')}"
         )
-    found = Winding(
-        radius, begin + width, end, width, depth, tuple(_lay(workshop, angle, radius) for angle in workshop.angles)
+    winding = Winding(
+        radius,
+        begin + width,
+        end,
+        width,
+        depth,
+        tuple(_thread_families(workshop, angle, radius) for angle in workshop.angles),
     )
-    for lay in found.lays:
-        _check(found, lay, workshop)
-    return found
+    for lay in winding.lays:
+        _check(winding, lay, workshop)
+    return winding
 
 
-def _lay(workshop: settings.Workshop, angle: float, radius: float) -> Lay:
+def _thread_families(workshop: settings.Workshop, angle: float, radius: float) -> ThreadFamily:
     if not SMALLEST_ANGLE <= abs(angle) <= 90.0:
         raise MouldError(
             f"lay has {schema.shown(angle, 'degree')}; threads between {SMALLEST_ANGLE:g} and 90 deg from the axis "
             "leave the mould's "
             "halves, others run along where these part"
         )
-    if abs(angle) > RING:
-        return Lay(90.0, 0, 0.0, workshop.spacing)
+    if abs(angle) > MIN_RING_ANGLE:
+        return ThreadFamily(90.0, 0, 0.0, workshop.spacing)
     advance = 2.0 * math.pi * radius / math.tan(math.radians(abs(angle)))
     threads = max(1, round(advance / workshop.spacing))
-    return Lay(angle, threads, advance, advance / threads)
+    return ThreadFamily(angle, threads, advance, advance / threads)
 
 
-def _check(found: Winding, lay: Lay, workshop: settings.Workshop) -> None:
+def _check(winding: Winding, lay: ThreadFamily, workshop: settings.Workshop) -> None:
     """Check that there are grooves, and something is left between neighbours where they are widest."""
-    if lay.spacing > (straight := found.end - found.begin) - found.width:
+    if lay.spacing > (straight := winding.end - winding.begin) - winding.width:
         raise MouldError(
             f"threads at {schema.shown(lay.angle, 'degree')} lie {schema.shown(float(f'{lay.spacing:.3g}'), 'm')} "
             "apart along the tube, of "
             f"which only {schema.shown(float(f'{straight:.3g}'), 'm')} can be wound; choose a smaller spacing"
         )
-    across = found.width / math.sin(math.radians(abs(lay.angle))) + _widening(found, lay)
+    across = winding.width / math.sin(math.radians(abs(lay.angle))) + _widening(winding, lay)
     if lay.spacing - across < workshop.least_gap:
         raise MouldError(
             f"threads at {schema.shown(lay.angle, 'degree')} lie {schema.shown(float(f'{lay.spacing:.3g}'), 'm')} "
@@ -132,44 +136,52 @@ def _check(found: Winding, lay: Lay, workshop: settings.Workshop) -> None:
         )
 
 
-def _widening(found: Winding, lay: Lay) -> float:
+def _widening(winding: Winding, lay: ThreadFamily) -> float:
     """Return by how much a groove is wider along the tube where the halves part, m."""
-    return lay.advance / (2.0 * math.pi) * math.acos(1.0 - found.depth / found.radius - APART) if lay.advance else 0.0
+    return (
+        lay.advance / (2.0 * math.pi) * math.acos(1.0 - winding.depth / winding.radius - FLANK_DISTANCE)
+        if lay.advance
+        else 0.0
+    )
 
 
-def groove_solids(found: Winding, axis: int, scale: float) -> list[meshing.Entity]:
+def groove_solids(winding: Winding, axis: int, scale: float) -> list[meshing.Entity]:
     """Add what is cut out of a tube around z, which is parted across x (0) or y (1), to the current Gmsh model; a length in m
     times the scale is one there. Beyond the tube they go on."""
     occ, solids = gmsh.model.occ, list[meshing.Entity]()
-    unit, beyond = meshing.MM * scale, 1.5 * found.radius
+    unit, beyond = meshing.MM_PER_M * scale, 1.5 * winding.radius
     for side in (1.0, -1.0):
         faces = list[meshing.Entity]()
-        for lay in found.lays:
+        for lay in winding.lays:
             climb = math.copysign(1.0, lay.angle) * side * (1.0 if axis == 1 else -1.0) * lay.advance / (2.0 * math.pi)
-            reach = math.pi * abs(climb) + found.width if climb else -0.5 * found.width  # whole rings only
-            first, last = ((height + way * reach) / lay.spacing for height, way in ((found.begin, -1), (found.end, 1)))
-            half = 0.5 * found.width / math.sin(math.radians(abs(lay.angle)))
+            reach = math.pi * abs(climb) + winding.width if climb else -0.5 * winding.width  # whole rings only
+            first, last = (
+                (height + way * reach) / lay.spacing for height, way in ((winding.begin, -1), (winding.end, 1))
+            )
+            half = 0.5 * winding.width / math.sin(math.radians(abs(lay.angle)))
             for k in range(math.ceil(first), math.floor(last) + 1):
-                faces.append(_face(_outline(found, climb, half), k * lay.spacing, axis, unit))
+                faces.append(_face(_outline(winding, climb, half), k * lay.spacing, axis, unit))
         faces = list(occ.fuse(faces[:1], faces[1:])[0]) if len(faces) > 1 else faces
-        corners = np.array([[beyond, found.begin], [-beyond, found.begin], [-beyond, found.end], [beyond, found.end]])
+        corners = np.array(
+            [[beyond, winding.begin], [-beyond, winding.begin], [-beyond, winding.end], [beyond, winding.end]]
+        )
         faces = list(occ.intersect(faces, [_face(corners, 0.0, axis, unit)])[0])
         grown = occ.extrude(faces, *(unit * side * beyond * np.eye(3)[axis]))
         solids += [solid for solid in grown if solid[0] == 3]
-    low, high = (unit * height for height in (found.begin, found.end))
-    inner = (3, occ.addCylinder(0, 0, low, 0, 0, high - low, unit * (found.radius - found.depth)))
+    low, high = (unit * height for height in (winding.begin, winding.end))
+    inner = (3, occ.addCylinder(0, 0, low, 0, 0, high - low, unit * (winding.radius - winding.depth)))
     return list(occ.cut(solids, [inner])[0])
 
 
-def _outline(found: Winding, climb: float, half: float) -> Array:
+def _outline(winding: Winding, climb: float, half: float) -> Array:
     """Return the corners (x, z) of a groove seen along y, in m, shape (n, 2)."""
-    outer, inner, far = found.radius, found.radius * (1.0 - APART) - found.depth, 1.5 * found.radius
+    outer, inner, far = winding.radius, winding.radius * (1.0 - FLANK_DISTANCE) - winding.depth, 1.5 * winding.radius
     c = abs(climb)
     if not c:
         return np.array([[far, -half], [-far, -half], [-far, half], [far, half]])
-    touch = math.acos(1.0 - APART)  # no flank touches the outer cylinder
+    touch = math.acos(1.0 - FLANK_DISTANCE)  # no flank touches the outer cylinder
     quarter = 0.5 * math.pi
-    pieces = max(3, math.ceil(quarter / math.sqrt(8.0 * STRAY * found.width / c)))
+    pieces = max(3, math.ceil(quarter / math.sqrt(8.0 * HELIX_TOLERANCE * winding.width / c)))
 
     def flank(first: float, last: float, way: float) -> Array:
         turn = np.linspace(first, last, 2 * pieces + 1)

@@ -15,8 +15,8 @@ import numpy.typing as npt
 from geometries import Actuator, actuator, meshing
 from softmodels.casting import facets, grooves, settings
 from softmodels.casting.bodies import (
-    FLUSH,
-    MM,
+    FLUSH_TOLERANCE,
+    MM_PER_M,
     LostCore,
     Solid,
     Tooling,
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
-class Made(cards.Shown):
+class Mould(cards.ResultCard):
     """The finished mould; lengths of bodies in mm, everything else in SI units.
 
     Attributes:
@@ -111,16 +111,16 @@ class Made(cards.Shown):
     @property
     def notes(self) -> list[str]:
         """What may go wrong with the printed bodies, sentences with the remedy."""
-        found = [(body, fin) for body in self.bodies if body.checked for fin in body.checked.fins if fin.slender]
-        return [fin.told(body.name, self.scale) for body, fin in found]
+        fins = [(body, fin) for body in self.bodies if body.checked for fin in body.checked.fins if fin.slender]
+        return [fin.told(body.name, self.scale) for body, fin in fins]
 
     @property
     def cast_volume(self) -> float:
         """Volume of all casts after demoulding, m3."""
-        return sum(body.facets.volume for body in self.casts) / MM**3
+        return sum(body.facets.volume for body in self.casts) / MM_PER_M**3
 
 
-def made(device: Actuator, workshop: settings.Workshop, stopped: Callable[[], bool] = bool) -> Made:
+def made(device: Actuator, workshop: settings.Workshop, stopped: Callable[[], bool] = bool) -> Mould:
     """Make the mould of a device, slices and sections standing for their whole; ``stopped`` is asked several times a second,
     and once true ends the work.
 
@@ -129,17 +129,17 @@ def made(device: Actuator, workshop: settings.Workshop, stopped: Callable[[], bo
         GeometryError, MeshingError: The device's whole cannot be made, or a body fails a check.
         MeshingStopped: ``stopped`` was true.
     """
-    return meshing.apart(_made, device, recipe_of(device, workshop), workshop, stopped=stopped)
+    return meshing.apart(_make_pieces, device, recipe_of(device, workshop), workshop, stopped=stopped)
 
 
 @dataclasses.dataclass(frozen=True)
-class _Drawn:
+class _DrawnPiece:
     """One piece's mould once its model is closed.
 
     Attributes:
         folder: A STEP of each body, of ``cast``, and of each jig, core, cavity and plug by its number.
         counts: How many jigs, cores, cavities and plugs there are.
-        differs: See `Made`.
+        differs: See `Mould`.
         taken, beyond: Volume of the block in no body, and of bodies not in the block, mm3.
         plug: Volume of the plugs, mm3.
     """
@@ -170,105 +170,111 @@ class _Piece:
     channel: float
 
 
-def _made(device: Actuator, recipe: actuator.Recipe, workshop: settings.Workshop) -> Made:
+def _make_pieces(device: Actuator, recipe: actuator.Recipe, workshop: settings.Workshop) -> Mould:
     with tempfile.TemporaryDirectory() as place:
-        drawn, molten = list[_Drawn](), list[_Drawn]()
+        drawn, molten = list[_DrawnPiece](), list[_DrawnPiece]()
         for k, pour in enumerate(recipe.pours):  # all of them before any is measured, which takes most of the time
-            drawn.append(_draw(device, recipe, pour, workshop, _inside(place, str(k))))
+            drawn.append(_draw(device, recipe, pour, workshop, _new_folder(place, str(k))))
             if pour.lost and workshop.core == "wax":
-                molten.append(_draw_wax(drawn[-1], workshop, _inside(place, f"{k} wax")))
+                molten.append(_draw_wax(drawn[-1], workshop, _new_folder(place, f"{k} wax")))
         # Closed cavities are the same for all pieces: their points as the device lies.
-        cavities = drawn[0].surfaces("cavity", MM * workshop.chord)
+        cavities = drawn[0].surfaces("cavity", MM_PER_M * workshop.chord)
         where = face_namer(device, drawn[0].tools.frame)
         channels = [check_core(cavity, math.nan, workshop, where) / workshop.scale for cavity in cavities]
         inside = np.concatenate([np.zeros((0, 3)), *(cavity.points for cavity in cavities)]) @ drawn[0].tools.frame.turn
-        pieces = [_piece(device, one, inside, workshop) for one in drawn]
-        waxes = [_piece(LostCore(one.file("cast")), one, np.zeros((0, 3)), workshop) for one in molten]
-        shrunk = workshop.scale**-3 / MM**3
+        pieces = [_piece(device, drawn_piece, inside, workshop) for drawn_piece in drawn]
+        waxes = [
+            _piece(LostCore(drawn_piece.file("cast")), drawn_piece, np.zeros((0, 3)), workshop)
+            for drawn_piece in molten
+        ]
+        shrunk = workshop.scale**-3 / MM_PER_M**3
         plug, grooved = (
-            sum(volumes) * shrunk for volumes in zip(*((one.plug, one.tools.grooved) for one in drawn), strict=True)
+            sum(volumes) * shrunk
+            for volumes in zip(*((drawn_piece.plug, drawn_piece.tools.grooved) for drawn_piece in drawn), strict=True)
         )
         casts = tuple(piece.cast for piece in pieces)
         silicone = min(
-            thicknesses(cast.facets, _flanks(cast.facets, one.tools))[0][0]
-            for cast, one in zip(casts, drawn, strict=True)
+            thicknesses(cast.facets, _flanks(cast.facets, drawn_piece.tools))[0][0]
+            for cast, drawn_piece in zip(casts, drawn, strict=True)
         )
         channels = [width for width in (*channels, *(piece.channel for piece in pieces)) if math.isfinite(width)]
-        first = {one.tools.pour.name.removesuffix(" core"): one.tools.pour for one in molten}
-        pours = [pour for one in recipe.pours for pour in (first.get(one.name), one) if pour]
-        return Made(
+        first = {drawn_piece.tools.pour.name.removesuffix(" core"): drawn_piece.tools.pour for drawn_piece in molten}
+        pours = [pour for part in recipe.pours for pour in (first.get(part.name), part) if pour]
+        return Mould(
             dataclasses.replace(recipe, pours=tuple(pours)),
             tuple(body for piece in (*waxes, *pieces) for body in piece.bodies), _extras(drawn, workshop), casts,
-            tuple(piece.cast for piece in waxes), _bonded(drawn, Path(place)),
-            max(one.differs for one in (*drawn, *molten)),
+            tuple(piece.cast for piece in waxes), _bonded_step(drawn, Path(place)),
+            max(drawn_piece.differs for drawn_piece in (*drawn, *molten)),
             max((piece.balance for piece in (*pieces, *waxes)), key=abs),
             sum(cast.facets.volume for cast in casts) * shrunk + plug + grooved, plug, grooved,
-            next((one.tools.wound for one in drawn), None), silicone / MM / workshop.scale,
+            next((drawn_piece.tools.wound for drawn_piece in drawn), None), silicone / MM_PER_M / workshop.scale,
             min(channels, default=math.nan), workshop.scale,
         )  # fmt: skip
 
 
-def _inside(place: str, name: str) -> Path:
+def _new_folder(place: str, name: str) -> Path:
     """Return a new folder in another one."""
     folder = Path(place) / name
     folder.mkdir()
     return folder
 
 
-def _draw_wax(drawn: _Drawn, workshop: settings.Workshop, folder: Path) -> _Drawn:
+def _draw_wax(drawn: _DrawnPiece, workshop: settings.Workshop, folder: Path) -> _DrawnPiece:
     """Make the mould in which a piece's lost core is cast of wax, with its peg."""
     tools, name = drawn.tools, f"{drawn.tools.pour.name} core"
-    core = facets.facets_of(drawn.file(name), MM * workshop.chord)
+    core = facets.facets_of(drawn.file(name), MM_PER_M * workshop.chord)
     with meshing.private_model():
         (solid,) = imported(drawn.file(name))
         box = np.reshape(gmsh.model.occ.getBoundingBox(*solid), (2, 3))
     middle = np.array([*box.mean(axis=0)[:2], tools.level])
     along = None if tools.pour.sideways is None else int(np.abs(tools.frame.turn @ tools.pour.sideways).argmax())
     peg = float(core.points[:, 2].min())
-    parting = next((axis for axis in (along, 2, 1, 0) if axis is not None and _parts(core, axis, middle[axis])), None)
+    parting = next(
+        (axis for axis in (along, 2, 1, 0) if axis is not None and _parts_sideways(core, axis, middle[axis])), None
+    )
     if parting is None:
         raise MouldError(f"the {name} does not leave a mould in two halves in any direction; print it (--core lost)")
     pour = actuator.Pour(
-        name=name, up=(0.0, 0.0, 1.0), level=peg / MM, lid=False, wax=True, vented=tools.level / MM,
-        floor=tools.level / MM if parting == 2 else None,
+        name=name, up=(0.0, 0.0, 1.0), level=peg / MM_PER_M, lid=False, wax=True, vented=tools.level / MM_PER_M,
+        floor=tools.level / MM_PER_M if parting == 2 else None,
         sideways=None if parting == 2 else _triple(np.eye(3)[parting]),
     )  # fmt: skip
     own = dataclasses.replace(workshop, shrinkage=workshop.wax_shrinkage)
     return _draw(LostCore(drawn.file(name)), actuator.Recipe(pours=(pour,), why=""), pour, own, folder)
 
 
-def _parts(core: Facets, axis: int, level: float) -> bool:
+def _parts_sideways(core: Facets, axis: int, level: float) -> bool:
     """Return whether nothing of a core hangs over in a mould of two halves that part along an axis at a level, mm."""
     beyond = core.corners[:, :, axis] - level
     lean = core.normals[:, :, axis] * np.sign(beyond)
-    return float(lean[np.abs(beyond) > FLUSH].min()) > -SLIP
+    return float(lean[np.abs(beyond) > FLUSH_TOLERANCE].min()) > -UNDERCUT_TOLERANCE
 
 
-def _extras(drawn: Sequence[_Drawn], workshop: settings.Workshop) -> tuple[MouldBody, ...]:
+def _extras(drawn: Sequence[_DrawnPiece], workshop: settings.Workshop) -> tuple[MouldBody, ...]:
     """Return the jig and the coupon."""
-    chord, folder = MM * workshop.chord, drawn[0].folder
+    chord, folder = MM_PER_M * workshop.chord, drawn[0].folder
     with meshing.private_model():
-        own = _Drawn(drawn[0].tools, folder, {}, 0.0, 0.0, 0.0, 0.0)
+        own = _DrawnPiece(drawn[0].tools, folder, {}, 0.0, 0.0, 0.0, 0.0)
         _write_steps(facets.coupon_solids(workshop), own)
     files = {"bonding jig": drawn[0].file("jig 0")} if drawn[0].counts["jig"] else {}
     files |= {name: own.file(name) for name in ("coupon", "coupon pin")}
-    found = [MouldBody(name, "", file.read_bytes(), facets.facets_of(file, chord), (0.0, 0.0, 0.0), None)
+    extras = [MouldBody(name, "", file.read_bytes(), facets.facets_of(file, chord), (0.0, 0.0, 0.0), None)
              for name, file in files.items()]  # fmt: skip
-    if leaks := [body.name for body in found if body.facets.open_edges]:
+    if leaks := [body.name for body in extras if body.facets.open_edges]:
         raise MeshingError(f"the {leaks[0]} is not watertight; change a length slightly")
-    return tuple(found)
+    return tuple(extras)
 
 
 def _draw(
     device: actuator.Castable, recipe: actuator.Recipe, pour: actuator.Pour, workshop: settings.Workshop, folder: Path
-) -> _Drawn:
+) -> _DrawnPiece:
     """Make the mould of one piece, compare its void with the piece, and write its STEP files; `MeshingError` if the mould
     leaves something else than the device."""
     with meshing.private_model():
         tools = tooling(device, recipe, pour, workshop)
         void = left(tools)
         differs = _difference(void, tools.target, tools.size)
-        if differs > SAME or len(void) != 1:
+        if differs > VOLUME_TOLERANCE or len(void) != 1:
             raise MeshingError(
                 f"the cast differs from the device (volumes or moments by {differs:.2g}); change a length slightly"
             )
@@ -283,35 +289,35 @@ def _draw(
         named = {body.name: body.solid for body in tools.bodies} | {"cast": void[0]}
         named |= {f"{kind} {k}": solid for kind, solids in several.items() for k, solid in enumerate(solids)}
         plug = sum(gmsh.model.occ.getMass(*solid) for solid in tools.plugs)
-        found = _Drawn(tools, folder, {kind: len(solids) for kind, solids in several.items()}, differs,
+        drawn_piece = _DrawnPiece(tools, folder, {kind: len(solids) for kind, solids in several.items()}, differs,
                        *_block_volumes(tools), plug)  # fmt: skip
-        _write_steps(named, found)
-    return found
+        _write_steps(named, drawn_piece)
+    return drawn_piece
 
 
-def _piece(device: Actuator | LostCore, drawn: _Drawn, inside: Array, workshop: settings.Workshop) -> _Piece:
+def _piece(device: Actuator | LostCore, drawn: _DrawnPiece, inside: Array, workshop: settings.Workshop) -> _Piece:
     """Measure and check the mould of one piece; ``inside`` are points of closed cavities, shape (n, 3), mm."""
-    tools, chord = drawn.tools, MM * workshop.chord
+    tools, chord = drawn.tools, MM_PER_M * workshop.chord
     named = {body.name: facets.facets_of(drawn.file(body.name), chord) for body in tools.bodies}
     surfaces = Surfaces(tools, named, facets.facets_of(drawn.file("cast"), CAST_CHORD))
     where = face_namer(device, tools.frame)
-    found = {name: check_body(name, surfaces, workshop, where) for name in named}
+    checks = {name: check_body(name, surfaces, workshop, where) for name in named}
     overlap = overlaps(surfaces)
     rest = balance(drawn, surfaces)
-    if abs(rest) > SAME:
+    if abs(rest) > VOLUME_TOLERANCE:
         raise MeshingError(
             f"bodies, openings and cast do not fill the mould ({rest:.2g} of it are left); change a length slightly"
         )
     bodies = [
         MouldBody(body.name, tools.pour.name, drawn.file(body.name).read_bytes(), named[body.name], _triple(body.pull),
-                  dataclasses.replace(found[body.name], overlap=overlap[body.name] / MM))
+                  dataclasses.replace(checks[body.name], overlap=overlap[body.name] / MM_PER_M))
         for body in tools.bodies
     ]  # fmt: skip
     cores = [] if len(inside) else drawn.surfaces("core", chord)
     widths = [check_core(core, tools.level, workshop, where) for core in cores]
     heights = np.concatenate([inside @ tools.frame.turn[2], *(core.points[:, 2] for core in cores)])
-    highest = float(heights[heights < tools.top + FLUSH].max(initial=tools.level))
-    beyond = (float(surfaces.cast.points[:, 2].max()) - highest) / MM / workshop.scale
+    highest = float(heights[heights < tools.top + FLUSH_TOLERANCE].max(initial=tools.level))
+    beyond = (float(surfaces.cast.points[:, 2].max()) - highest) / MM_PER_M / workshop.scale
     cast = MouldBody(f"{tools.pour.name} cast", tools.pour.name, drawn.file("cast").read_bytes(), surfaces.cast,
                      (0.0, 0.0, 0.0), None, beyond)  # fmt: skip
     return _Piece(bodies, cast, rest, min(widths, default=math.nan) / workshop.scale)
@@ -326,24 +332,25 @@ def _triple(vector: Array) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _difference(one: list[Solid], other: list[Solid], size: float) -> float:
+def _difference(solid_list: list[Solid], other: list[Solid], size: float) -> float:
     """Return how far two bodies differ in volume, centre and moments of inertia, as shares of the volume and of the size.
 
     Not the volume of what is left of one without the other: the CAD kernel fails on bodies whose faces all coincide.
     """
-    occ, found = gmsh.model.occ, []
-    for solids in (one, other):
+    occ, differences = gmsh.model.occ, []
+    for solids in (solid_list, other):
         mass = np.array([occ.getMass(*solid) for solid in solids])
         centre = np.array([occ.getCenterOfMass(*solid) for solid in solids])
         inertia = np.array([occ.getMatrixOfInertia(*solid) for solid in solids])
-        found.append((mass.sum(), mass @ centre, inertia.sum(axis=0)))
-    whole = found[1][0]
+        differences.append((mass.sum(), mass @ centre, inertia.sum(axis=0)))
+    whole = differences[1][0]
     return max(
-        float(np.abs(np.asarray(a) - b).max()) / (whole * size**k) for k, (a, b) in enumerate(zip(*found, strict=True))
+        float(np.abs(np.asarray(a) - b).max()) / (whole * size**k)
+        for k, (a, b) in enumerate(zip(*differences, strict=True))
     )
 
 
-def _bonded(pieces: Sequence[_Drawn], folder: Path) -> bytes:
+def _bonded_step(pieces: Sequence[_DrawnPiece], folder: Path) -> bytes:
     """Return the STEP of the pieces merged, with the tube's hole filled, in the device's own size and place."""
     file = folder / "device.step"
     with meshing.private_model():
@@ -362,7 +369,7 @@ def _bonded(pieces: Sequence[_Drawn], folder: Path) -> bytes:
     return file.read_bytes()
 
 
-def _write_steps(named: Mapping[str, Solid], drawn: _Drawn) -> None:
+def _write_steps(named: Mapping[str, Solid], drawn: _DrawnPiece) -> None:
     """Write each of some solids of the current Gmsh model into a file of its own."""
     gmsh.model.occ.synchronize()
     gmsh.option.setNumber("Geometry.OCCExportOnlyVisible", 1)
@@ -390,7 +397,7 @@ class MouldBody:
     step: bytes
     facets: Facets
     pull: tuple[float, float, float]
-    checked: Checked | None
+    checked: BodyChecks | None
     beyond: float = math.nan
 
     @property
@@ -403,16 +410,16 @@ class MouldBody:
 # Checks of every body of a mould before anything is written.
 
 
-SLIP = math.sin(math.radians(0.1))
+UNDERCUT_TOLERANCE = math.sin(math.radians(0.1))
 """Sine of the allowed undercut: 0.1 degrees, 2 um on a wall of 1 mm."""
-FACING = -0.8
+MAX_FACING_COSINE = -0.8
 """Cosine between the normals of two faces below which they are two sides of a wall instead of an edge."""
 MOST_RAYS = 20_000
-SAMPLES = 12
+FACE_SAMPLES = 12
 """Triangles of a face that tell whether it forms the piece."""
-SAME = 1e-6
+VOLUME_TOLERANCE = 1e-6
 """Largest difference between the device and its cast, relative to the device's volume."""
-WAYS = (0.01, 0.1, 0.4, 1.0)
+COLLISION_DISTANCES = (0.01, 0.1, 0.4, 1.0)
 """How far a body moves along its pull when collisions are looked for, in heights of the mould."""
 MOST_SLENDER, MOST_SLENDER_UPRIGHT = 10.0, 5.0
 """Depth over thickness up to which a fin of printed resin comes out whole, with and without draft."""
@@ -468,7 +475,9 @@ class Fin:
         many = f"{self.alike} {kind}s" if self.alike > 1 else f"a {kind}"
         draft = "without draft" if self.draft < 0.05 else f"with a draft of {self.draft:.2g} deg"
         length = "" if self.rod else f" and {schema.shown(_three(self.length), 'm')} long"
-        wide, drafted = (schema.shown(_up(self.depth / limit / scale), "m") for limit in (self.allowed, MOST_SLENDER))
+        wide, drafted = (
+            schema.shown(_rounded_up(self.depth / limit / scale), "m") for limit in (self.allowed, MOST_SLENDER)
+        )
         drafted = "" if drafted == wide else f" ({drafted} with a draft of {LEAST_DRAFT:g} deg)"
         return (
             f"the {body} has {many} {schema.shown(_three(self.thickness), 'm')} thick, "
@@ -483,13 +492,13 @@ def _three(value: float) -> float:
     return float(f"{value:.3g}")
 
 
-def _up(value: float) -> float:
+def _rounded_up(value: float) -> float:
     """Return a length in m rounded up to a tenth of a millimetre."""
     return math.ceil(1e4 * value - 0.1) / 1e4
 
 
 @dataclasses.dataclass(frozen=True)
-class Checked:
+class BodyChecks:
     """Check results of one body.
 
     Attributes:
@@ -522,44 +531,47 @@ class Surfaces:
     cast: Facets
 
 
-def check_body(name: str, found: Surfaces, workshop: settings.Workshop, named: Name) -> Checked:
+def check_body(name: str, surfaces: Surfaces, workshop: settings.Workshop, named: Name) -> BodyChecks:
     """Check a body: `MouldError` for an undercut, or a wall or gap too fine for the printer, `MeshingError` if it is not
     watertight, or its STL strays."""
-    facets = found.bodies[name]
+    facets = surfaces.bodies[name]
     if facets.open_edges:
         raise MeshingError(f"the {name} is not watertight ({facets.open_edges} open edges); change a length slightly")
-    lean, own = _leans(name, found, workshop, named)
-    wall, gap = thicknesses(facets, _flanks(facets, found.made))
+    lean, own = _least_draft(name, surfaces, workshop, named)
+    wall, gap = thicknesses(facets, _flanks(facets, surfaces.made))
     allowed = 2.0 * facets.chord
     for what, (value, place), limit, field in (
         ("thin", wall, workshop.least_wall, "least_wall"), ("wide", gap, workshop.least_gap, "least_gap"),
     ):  # fmt: skip
-        if value + allowed < MM * limit:
+        if value + allowed < MM_PER_M * limit:
             raise MouldError(
-                f"the {name} is {schema.shown(float(f'{value / MM:.3g}'), 'm')} {what} {named(place)}; the printer's "
+                f"the {name} is {schema.shown(float(f'{value / MM_PER_M:.3g}'), 'm')} {what} {named(place)}; the printer's "
                 f"smallest {'wall' if what == 'thin' else 'gap'} is {schema.shown(limit, 'm')} ({field})"
             )
     bound = facets.chord * _area(facets) / facets.volume
     differs = facets.polyhedron_volume / facets.volume - 1.0
-    if abs(differs) > bound + SAME:
+    if abs(differs) > bound + VOLUME_TOLERANCE:
         raise MeshingError(
             f"the STL of the {name} differs from its STEP by {differs:.2g} of the volume; use a smaller chord"
         )
     angles = np.degrees(np.arcsin(np.clip([lean, own], -1.0, 1.0)))
-    fins = tuple(dataclasses.replace(fin, where=named(fin.place)) if fin.slender else fin for fin in _fins(name, found))
-    return Checked(
-        float(angles[0]), float(angles[1]), wall[0] / MM, gap[0] / MM, facets.chord / MM, differs, math.nan, fins,
+    fins = tuple(
+        dataclasses.replace(fin, where=named(fin.place)) if fin.slender else fin for fin in _fins(name, surfaces)
+    )
+    return BodyChecks(
+        float(angles[0]), float(angles[1]), wall[0] / MM_PER_M, gap[0] / MM_PER_M,
+        facets.chord / MM_PER_M, differs, math.nan, fins,
     )  # fmt: skip
 
 
-def _fins(name: str, found: Surfaces) -> list[Fin]:
+def _fins(name: str, surfaces: Surfaces) -> list[Fin]:
     """Return the fins of a body: where a ray into it from a face that forms the part leaves through another one, by the pairs
     of these faces; one of those alike, the most slender first."""
-    facets = found.bodies[name]
-    pull = next(body.pull for body in found.made.bodies if body.name == name)
+    facets = surfaces.bodies[name]
+    pull = next(body.pull for body in surfaces.made.bodies if body.name == name)
     if not pull.any():
         return []
-    formed = _formed(facets, found.cast) & ~_owned(facets, found.made)
+    formed = _forming_faces(facets, surfaces.cast) & ~_release_faces(facets, surfaces.made)
     corners, normals = facets.corners, _flat_normals(facets)
     pieces, own, areas = _spread(corners, formed & np.any(normals, axis=1))
     pairs: dict[tuple[int, int], list[tuple[int, float]]] = {}
@@ -567,7 +579,7 @@ def _fins(name: str, found: Surfaces) -> list[Fin]:
     for k, (place, triangle) in enumerate(zip(pieces.mean(axis=1), own, strict=True)):
         step = -normals[triangle]
         cell, distance = cast_ray(place, step)
-        if cell >= 0 and formed[cell] and normals[triangle] @ normals[cell] < FACING:
+        if cell >= 0 and formed[cell] and normals[triangle] @ normals[cell] < MAX_FACING_COSINE:
             a, b = sorted((int(facets.face[triangle]), int(facets.face[cell])))
             pairs.setdefault((a, b), []).append((k, distance))
     fins: list[Fin] = []
@@ -578,7 +590,7 @@ def _fins(name: str, found: Surfaces) -> list[Fin]:
         )
         if fin is None:
             continue
-        twin = next((k for k, other in enumerate(fins) if _alike(fin, other)), None)
+        twin = next((k for k, other in enumerate(fins) if _same_fin(fin, other)), None)
         if twin is None:
             fins.append(fin)
         else:
@@ -598,11 +610,18 @@ def _fin(pieces: Array, normals: Array, areas: Array, thicknesses: Array, pull: 
     length = float(np.ptp(pieces @ along))
     depth = float(np.ptp(pieces @ pull)) if rod else 0.5 * float(areas.sum()) / length
     draft = math.degrees(math.asin(float(np.clip(-weights @ normals @ pull, 0.0, 1.0))))
-    fin = Fin(float(weights @ thicknesses) / MM, depth / MM, length / MM, draft, rod, weights @ pieces.mean(axis=1))
+    fin = Fin(
+        float(weights @ thicknesses) / MM_PER_M,
+        depth / MM_PER_M,
+        length / MM_PER_M,
+        draft,
+        rod,
+        weights @ pieces.mean(axis=1),
+    )
     return fin if fin.slenderness >= 1.0 else None
 
 
-def _alike(fin: Fin, other: Fin) -> bool:
+def _same_fin(fin: Fin, other: Fin) -> bool:
     """Return whether two fins have the same lengths within 5 %, and the same draft."""
     pairs = [(fin.thickness, other.thickness), (fin.depth, other.depth), (fin.length, other.length)]
     same = all(abs(a - b) < 0.05 * max(a, b) for a, b in pairs)
@@ -630,8 +649,8 @@ def _spread(corners: Array, chosen: npt.NDArray[np.bool_]) -> tuple[Array, facet
     for k in np.flatnonzero((area > 0.0) & (longest > step)):
         n = int(np.ceil(longest[k] / step))
         grid = np.indices((n, n)).reshape(2, -1).T
-        one, other = grid[grid.sum(axis=1) < n], grid[grid.sum(axis=1) < n - 1]
-        shares = np.vstack([one[:, None] + [(0, 0), (1, 0), (0, 1)], other[:, None] + [(1, 0), (1, 1), (0, 1)]]) / n
+        lower, other = grid[grid.sum(axis=1) < n], grid[grid.sum(axis=1) < n - 1]
+        shares = np.vstack([lower[:, None] + [(0, 0), (1, 0), (0, 1)], other[:, None] + [(1, 0), (1, 1), (0, 1)]]) / n
         pieces.append(a[k] + shares[..., :1] * (b[k] - a[k]) + shares[..., 1:] * (c[k] - a[k]))
         own.append(np.full(len(shares), k))
     every = max(1, sum(map(len, own)) // (2 * FIN_RAYS))
@@ -644,11 +663,11 @@ def _flanks(facets: Facets, made: Tooling) -> npt.NDArray[np.bool_] | None:
     """Return which triangles are on the flanks of grooves for threads, whose widths `winding` checks; None without any."""
     if made.wound is None:
         return None
-    near, scale = 1e-3, MM * made.frame.scale
+    near, scale = 1e-3, MM_PER_M * made.frame.scale
     outer, inner = scale * made.wound.radius, scale * (made.wound.radius - made.wound.depth)
     radius = np.linalg.norm(facets.corners[:, :, :2], axis=2)
     between = ((radius > inner - near) & (radius < outer + near)).all(axis=1)
-    on_one = [(np.abs(radius - one) < near).all(axis=1) for one in (outer, inner)]
+    on_one = [(np.abs(radius - cylinder) < near).all(axis=1) for cylinder in (outer, inner)]
     return np.asarray(between & ~on_one[0] & ~on_one[1])
 
 
@@ -656,12 +675,12 @@ def check_core(facets: Facets, foot: float, workshop: settings.Workshop, named: 
     """Return the smallest width in m of a core of the cavity; `MouldError` if that is too fine for the printer. ``foot`` is
     the height in mm of the plane in which it stands on a lid: that face is inside of a body."""
     (width, place), _ = thicknesses(facets, np.abs(facets.corners[:, :, 2] - foot).max(axis=1) < 1e-4)
-    if width + 2.0 * facets.chord < MM * workshop.least_wall:
+    if width + 2.0 * facets.chord < MM_PER_M * workshop.least_wall:
         raise MouldError(
-            f"a channel is {schema.shown(float(f'{width / MM:.3g}'), 'm')} wide {named(place)}; the printer's smallest rib is "
-            f"{schema.shown(workshop.least_wall, 'm')} (least_wall)"
+            f"a channel is {schema.shown(float(f'{width / MM_PER_M:.3g}'), 'm')} wide {named(place)}; the "
+            f"printer's smallest rib is {schema.shown(workshop.least_wall, 'm')} (least_wall)"
         )
-    return width / MM
+    return width / MM_PER_M
 
 
 def _area(facets: Facets) -> float:
@@ -669,15 +688,15 @@ def _area(facets: Facets) -> float:
     return 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
 
 
-def _leans(name: str, found: Surfaces, workshop: settings.Workshop, named: Name) -> tuple[float, float]:
+def _least_draft(name: str, surfaces: Surfaces, workshop: settings.Workshop, named: Name) -> tuple[float, float]:
     """Return the least sine of the lean of the part's faces along the body's pull, and of the pins and holes along theirs;
     `MouldError` for a face that hangs over, `MeshingError` for a pin, a socket or a hole with less than the draft."""
-    facets, made = found.bodies[name], found.made
+    facets, made = surfaces.bodies[name], surfaces.made
     pull = next(body.pull for body in made.bodies if body.name == name)
     if not pull.any():
         return 1.0, math.nan
     lean = -facets.normals @ pull
-    own, formed = _owned(facets, made), _formed(facets, found.cast)
+    own, formed = _release_faces(facets, made), _forming_faces(facets, surfaces.cast)
     least_own = float(np.abs(facets.normals[own, :, 2]).min(initial=1.0)) if own.any() else math.nan
     if least_own < math.sin(math.radians(workshop.draft)) - 1e-4:
         raise MeshingError(
@@ -685,7 +704,7 @@ def _leans(name: str, found: Surfaces, workshop: settings.Workshop, named: Name)
         )
     formed &= ~own
     worst = float(lean[formed].min(initial=1.0))
-    if worst < -SLIP:
+    if worst < -UNDERCUT_TOLERANCE:
         at = facets.corners[formed][np.unravel_index(lean[formed].argmin(), lean[formed].shape)[0]].mean(axis=0)
         lost = ", let its core be lost (--core lost)" if name.endswith("lid") else ""
         raise MouldError(
@@ -695,7 +714,7 @@ def _leans(name: str, found: Surfaces, workshop: settings.Workshop, named: Name)
     return worst, least_own
 
 
-def _owned(facets: Facets, made: Tooling) -> npt.NDArray[np.bool_]:
+def _release_faces(facets: Facets, made: Tooling) -> npt.NDArray[np.bool_]:
     """Return which triangles are on pins, sockets and holes along the pull, without their ends."""
     steep = np.abs(facets.normals[:, :, 2]).max(axis=1) < 0.9
     inside = np.zeros(len(steep), dtype=bool)
@@ -707,7 +726,7 @@ def _owned(facets: Facets, made: Tooling) -> npt.NDArray[np.bool_]:
     return inside & steep
 
 
-def _formed(facets: Facets, formed_by: Facets) -> npt.NDArray[np.bool_]:
+def _forming_faces(facets: Facets, formed_by: Facets) -> npt.NDArray[np.bool_]:
     """Return which triangles are on faces that form the cast: most of each lies on it."""
     locator = _locator(formed_by)
     near = facets.chord + formed_by.chord + 1e-3
@@ -717,7 +736,7 @@ def _formed(facets: Facets, formed_by: Facets) -> npt.NDArray[np.bool_]:
     part, cell, off = cast(int, _mutable(0)), cast(int, _mutable(0)), _mutable(0.0)
     for face in np.unique(facets.face):
         own = np.flatnonzero(facets.face == face)
-        tried = own[np.linspace(0, len(own) - 1, min(len(own), SAMPLES)).astype(int)]
+        tried = own[np.linspace(0, len(own) - 1, min(len(own), FACE_SAMPLES)).astype(int)]
         hits = 0
         for k in tried:
             locator.FindClosestPoint(list(middles[k]), closest, cell, part, off)
@@ -755,7 +774,7 @@ def thicknesses(
     chosen = np.flatnonzero(np.any(flat, axis=1) & ~skipped)
     if len(chosen) > MOST_RAYS:
         chosen = chosen[np.linspace(0, len(chosen) - 1, MOST_RAYS).astype(int)]
-    found = []
+    lengths = []
     for way in (-1.0, 1.0):
         best, place = math.inf, np.zeros(3)
         for k in chosen:
@@ -763,10 +782,10 @@ def thicknesses(
             cell, distance = cast_ray(begin, way * flat[k])
             if cell < 0 or skipped[cell]:
                 continue
-            if flat[k] @ flat[cell] < FACING and distance < best:
+            if flat[k] @ flat[cell] < MAX_FACING_COSINE and distance < best:
                 best, place = distance, begin
-        found.append((best, place))
-    return found[0], found[1]
+        lengths.append((best, place))
+    return lengths[0], lengths[1]
 
 
 def _ray_caster(facets: Facets) -> Callable[[Array, Array], tuple[int, float]]:
@@ -797,35 +816,35 @@ def manifold_of(facets: Facets) -> Manifold:
     )  # it takes no frozen ones
 
 
-def common_thickness(one: Manifold, other: Manifold) -> float:
+def common_thickness(manifold: Manifold, other: Manifold) -> float:
     """Return the thickness in mm of the thickest piece that two polyhedra have in common: its volume over half its area."""
-    pieces = (one ^ other).decompose()
+    pieces = (manifold ^ other).decompose()
     return max(
         (2.0 * piece.volume() / piece.surface_area() for piece in pieces if piece.surface_area() > 0.0), default=0.0
     )
 
 
-def overlaps(found: Surfaces) -> dict[str, float]:
+def overlaps(surfaces: Surfaces) -> dict[str, float]:
     """Return for each body how thick its overlap is with others in place, and with others and the cast on its way out, mm; an
     error if that is more than the triangles' distance from the exact faces."""
     from manifold3d import Manifold, OpType
 
-    made, solids = found.made, {name: manifold_of(facets) for name, facets in found.bodies.items()}
-    piece = manifold_of(found.cast)
-    allowed = found.cast.chord + max(facets.chord for facets in found.bodies.values()) + 1e-6
+    made, solids = surfaces.made, {name: manifold_of(facets) for name, facets in surfaces.bodies.items()}
+    piece = manifold_of(surfaces.cast)
+    allowed = surfaces.cast.chord + max(facets.chord for facets in surfaces.bodies.values()) + 1e-6
     height, worst = float(made.high[2] - made.low[2]), {}
     for k, body in enumerate(made.bodies):
         others = [other for other in made.bodies[k + 1 :] if body.pull.any() or other.pull.any()]
         kept = [other for other in made.bodies[:k] if not other.pull.any()]
         rest = Manifold.batch_boolean([piece, *(solids[other.name] for other in (*others, *kept))], OpType.Add)
-        ways = (0.0, *(way * height for way in WAYS)) if body.pull.any() else (0.0,)
+        ways = (0.0, *(way * height for way in COLLISION_DISTANCES)) if body.pull.any() else (0.0,)
         worst[body.name] = max(
             common_thickness(solids[body.name].translate(tuple(way * body.pull)), rest) for way in ways
         )
         if worst[body.name] > allowed:
             raise MouldError(
                 f"the {body.name} cannot be demoulded: on its way out it is "
-                f"{schema.shown(worst[body.name] / MM, 'm')} deep in the "
+                f"{schema.shown(worst[body.name] / MM_PER_M, 'm')} deep in the "
                 f"part or another body; choose another direction (--pull), or change the part"
             )
     return worst
@@ -844,13 +863,13 @@ def _block_volumes(made: Tooling) -> tuple[float, float]:
     return inside + sum(occ.getMass(*solid) for solid in made.target), beyond
 
 
-def balance(drawn: _Drawn, found: Surfaces) -> float:
+def balance(drawn: _DrawnPiece, surfaces: Surfaces) -> float:
     """Return what the block has more than bodies, openings and the piece, as a share of the block.
 
     The bodies' volumes are integrals over their faces as meshed from the STEP files, the others are the CAD kernel's.
     """
-    block = float(np.prod(found.made.high - found.made.low))
-    bodies = sum(facets.volume for facets in found.bodies.values())
+    block = float(np.prod(surfaces.made.high - surfaces.made.low))
+    bodies = sum(facets.volume for facets in surfaces.bodies.values())
     return (block - (bodies - drawn.beyond) - drawn.taken) / block
 
 

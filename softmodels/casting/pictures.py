@@ -13,15 +13,15 @@ from matplotlib.patches import Rectangle
 
 from geometries import actuator
 from softmodels.casting import bodies, make
-from softmodels.casting.facets import Facets, Placed, moved
+from softmodels.casting.facets import Facets, PlacedBody, moved
 from softmodels.common.arrays import Array
 from softmodels.pictures import offscreen, style
 from softmodels.runs import grid, labels
 
-PRINTED, SILICONE, LOST = "#b4c3d4", "#e8b796", "#d8d2a8"
-SHARP = np.cos(np.radians(25.0))
+PRINTED_COLOUR, SILICONE_COLOUR, LOST_CORE_COLOUR = "#b4c3d4", "#e8b796", "#d8d2a8"
+MAX_EDGE_COSINE = np.cos(np.radians(25.0))
 """Faces that meet at more than 25 degrees have their edge drawn."""
-APART = 0.28
+EXPLODED_GAP = 0.28
 """Gap between bodies in the exploded picture, in sizes of the mould."""
 
 
@@ -35,13 +35,13 @@ def body_picture(body: make.MouldBody) -> Figure:
         towards = side - 2.0 * pull * max(0.0, float(side @ pull)) - 0.4 * pull
     camera = offscreen.ViewCamera.around([body.facets.points], towards, up, tallest=0.8)
     with offscreen.studio(camera) as shoot:
-        image = shoot(_layers(body.facets, PRINTED))
+        image = shoot(_layers(body.facets, PRINTED_COLOUR))
     size = " x ".join(labels.number(length) for length in np.ptp(body.facets.points, axis=0))
     inner = ", its inner side" if across or pull[2] else ""
     return style.page(image, style.Caption(f"{body.name[0].upper()}{body.name[1:]}: {size} mm{inner}"))
 
 
-def exploded_picture(made: make.Made) -> Figure:
+def exploded_picture(made: make.Mould) -> Figure:
     """Draw the exploded view of all pieces side by side, as they stand when poured, bodies apart along their pulls."""
     up, towards = np.array([0.0, 0.0, 1.0]), offscreen.direction(-58.0, 24.0, np.array([0.0, 0.0, 1.0]))
     right = np.cross(up, towards) / np.linalg.norm(np.cross(up, towards))
@@ -49,7 +49,7 @@ def exploded_picture(made: make.Made) -> Figure:
     clouds: list[Array] = []
     edge = 0.0
     for pour in made.recipe.pours:
-        group = _exploded(made, pour)
+        group = _exploded_surfaces(made, pour)
         points = np.concatenate([facets.points for facets, _ in group])
         along, gap = points @ right, 0.06 * float(np.ptp(points, axis=0).max())
         shift = (edge - along.min()) * right - 0.5 * (points[:, 2].min() + points[:, 2].max()) * up
@@ -65,14 +65,16 @@ def exploded_picture(made: make.Made) -> Figure:
     )
 
 
-def _exploded(made: make.Made, pour: actuator.Pour) -> list[tuple[Facets, str]]:
+def _exploded_surfaces(made: make.Mould, pour: actuator.Pour) -> list[tuple[Facets, str]]:
     """Return the surfaces and colours of one piece's mould, its bodies apart."""
     bodies, cast = made.of(pour)
     turn = standing(pour)
     places = shifts(bodies, cast)
-    found = [(cast.facets, np.zeros(3), LOST if pour.wax else SILICONE)]
-    found += [(body.facets, places[body.name], PRINTED if any(body.pull) else LOST) for body in bodies]
-    return [(moved(facets, turn, turn @ shift), colour) for facets, shift, colour in found]
+    layers = [(cast.facets, np.zeros(3), LOST_CORE_COLOUR if pour.wax else SILICONE_COLOUR)]
+    layers += [
+        (body.facets, places[body.name], PRINTED_COLOUR if any(body.pull) else LOST_CORE_COLOUR) for body in bodies
+    ]
+    return [(moved(facets, turn, turn @ shift), colour) for facets, shift, colour in layers]
 
 
 def standing(pour: actuator.Pour) -> Array:
@@ -83,15 +85,15 @@ def standing(pour: actuator.Pour) -> Array:
 def shifts(bodies: Sequence[make.MouldBody], cast: make.MouldBody) -> dict[str, Array]:
     """Return by how much each body of a piece is moved along its pull, in mm, to stand clear of the others."""
     size = float(np.linalg.norm(np.ptp(cast.facets.points, axis=0)))
-    found, stacked = {}, [cast.facets.points]
+    shifts, stacked = {}, [cast.facets.points]
     lost = [body for body in bodies if not any(body.pull)]
     for body in [*lost, *reversed([body for body in bodies if any(body.pull)])]:
         pull = np.array(body.pull) if any(body.pull) else np.array([0.0, 0.0, -1.0])
         before = np.concatenate(stacked)
         needed = float((before @ pull).max() - (body.facets.points @ pull).min())
-        found[body.name] = (max(0.0, needed) + APART * size) * pull
-        stacked.append(body.facets.points + found[body.name])
-    return found
+        shifts[body.name] = (max(0.0, needed) + EXPLODED_GAP * size) * pull
+        stacked.append(body.facets.points + shifts[body.name])
+    return shifts
 
 
 def _layers(facets: Facets, colour: str, opacity: float = 1.0) -> list[offscreen.Layer]:
@@ -109,16 +111,16 @@ def _layers(facets: Facets, colour: str, opacity: float = 1.0) -> list[offscreen
 def sharp_edges(facets: Facets, view: Array | None = None) -> grid.Cells:
     """Return the edges between faces that meet at an angle, as pairs of vertices, shape (k, 2); with a direction of view also
     the outline of curved faces."""
-    pairs, one, other = _neighbours(facets)
+    pairs, start, other = _neighbours(facets)
     normals = np.concatenate([facets.normals[:, side].mean(axis=1) for side in TRIANGLE_SIDES])
     face = np.tile(facets.face, 3)
-    cosine = np.einsum("ij,ij->i", normals[one], normals[other])
-    drawn = (face[one] != face[other]) & (cosine < SHARP)
+    cosine = np.einsum("ij,ij->i", normals[start], normals[other])
+    drawn = (face[start] != face[other]) & (cosine < MAX_EDGE_COSINE)
     if view is not None:
         a, b, c = np.moveaxis(facets.corners, 1, 0)
         towards = np.tile(np.cross(b - a, c - a) @ view, 3)
-        drawn |= (towards[one] > 0.0) != (towards[other] > 0.0)
-    return np.asarray(pairs[one][drawn])
+        drawn |= (towards[start] > 0.0) != (towards[other] > 0.0)
+    return np.asarray(pairs[start][drawn])
 
 
 TRIANGLE_SIDES: tuple[tuple[int, int], ...] = ((0, 1), (1, 2), (2, 0))
@@ -139,15 +141,15 @@ UP = np.array([0.0, 0.0, 1.0])
 VIEW = offscreen.direction(-58.0, 24.0, UP)
 BELOW_RIM = 2e-3
 """Distance of the silicone's level from the rim in mm: in one plane, rounding would leave films on the rim."""
-GHOST = 0.25
+GHOST_OPACITY = 0.25
 """Opacity of a mould's bodies around what is poured."""
 
 
-def steps_picture(made: make.Made) -> Figure:
+def steps_picture(made: make.Mould) -> Figure:
     """Draw the steps of the work in numbered panels: those of each piece, and the bond."""
     panels = [panel for pour in made.recipe.pours for panel in _piece_steps(made, pour)]
     if len(made.casts) > 1:
-        panels.append(("Bond the pieces", _shot(_casts_apart(made))))
+        panels.append(("Bond the pieces", _rendered(_casts_apart(made))))
     columns = min((3, 4), key=lambda count: (-len(panels) % count, count)) if len(panels) > 2 else 2
     rows = -(-len(panels) // columns)
     figure = Figure((8.0, 0.2 + 7.6 / columns * rows), dpi=style.DPI, layout="constrained")
@@ -160,44 +162,51 @@ def steps_picture(made: make.Made) -> Figure:
     return figure
 
 
-def _piece_steps(made: make.Made, pour: actuator.Pour) -> list[tuple[str, offscreen.Image]]:
+def _piece_steps(made: make.Mould, pour: actuator.Pour) -> list[tuple[str, offscreen.Image]]:
     """Return the panels of one piece, which show what the sheet says: put together, poured, opened."""
     bodies, cast = made.of(pour)
     turn = standing(pour)
     apart, still = shifts(bodies, cast), dict.fromkeys((body.name for body in bodies), np.zeros(3))
-    filled = [(moved(cast.facets, turn, np.zeros(3)), LOST if pour.wax else SILICONE, 1.0)]
+    filled = [(moved(cast.facets, turn, np.zeros(3)), LOST_CORE_COLOUR if pour.wax else SILICONE_COLOUR, 1.0)]
 
     def placed(places: dict[str, Array], share: float, opacity: float) -> list[tuple[Facets, str, float]]:
         return [
-            (moved(body.facets, turn, share * turn @ places[body.name]), PRINTED if any(body.pull) else LOST, opacity)
+            (
+                moved(body.facets, turn, share * turn @ places[body.name]),
+                PRINTED_COLOUR if any(body.pull) else LOST_CORE_COLOUR,
+                opacity,
+            )
             for body in bodies
         ]
 
     if pour.wax:
-        return [(f"Pour the {pour.name} of wax", _shot([*filled, *placed(still, 1.0, GHOST)])),
-                (f"Take the {pour.name} out", _shot([*filled, *placed(apart, 1.0, 1.0)]))]  # fmt: skip
+        return [(f"Pour the {pour.name} of wax", _rendered([*filled, *placed(still, 1.0, GHOST_OPACITY)])),
+                (f"Take the {pour.name} out", _rendered([*filled, *placed(apart, 1.0, 1.0)]))]  # fmt: skip
     if not pour.lid:
-        return [(f"Fill the {pour.name}, scrape it flat", _shot([*filled, *placed(still, 1.0, 1.0)])),
-                (f"Take the {pour.name} out", _shot([*filled, *placed(apart, 1.0, 1.0)]))]  # fmt: skip
+        return [(f"Fill the {pour.name}, scrape it flat", _rendered([*filled, *placed(still, 1.0, 1.0)])),
+                (f"Take the {pour.name} out", _rendered([*filled, *placed(apart, 1.0, 1.0)]))]  # fmt: skip
     lost = [body.name for body in bodies if not any(body.pull)]  # comes out within the piece
     out = {name: np.zeros(3) if name in lost else places for name, places in apart.items()}
-    closed, opened = _shot([*filled, *placed(still, 1.0, GHOST)]), _shot([*filled, *placed(out, 1.0, 1.0)])
+    closed, opened = (
+        _rendered([*filled, *placed(still, 1.0, GHOST_OPACITY)]),
+        _rendered([*filled, *placed(out, 1.0, 1.0)]),
+    )
     opening = f"Open, {'melt the wax out' if made.waxes else 'dissolve the core'}" if lost else "Open"
     if not pour.filled_open:
-        closing = _shot(placed(apart, 0.6, 1.0))
+        closing = _rendered(placed(apart, 0.6, 1.0))
         return [(f"Close the {pour.name} mould", closing), ("Pour and cure", closed), (opening, opened)]
     lid = next(places for name, places in apart.items() if pour.part(name) == " lid")
     stays = {body.name: any(word in pour.part(body.name) for word in ("cup", "pin")) for body in bodies}
     lifted = {name: np.zeros(3) if stay else lid for name, stay in stays.items()}
-    brim = (moved(_brimful(bodies, cast, stays), turn, np.zeros(3)), SILICONE, 1.0)
+    brim = (moved(_filled_cup(bodies, cast, stays), turn, np.zeros(3)), SILICONE_COLOUR, 1.0)
     return [
-        (f"Fill the {pour.name} cup", _shot([brim, *placed(lifted, 0.6, 1.0)])),
+        (f"Fill the {pour.name} cup", _rendered([brim, *placed(lifted, 0.6, 1.0)])),
         ("Lower the lid, cure", closed),
         (opening, opened),
     ]
 
 
-def _brimful(bodies: Sequence[make.MouldBody], cast: make.MouldBody, stays: Mapping[str, bool]) -> Facets:
+def _filled_cup(bodies: Sequence[make.MouldBody], cast: make.MouldBody, stays: Mapping[str, bool]) -> Facets:
     """Return the silicone in a piece's cup up to the rim: what of the cast's box is in no body that stays."""
     from manifold3d import Manifold
 
@@ -216,18 +225,18 @@ def _brimful(bodies: Sequence[make.MouldBody], cast: make.MouldBody, stays: Mapp
     return Facets(points, triangles, faces, normals, cast.facets.chord, cast.facets.volume, cast.facets.centre)
 
 
-def _casts_apart(made: make.Made) -> list[tuple[Facets, str, float]]:
+def _casts_apart(made: make.Mould) -> list[tuple[Facets, str, float]]:
     """Return the pieces in the device's own place, apart across their bonds."""
-    found = []
+    casts_apart = []
     for pour in (pour for pour in made.recipe.pours if not pour.wax):
         _, cast = made.of(pour)
         turn, up = bodies.rotation_up(pour.up).T, np.array(pour.up)
         size = float(np.linalg.norm(np.ptp(cast.facets.points, axis=0)))
-        found.append((moved(cast.facets, turn, 0.12 * size * up), SILICONE, 1.0))
-    return found
+        casts_apart.append((moved(cast.facets, turn, 0.12 * size * up), SILICONE_COLOUR, 1.0))
+    return casts_apart
 
 
-def _shot(group: Sequence[tuple[Facets, str, float]]) -> offscreen.Image:
+def _rendered(group: Sequence[tuple[Facets, str, float]]) -> offscreen.Image:
     """Draw surfaces, each with a colour and an opacity."""
     layers = [layer for facets, colour, opacity in group for layer in _layers(facets, colour, opacity)]
     camera = offscreen.ViewCamera.around([facets.points for facets, _, _ in group], VIEW, UP, width=560, tallest=1.0)
@@ -239,7 +248,7 @@ def _shot(group: Sequence[tuple[Facets, str, float]]) -> offscreen.Image:
 # A drawing with dimensions: each body from above and from the front.
 
 
-def drawing(made: make.Made) -> Figure:
+def drawing(made: make.Mould) -> Figure:
     """Draw each body to print from above and from the front, with its outer dimensions in mm."""
     bodies = [*made.printed, *made.extras]
     figure = Figure((8.0, 2.9 * len(bodies)), layout="constrained")
@@ -265,23 +274,23 @@ def _view(axes: Axes, edges: Array, points: Array) -> None:
     axes.set_axis_off()
 
 
-def plates_picture(placed: Sequence[Placed], size: tuple[float, float]) -> Figure:
+def plates_picture(placed: Sequence[PlacedBody], size: tuple[float, float]) -> Figure:
     """Draw the plates from above, each body as the outline of its edges with its name; a plate's width and depth are in mm."""
-    count = max(one.plate for one in placed)
+    count = max(body.plate for body in placed)
     figure = Figure((8.0, 8.0 * size[1] / size[0] * count), layout="constrained")
     rows = figure.subplots(count, 1, squeeze=False)[:, 0]
     for k, axes in enumerate(rows, 1):
         axes.add_patch(Rectangle((0, 0), *size, fill=False, edgecolor=style.EDGE))
-        for one in placed:
-            if one.plate == k:
-                axes.add_collection(LineCollection(list(one.facets.points[sharp_edges(one.facets)][:, :, :2]),
+        for body in placed:
+            if body.plate == k:
+                axes.add_collection(LineCollection(list(body.facets.points[sharp_edges(body.facets)][:, :, :2]),
                 colors=style.EDGE,
                                                    linewidths=0.4))  # fmt: skip
-                (x, y, _), (X, Y, _) = one.facets.points.min(axis=0), one.facets.points.max(axis=0)
-                if X - x < 1.2 * len(one.name):
-                    axes.text(0.5 * (x + X), Y + 1.0, one.name, fontsize=6, rotation=90, ha="center")
+                (x, y, _), (X, Y, _) = body.facets.points.min(axis=0), body.facets.points.max(axis=0)
+                if X - x < 1.2 * len(body.name):
+                    axes.text(0.5 * (x + X), Y + 1.0, body.name, fontsize=6, rotation=90, ha="center")
                 else:
-                    axes.text(x, y - 0.5, one.name, fontsize=6, va="top")
+                    axes.text(x, y - 0.5, body.name, fontsize=6, va="top")
         axes.set(xlim=(-2, size[0] + 2), ylim=(-2, size[1] + 2), aspect="equal")
         axes.set_axis_off()
     return figure
@@ -290,12 +299,12 @@ def plates_picture(placed: Sequence[Placed], size: tuple[float, float]) -> Figur
 EXPLODED, STEPS, DRAWING, PLATES = "exploded.png", "steps.png", "drawing.svg", "plates.svg"
 
 
-def draw_all(folder: Path, made: make.Made) -> list[tuple[str, str]]:
+def draw_all(folder: Path, made: make.Mould) -> list[tuple[str, str]]:
     """Write the rendered pictures; return their names and descriptions, the exploded view first."""
     exploded_picture(made).savefig(folder / EXPLODED, dpi=style.DPI)
     steps_picture(made).savefig(folder / STEPS, dpi=style.DPI)
-    found = [(EXPLODED, "Exploded view of the mould along the pull"), (STEPS, "The steps of the work")]
+    pictures = [(EXPLODED, "Exploded view of the mould along the pull"), (STEPS, "The steps of the work")]
     for body in made.bodies:
         body_picture(body).savefig(folder / f"{body.stem}.png", dpi=style.DPI)
-        found.append((f"{body.stem}.png", f"The {body.name}"))
-    return found
+        pictures.append((f"{body.stem}.png", f"The {body.name}"))
+    return pictures

@@ -84,9 +84,9 @@ class Workshop:
         _ = self.direction, self.level, self.angles
 
     def _check_shares(self) -> None:
-        if not 0.0 <= self.draft <= STEEPEST:
+        if not 0.0 <= self.draft <= MAX_DRAFT:
             raise MouldError(
-                f"draft is {schema.shown(self.draft, 'degree')}; it must be between 0 and {STEEPEST:g} deg"
+                f"draft is {schema.shown(self.draft, 'degree')}; it must be between 0 and {MAX_DRAFT:g} deg"
             )
         for name, what in (("shrinkage", "silicones shrink"), ("wax_shrinkage", "waxes shrink")):
             if not 0.0 <= (value := getattr(self, name)) <= MOST_SHRINKAGE:
@@ -162,7 +162,7 @@ class Workshop:
     @property
     def inlet_width(self) -> float:
         """Diameter of the inlet's core in m, at the cavity."""
-        return {"tube": self.tube, "barb": GRIP * self.tube, "luer": LUER}[self.inlet]
+        return {"tube": self.tube, "barb": BARB_HOLE_RATIO * self.tube, "luer": LUER_DIAMETER}[self.inlet]
 
     @property
     def slope(self) -> float:
@@ -215,21 +215,20 @@ class Workshop:
             raise MouldError(f"split: {error}") from None
 
 
-STEEPEST = 15.0
-"""Largest accepted draft in degrees."""
+MAX_DRAFT = 15.0
 MOST_SHRINKAGE = 0.05
 """Largest accepted shrinkage: addition-cure silicones shrink by less than 0.01, condensation-cure by up to 0.02."""
 PIN_LENGTH = 0.6
 """Length of a pin relative to the wall of its socket."""
-GRIP = 0.8
+BARB_HOLE_RATIO = 0.8
 """Diameter of the hole for a barb over the barb's."""
-LUER = 0.00397
+LUER_DIAMETER = 0.00397
 """Diameter of a male Luer slip at its tip, m (ISO 80369-7: 3.925 to 4.027 mm)."""
 FINEST_CHORD = 2e-6
 """Smallest accepted chord error in m, finer than any printer."""
 
 
-class MouldError(errors.Spoken, ValueError):
+class MouldError(errors.OptionMessage, ValueError):
     """The requested mould cannot be made; the message is for the user."""
 
 
@@ -238,7 +237,7 @@ class MouldError(errors.Spoken, ValueError):
 
 
 @dataclasses.dataclass(frozen=True)
-class Asked:
+class MouldRequest:
     """A requested mould of a device; the silicone is the product's name, empty if it is not known, and ``name`` the case's."""
 
     device: Actuator
@@ -265,33 +264,33 @@ class Asked:
 
 def asked_of(
     device: Actuator | Case | str | Path, silicone: str | None = None, changes: Iterable[str] = (), **settings: object
-) -> Asked:
+) -> MouldRequest:
     """Return the request made from Python; `MouldError` or `CaseError` for invalid input.
 
     Settings are fields of `Workshop`, numbers in SI units (angles in degrees) or texts with a unit; a case file's table
     ``[mould]`` holds some too. The silicone is the case's if not given.
     """
     if isinstance(device, Actuator):
-        return _asked(device, device.stem, None, {}, silicone, settings)
+        return _mould_request(device, device.stem, None, {}, silicone, settings)
     if isinstance(device, Case):
-        return _asked(device.actuator, device.name, device, {}, silicone, settings)
+        return _mould_request(device.actuator, device.name, device, {}, silicone, settings)
     if not isinstance(device, str | Path):
         raise MouldError(f"a mould needs a device, a case or a case file, not {units.brief(device)}")
     case, table = _read(Path(device), changes)
     try:
-        return _asked(case.actuator, case.name, case, table, silicone, settings)
+        return _mould_request(case.actuator, case.name, case, table, silicone, settings)
     except MouldError as error:
         raise MouldError(f"{device}: {error}") from None
 
 
-def _asked(
+def _mould_request(
     device: Actuator,
     name: str,
     case: Case | None,
     table: Mapping[str, object],
     silicone: str | None,
     settings: Mapping[str, object],
-) -> Asked:
+) -> MouldRequest:
     given = {key: value for key, value in settings.items() if value is not None}
     table = dict(table)
     product = _product(silicone if silicone is not None else table.pop("silicone", None), case)
@@ -312,7 +311,7 @@ def _asked(
     workshop = Workshop(**values)
     if workshop.thread and not workshop.lay and case:
         workshop = dataclasses.replace(workshop, lay=_lay_of(case))
-    return Asked(device, workshop, product, name)
+    return MouldRequest(device, workshop, product, name)
 
 
 def _lay_of(case: Case) -> str:

@@ -380,7 +380,7 @@ def _draw_modes(case: Case, found: NaturalFrequencies, sealed: bool, place: Path
 
     figure = analyses.frequency_figure(found.pressure / case.cm, found.frequency, sealed, units.column_unit(case.cm))
     files.write_bytes(place / "frequencies.png", style.png(figure))
-    last, state = found.modes[-1][: analyses.DRAWN], len(found.modes) - 1
+    last, state = found.modes[-1][: analyses.MAX_MODES_DRAWN], len(found.modes) - 1
     at = _pressure_text(found, state, case.cm)
     titles = [f"f{k} = {mode.frequency:.4g} Hz" if mode.stable else f"f{k}: unstable" for k, mode in enumerate(last, 1)]
     titles[0] += f", {at}"
@@ -548,8 +548,8 @@ class LimitOptions:
                                           "with a unit (2kPa).")  # fmt: skip
     vacuum: bool = commands.flag_option("How much vacuum it can take, instead of pressure.")
     hold: float | None = commands.option(type=registry.QuantityType("s"),
-    help="Time for which the pressure, applied at once, must be borne by "
-                                "a silicone with a memory; default: for ever.")  # fmt: skip
+    help="Hold time the device must survive at constant pressure, applied at "
+                                "once (silicone with memory); default: unlimited.")  # fmt: skip
     vary: tuple[str, ...] = commands.option(multiple=True, metavar="NAME=VALUE+-HALF", help="A tolerance, such as "
                                    "membrane=2mm+-0.2mm (a thickness) or offset=0mm+-0.2mm (the cavity's height in the part); "
                                    "may be repeated.")  # fmt: skip
@@ -576,7 +576,7 @@ class LimitRequest:
         tolerances, count: Within which the device scatters, none for only the nominal device; how many devices.
         normal: Whether the tolerances are two standard deviations.
         column: Unit of the pressures.
-        hold: Time in s for which they must be borne; 0 for ever.
+        hold: Hold time in s that the device must survive; 0: unlimited.
     """
 
     case: Case

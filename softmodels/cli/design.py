@@ -133,13 +133,13 @@ def _close(
     result: DesignResult, folder: model.DesignFolder | None, comm: MPI.Comm, quiet: bool, colormap: str | None
 ) -> int:
     """Write the summary, run the initial and the final device, draw, and print how the search ended."""
-    from softmodels.design.result import FILE, notes, summary
+    from softmodels.design.result import DESIGN_FILE, notes, summary
 
     if folder is not None:
-        folder.write({FILE: summary(result)})
+        folder.write({DESIGN_FILE: summary(result)})
     drawn = colormap is not None and not result.stopped and _drawn(result, folder, comm, quiet, colormap)
     status = (
-        commands.STOPPED
+        commands.EXIT_STOPPED
         if result.stopped
         else outcomes.FAILED
         if result.trouble
@@ -276,7 +276,7 @@ def _solved(kept: study.StudyFolder, plan: study.StudyPlan, how: StudyOptions, f
     except OSError as error:
         options.fail(f"a sample cannot be written ({errors.reason(error)}); continue with --resume", outcomes.FAILED)
     except KeyboardInterrupt:
-        options.fail("stopped by the user; continue with --resume", commands.STOPPED)
+        options.fail("stopped by the user; continue with --resume", commands.EXIT_STOPPED)
 
 
 def _draw_study(found: Study, folder: Path, seconds: float) -> None:

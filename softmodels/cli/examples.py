@@ -100,7 +100,7 @@ def polygon(half: Array) -> Array:
     places = np.vstack([half[:0:-1] * [-1.0, 1.0], half])
     places[:, 1] = np.maximum(places[:, 1], 0.0)
     sides = [[HALF_WIDTH, 0.0], [HALF_WIDTH, -HALF_WIDTH], [-HALF_WIDTH, -HALF_WIDTH], [-HALF_WIDTH, 0.0]]
-    return np.vstack([places, sides]) + np.array([CENTRE, photographer.FLOOR])
+    return np.vstack([places, sides]) + np.array([CENTRE, photographer.SURFACE_HEIGHT])
 
 
 def take_photographs(
@@ -327,7 +327,7 @@ def told_memory() -> str:
 def told_truth() -> str:
     """Return the example's silicone in words."""
     values = ", ".join(f"{name} = {value / 1e3:g} kPa" for name, value in TRUTH.values.items())
-    return f"{TRUTH.law}, {values}, Poisson's ratio {laws.RUBBER:g}"
+    return f"{TRUTH.law}, {values}, Poisson's ratio {laws.DEFAULT_POISSON_RATIO:g}"
 
 
 def finger(path: Path) -> None:

@@ -83,7 +83,7 @@ def mould(file: Path, how: MouldOptions, settings: Mapping[str, object]) -> None
         processes.say(f"mould in {folder.path}; sheet.html is the casting sheet")
 
 
-def mould_summary(found: make.Made) -> list[str]:
+def mould_summary(found: make.Mould) -> list[str]:
     """Return a summary of the mould, line by line."""
     lines = []
     for body in found.bodies:

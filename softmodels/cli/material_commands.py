@@ -24,14 +24,14 @@ from softmodels.common.pages import Page
 from softmodels.common.units import UnitError, brief, exact_text, number, quantity, with_prefix
 from softmodels.fitting import comparison, problem, scoring
 from softmodels.fitting.curves import residuals
-from softmodels.fitting.curves.curve import EQUILIBRIUM, Specimen, TensileCurve, TensileError, read_curve
+from softmodels.fitting.curves.curve import EQUILIBRIUM_RATE, Specimen, TensileCurve, TensileError, read_curve
 from softmodels.fitting.curves.fit import fit_curves, prepared
 from softmodels.fitting.outlines import fit, shapes
 from softmodels.fitting.outlines.device import MeasuredDevice
 from softmodels.fitting.problem import FitError, FitOptions
 from softmodels.fitting.scoring import Score
 from softmodels.materials import specimens
-from softmodels.materials.laws import RUBBER, Material, MaterialError
+from softmodels.materials.laws import DEFAULT_POISSON_RATIO, Material, MaterialError
 from softmodels.materials.silicones import (
     MAKERS_ELONGATION,
     PRODUCTS,
@@ -133,7 +133,7 @@ def rate_of(text: str, length: float | None) -> float | None:
     if not text:
         return None
     if text.lower() == _RELAXED:
-        return EQUILIBRIUM
+        return EQUILIBRIUM_RATE
     amount, _, unit = text.rpartition("/")
     try:
         time = quantity(f"1 {unit}", "s")
@@ -222,7 +222,7 @@ class FitGiven(OutlineOptions, CurveFiles):
     )  # fmt: skip
     poisson: float = commands.option(
         type=registry.QuantityType(""),
-        default=RUBBER,
+        default=DEFAULT_POISSON_RATIO,
         show_default=True,
         help="Poisson's ratio of the fitted material.",
     )

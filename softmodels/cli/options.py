@@ -167,7 +167,7 @@ class Command(click.Command):
         except (StartError, materials.OwnModuleError) as error:
             fail(str(error), getattr(error, "status", 2))
         except Exception as error:
-            if not isinstance(error, errors.Spoken | units.UnitError):
+            if not isinstance(error, errors.OptionMessage | units.UnitError):
                 raise
             fail(str(error), outcomes.Ended.by(error).status)
 
@@ -327,7 +327,7 @@ def _unknowns(case: Case, quiet: bool) -> int:
             device.write(file, stopped)
             return int(PER_NODE * _nodes(file))
         except MeshingStopped:
-            raise StartError("stopped by the user during meshing; nothing was solved", commands.STOPPED) from None
+            raise StartError("stopped by the user during meshing; nothing was solved", commands.EXIT_STOPPED) from None
         except (GeometryError, MeshingError, MeshFileError, OSError):
             return 0  # occurs again in the run, which reports it
 
@@ -370,7 +370,7 @@ def start_again(ranks: int) -> int:
             with contextlib.suppress(OSError):
                 os.kill(receiver, number)
 
-    before = {number: signal.signal(number, forward) for number in commands.STOPS}
+    before = {number: signal.signal(number, forward) for number in commands.STOP_SIGNALS}
     try:
         returned = process.wait()
         return 128 - returned if returned < 0 else returned

@@ -136,7 +136,7 @@ def compare_command(folders: Sequence[Path], output: Path | None, quiet: bool) -
         materials.import_own_modules()
         if output is not None:
             commands.check_output_file(output, folders, _is_page, "a report", "--output")
-        found = comparison.compared([comparison.Compared.from_folder(folder) for folder in folders])
+        found = comparison.compared([comparison.ComparedResult.from_folder(folder) for folder in folders])
         if output is not None:
             found.save(output)
     if not quiet:

@@ -29,7 +29,7 @@ from softmodels.runs import fields, labels, notes, outcomes, recording, store
 def run(
     case: Case,
     folder: Path | None,
-    how: commands.RunOptions = commands.USUAL,
+    how: commands.RunOptions = commands.DEFAULT_OPTIONS,
     inputs: Sequence[Path] = (),
     interrupts: Callable[[], contextlib.AbstractContextManager[Callable[[], bool]]] = recording.unstopped,
 ) -> int:

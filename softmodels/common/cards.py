@@ -13,7 +13,7 @@ type Table = list[tuple[str, str]]
 """Rows of a table: what it is, and its value with the unit."""
 
 
-class Shown:
+class ResultCard:
     """A result that shows itself. A class says what its line, its table and its remarks are; nothing is solved for them."""
 
     def _line(self) -> str:
@@ -42,7 +42,7 @@ class Shown:
             if drawn := importlib.import_module(PICTURES).picture(self):
                 picture = files.data_uri(drawn, "image/webp")
         except Exception as error:  # whatever it is, the result is there and the notebook goes on
-            known = isinstance(error, errors.Spoken | OSError)
+            known = isinstance(error, errors.OptionMessage | OSError)
             remarks.append(f"not all can be shown: {error if known else f'{type(error).__name__}: {error}'}")
         return files.render(
             "card.html", "softmodels.common", title=title, figures=figures, remarks=remarks, picture=picture

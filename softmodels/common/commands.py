@@ -31,10 +31,10 @@ from softmodels.common.folders import InUseError, OwnFolderError
 # End commands cleanly when stopped or if the output fails: one sentence and a status, no traceback.
 
 
-FAILED, STOPPED = 1, 130
-STOPS = (signal.SIGINT, signal.SIGTERM)
+EXIT_FAILED, EXIT_STOPPED = 1, 130
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 BLOCKED = (
-    f"softmodels: stopped by the user; the step under way had not ended {processes.GRACE} s after the signal, "
+    f"softmodels: stopped by the user; the step under way had not ended {processes.GRACE_SECONDS} s after the signal, "
     "earlier ones are kept"
 )
 LONGEST_SENTENCE = 1000
@@ -116,7 +116,7 @@ def output_option(text: str) -> Any:
 
 
 class ColormapType(click.ParamType):
-    """A colour map by its name in matplotlib."""
+    """A colour map by its name in matplotlib; ``:linear`` or ``:bands`` make it a linear scale, or ten bands of it."""
 
     name = "NAME"
 
@@ -124,9 +124,12 @@ class ColormapType(click.ParamType):
         if value != COLORMAP:
             import matplotlib
 
-            if value not in matplotlib.colormaps:
-                near = errors.meant(value, matplotlib.colormaps)
-                self.fail(f"matplotlib has no colour map {value!r}{near or f'; {COLORMAP} is the default'}", param, ctx)
+            name, _, kind = str(value).partition(":")
+            if kind not in ("", "linear", "bands"):
+                self.fail(f"{value!r} ends in {kind!r}; a colour map may end in ':linear' or ':bands'", param, ctx)
+            if name not in matplotlib.colormaps:
+                near = errors.meant(name, matplotlib.colormaps)
+                self.fail(f"matplotlib has no colour map {name!r}{near or f'; {COLORMAP} is the default'}", param, ctx)
         return str(value)
 
 
@@ -173,7 +176,7 @@ COLORMAP = "viridis"
 """Colour map of fields in pictures, unless another one is asked for."""
 COLORMAP_OPTION: dict[str, Any] = {
     "type": ColormapType(), "default": COLORMAP, "show_default": True,
-    "help": "Colour map of stress and stretch, by matplotlib's name: viridis, cividis, gray.",
+    "help": "Colour map of stress and stretch, by matplotlib's name, such as cividis; with :linear or :bands a linear scale.",
 }  # fmt: skip
 
 
@@ -250,7 +253,7 @@ def stoppable(name: str, speaks: Callable[[], bool] = lambda: True) -> Iterator[
     def end(number: int, frame: Any) -> None:
         if speaks():
             os.write(2, f"{name}: stopped by the user\n".encode())
-        os._exit(STOPPED)
+        os._exit(EXIT_STOPPED)
 
     before = signal.signal(signal.SIGINT, end)
     try:
@@ -260,7 +263,7 @@ def stoppable(name: str, speaks: Callable[[], bool] = lambda: True) -> Iterator[
         signal.signal(signal.SIGINT, before)
 
 
-ALL_PICTURES, USUAL = DrawingOptions(), RunOptions()
+ALL_PICTURES, DEFAULT_OPTIONS = DrawingOptions(), RunOptions()
 
 
 @contextlib.contextmanager
@@ -274,10 +277,10 @@ def asked_to_stop(waits: bool = False, speaks: bool = True) -> Iterator[Callable
 
     def note(number: int, frame: Any) -> None:
         if received:
-            os._exit(STOPPED)
+            os._exit(EXIT_STOPPED)
         received.append(number)
 
-    before = {number: signal.signal(number, note) for number in STOPS}
+    before = {number: signal.signal(number, note) for number in STOP_SIGNALS}
     guarded = processes.ended_after_signal(BLOCKED if speaks else "") if waits else contextlib.nullcontext()
     try:
         with guarded:
@@ -289,7 +292,7 @@ def asked_to_stop(waits: bool = False, speaks: bool = True) -> Iterator[Callable
 
 @contextlib.contextmanager
 def written(tell: Callable[[str], Any]) -> Iterator[None]:
-    """Exit with `FAILED`, and a sentence to ``tell``, where something cannot be written in here, standard output among it;
+    """Exit with `EXIT_FAILED`, and a sentence to ``tell``, where something cannot be written in here, standard output among it;
     without one where a reader has gone (a pipe to ``head``)."""
     try:
         try:
@@ -299,13 +302,13 @@ def written(tell: Callable[[str], Any]) -> Iterator[None]:
                 sys.stdout.flush()  # else Python finds out after the last line of the program
     except BrokenPipeError:
         _give_up_output()
-        sys.exit(FAILED)
+        sys.exit(EXIT_FAILED)
     except OSError as error:
         _give_up_output()
         what = f"{error.filename} cannot be read or written" if error.filename else "the output cannot be written"
         with contextlib.suppress(OSError):
             tell(f"{what} ({error.strerror or error})")
-        sys.exit(FAILED)
+        sys.exit(EXIT_FAILED)
 
 
 def _give_up_output() -> None:
@@ -316,7 +319,7 @@ def _give_up_output() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-CASES = (".toml", ".step", ".stp", ".msh", ".inp", ".stl")
+CASE_SUFFIXES = (".toml", ".step", ".stp", ".msh", ".inp", ".stl")
 """File endings of cases, drawings and meshes."""
 
 
@@ -335,7 +338,7 @@ class CommandGroup(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         name, known = args[0], self.list_commands(ctx)
-        if name.lower().endswith(CASES) and "run" in known:
+        if name.lower().endswith(CASE_SUFFIXES) and "run" in known:
             raise click.UsageError(f"{name!r} is not a command; did you mean softmodels run {name}?", ctx)
         if not name.startswith("-") and self.get_command(ctx, name) is None:
             near = errors.meant(name, known) or f"; there are {', '.join(known)}"
@@ -367,9 +370,9 @@ class LazyGroup(CommandGroup):
         if cmd_name not in self.commands and cmd_name in self.module_of:
             with stoppable(self.program, self.speaks):
                 module = importlib.import_module(self.module_of[cmd_name])
-            for found in vars(module).values():
-                if isinstance(found, click.Command) and found.name == cmd_name:
-                    self.add_command(found)
+            for command in vars(module).values():
+                if isinstance(command, click.Command) and command.name == cmd_name:
+                    self.add_command(command)
         return super().get_command(ctx, cmd_name)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -395,26 +398,26 @@ def tell(sentence: str, program: str = "softmodels") -> None:
 @contextlib.contextmanager
 def ending(tell: Callable[[str], None] = tell) -> Iterator[None]:
     """Exit with a sentence and a status where a click command ends with an error in here: usage errors have status 2, Ctrl-C
-    `STOPPED`, output that has nowhere to go and missing memory 1."""
+    `EXIT_STOPPED`, output that has nowhere to go and missing memory 1."""
     with written(tell):
         try:
             yield
         except click.exceptions.NoArgsIsHelpError as error:
             print(error.format_message())
-            sys.exit(UNUSABLE)
+            sys.exit(EXIT_BAD_INPUT)
         except click.ClickException as error:
             missing = isinstance(error, click.MissingParameter)
             tell(_missing(error) if missing else f"{usage_sentence(error)} (see --help)")  # type: ignore[arg-type]
             sys.exit(error.exit_code)
         except (click.exceptions.Abort, KeyboardInterrupt):
             tell("stopped by the user")
-            sys.exit(STOPPED)
+            sys.exit(EXIT_STOPPED)
         except MemoryError:
             tell(
                 "out of memory; close other programs, or reduce the problem (a smaller photograph, "
                 "larger cells, fewer --jobs)"
             )
-            sys.exit(FAILED)
+            sys.exit(EXIT_FAILED)
 
 
 def _missing(error: click.MissingParameter) -> str:
@@ -540,9 +543,9 @@ def check_output_file(
 # Where results are to go: asked before the work begins, so that nobody waits for what cannot be kept.
 
 
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+DISK_FULL_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Errors of a disk without room: the run failed, its input was good."""
-UNUSABLE = 2
+EXIT_BAD_INPUT = 2
 
 
 def trouble(folder: Path) -> str:
@@ -560,7 +563,7 @@ def trouble(folder: Path) -> str:
 
 def status_of(error: OSError) -> int:
     """Exit status where something could not be written: the place was bad input, or the disk became full."""
-    return FAILED if error.errno in FULL else UNUSABLE
+    return EXIT_FAILED if error.errno in DISK_FULL_ERRORS else EXIT_BAD_INPUT
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -594,12 +597,12 @@ def command_line() -> str:
 
 def _libraries() -> dict[str, str]:
     """Return the versions of DOLFINx and PETSc if they were used; nothing is imported for it."""
-    found = {}
+    libraries = {}
     if (dolfinx := sys.modules.get("dolfinx")) is not None:
-        found["DOLFINx"] = str(getattr(dolfinx, "__version__", "unknown"))
+        libraries["DOLFINx"] = str(getattr(dolfinx, "__version__", "unknown"))
     if (PETSc := sys.modules.get("petsc4py.PETSc")) is not None:
-        found["PETSc"] = ".".join(map(str, PETSc.Sys.getVersion()))
-    return found
+        libraries["PETSc"] = ".".join(map(str, PETSc.Sys.getVersion()))
+    return libraries
 
 
 @dataclasses.dataclass(frozen=True)

@@ -12,14 +12,14 @@ from pathlib import Path
 from types import ModuleType
 
 
-class Spoken:
+class OptionMessage:
     """Mixin of errors whose message uses option names for its reader."""
 
     def __str__(self) -> str:
         return spoken(super().__str__())
 
 
-class MissingPackageError(Spoken, ImportError):
+class MissingPackageError(OptionMessage, ImportError):
     """A package that only some calls need is not installed; the message says how to install it."""
 
     __str__ = ImportError.__str__  # uv's options stay as they are typed
@@ -38,10 +38,10 @@ def required(package: str, extra: str) -> ModuleType:
 
 def written(error: BaseException) -> str:
     """Return an error's sentence as it was written, to be read by others later."""
-    return str(error.args[0]) if isinstance(error, Spoken) and error.args else str(error)
+    return str(error.args[0]) if isinstance(error, OptionMessage) and error.args else str(error)
 
 
-class FieldError(Spoken, ValueError):
+class FieldError(OptionMessage, ValueError):
     """An invalid value of a field, or an unknown entry; the message is for the user."""
 
 
@@ -53,15 +53,15 @@ def whole_path(file: str) -> str:
         return file
 
 
-class ComponentError(Spoken, ValueError):
+class ComponentError(OptionMessage, ValueError):
     """An invalid part, or one unsuitable for this device; the message is for the user."""
 
 
-class GeometryError(Spoken, ValueError):
+class GeometryError(OptionMessage, ValueError):
     """Invalid parameters of a device; the message names the field and its value."""
 
 
-class MeshingError(Spoken, RuntimeError):
+class MeshingError(OptionMessage, RuntimeError):
     """Meshing failed although the parameters seem valid; the message gives the cause and a fix."""
 
 
@@ -69,7 +69,7 @@ class MeshingStopped(Exception):
     """The caller stopped the meshing."""
 
 
-class MeshFileError(Spoken, ValueError):
+class MeshFileError(OptionMessage, ValueError):
     """A file is not a mesh written by this project; the message names the file."""
 
 
@@ -77,11 +77,11 @@ class MeshFileError(Spoken, ValueError):
 # Names of options in messages: ``--cell-size`` on a command line, ``cell_size`` in Python.
 #
 # A sentence is written once, with options as the command line has them, and given its reader's words where it is read: by the
-# errors that are `Spoken`, and by `spoken` where a sentence is no error. An option is the argument of the same name, unless
+# errors that are `OptionMessage`, and by `spoken` where a sentence is no error. An option is the argument of its name, unless
 # the owner of it changes that with `call`. Choices that follow an option are its values.
 
 
-OWN = ("softmodels", "geometries", "measurement")
+OWN_PACKAGES = ("softmodels", "geometries", "measurement")
 """Packages whose click commands are the project's command line; a program of the user's own calls a library."""
 PETSC = ("what follows --", "the variable PETSC_OPTIONS")
 """Where PETSc's options come from, at a command line and else."""
@@ -112,8 +112,8 @@ def spoken(sentence: str) -> str:
     return _MORE.sub(lambda m: f'{m[1]} or "{m[2]}"' if m[2] in _choices else m[0], said)
 
 
-def _argument(found: re.Match[str]) -> str:
-    name, value = found["name"], found["value"]
+def _argument(match: re.Match[str]) -> str:
+    name, value = match["name"], match["value"]
     if value is None:
         return _arguments.get(name, name.replace("-", "_"))
     if (known := _arguments.get(f"{name} {value}")) is not None:
@@ -134,7 +134,7 @@ def at_command_line() -> bool:
     click = sys.modules.get("click")
     context = click.get_current_context(silent=True) if click else None
     module = getattr(getattr(context and context.command, "callback", None), "__module__", "")
-    return module.split(".")[0] in OWN
+    return module.split(".")[0] in OWN_PACKAGES
 
 
 def meant(name: object, known: Iterable[str]) -> str:
@@ -145,8 +145,8 @@ def meant(name: object, known: Iterable[str]) -> str:
 
 def _nearest(name: str, known: Iterable[str]) -> list[str]:
     """Return the names nearest to another one, at most two; letters' case and an option's dashes do not count."""
-    names = {str(one).lower().lstrip("-"): str(one) for one in known}
-    return [names[one] for one in difflib.get_close_matches(name.lower().lstrip("-"), names, 2, 0.6)]
+    names = {str(name_known).lower().lstrip("-"): str(name_known) for name_known in known}
+    return [names[name_known] for name_known in difflib.get_close_matches(name.lower().lstrip("-"), names, 2, 0.6)]
 
 
 MOST_BESIDE = 1000

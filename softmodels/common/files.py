@@ -28,11 +28,10 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
 
-TEXT = 100_000_000
+MAX_TEXT_BYTES = 100_000_000
 """Bytes of a table or text at most: a test machine that writes 1 kHz for an hour fills 100 MB."""
-GEOMETRY = 4_000_000_000
-"""Bytes of a drawing or mesh at most."""
-CHUNK = 1 << 20
+MAX_GEOMETRY_BYTES = 4_000_000_000
+CHUNK_BYTES = 1 << 20
 _KINDS = (
     (stat.S_ISDIR, "a folder"), (stat.S_ISFIFO, "a named pipe"), (stat.S_ISCHR, "a device"), (stat.S_ISBLK, "a device"),
     (stat.S_ISSOCK, "a socket"),
@@ -46,18 +45,18 @@ class UserFileError(OSError):
         super().__init__(errno.EINVAL, reason, str(path))
 
 
-def check_file(path: Path | str, largest: int = GEOMETRY) -> None:
+def check_file(path: Path | str, largest: int = MAX_GEOMETRY_BYTES) -> None:
     """Raise `OSError` before a library opens a file by its name: it cannot be opened, is not a regular one (links are
     followed), or has more bytes."""
-    os.close(_opened(path, largest))
+    os.close(_open_file(path, largest))
 
 
-def read_file(path: Path | str, largest: int = TEXT) -> bytes:
+def read_file(path: Path | str, largest: int = MAX_TEXT_BYTES) -> bytes:
     """Read a whole file; `OSError` as of `check_file`."""
-    handle = _opened(path, largest)
+    handle = _open_file(path, largest)
     try:
         data = bytearray()
-        while part := os.read(handle, CHUNK):  # one of /proc has more bytes than its stated size
+        while part := os.read(handle, CHUNK_BYTES):  # one of /proc has more bytes than its stated size
             data += part
             if len(data) > largest:
                 raise UserFileError(path, _too_large(largest))
@@ -66,7 +65,7 @@ def read_file(path: Path | str, largest: int = TEXT) -> bytes:
         os.close(handle)
 
 
-def read_text(path: Path | str, largest: int = TEXT) -> str:
+def read_text(path: Path | str, largest: int = MAX_TEXT_BYTES) -> str:
     """Read a text in UTF-8, a byte order mark left out; `OSError` as `check_file`, `UnicodeDecodeError` if it is no such
     text."""
     return read_file(path, largest).decode("utf-8-sig")
@@ -87,7 +86,7 @@ def read_json(path: Path | str) -> Any:
 
 def file_digest(path: Path | str) -> str:
     """Return SHA-256 of a file's content, in hexadecimal digits; `OSError` as of `check_file`."""
-    with os.fdopen(_opened(path, GEOMETRY), "rb") as file:
+    with os.fdopen(_open_file(path, MAX_GEOMETRY_BYTES), "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
@@ -102,7 +101,7 @@ def fingerprint(path: Path) -> str:
         return "missing"
 
 
-def _opened(path: Path | str, largest: int) -> int:
+def _open_file(path: Path | str, largest: int) -> int:
     # Without O_NONBLOCK, opening a pipe waits for its other end.
     handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     try:
@@ -126,14 +125,14 @@ def _too_large(largest: int) -> str:
 # Files in a folder that is a program's own: which of them count, which are its own, and how they are written and removed.
 
 
-HIDDEN = ".softmodels"
+HIDDEN_NAME = ".softmodels"
 """What the names of files and folders begin with that a folder's record, lock and preparation have."""
 
 
-def is_same(one: Path, other: Path) -> bool:
+def is_same(path: Path, other: Path) -> bool:
     """Return whether two names are of one file, which may be reached in several ways."""
     try:
-        return one.samefile(other)
+        return path.samefile(other)
     except OSError:
         return False
 
@@ -171,7 +170,7 @@ def is_inside(name: Any) -> bool:
 
 def counts(file: Path) -> bool:
     """Return whether a file in a folder makes it one that is in use: not what locking and preparing leave there."""
-    return not file.name.startswith(HIDDEN)
+    return not file.name.startswith(HIDDEN_NAME)
 
 
 def some(names: list[str]) -> str:
@@ -195,7 +194,7 @@ def remove_steps(folder: Path, keep: Iterable[str] = ()) -> None:
             folder.rmdir()
 
 
-MARK = "softmodels"
+FILE_MARK = "softmodels"
 """What the header of a drawn PNG names as its software."""
 
 
@@ -218,7 +217,7 @@ def is_drawn(path: Path) -> bool:
     try:
         check_file(path)
         with Image.open(path) as image:
-            return str(image.info.get("Software", "")).startswith(MARK)
+            return str(image.info.get("Software", "")).startswith(FILE_MARK)
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
         return False
 
@@ -249,8 +248,8 @@ def replace_hdf5(path: Path, fill: Callable[[h5py.File], object]) -> None:
 
 def hdf5_reason(error: BaseException) -> str:
     """Return the operating system's error in a long HDF5 message, or the message's first line."""
-    found = re.search(r"error message = '([^']+)'", str(error))
-    return found[1] if found else str(error).strip().splitlines()[0]
+    match = re.search(r"error message = '([^']+)'", str(error))
+    return match[1] if match else str(error).strip().splitlines()[0]
 
 
 def csv_text(head: Iterable[str], rows: Iterable[Mapping[str, object] | Sequence[object]]) -> str:

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 from softmodels.common import errors
 from softmodels.common.files import (
-    HIDDEN,
+    HIDDEN_NAME,
     counts,
     is_inside,
     is_same,
@@ -45,7 +45,7 @@ class OwnFolder:
 
     def __init__(self, path: Path, kind: str, part: str = ""):
         self.path, self.kind = Path(path), kind
-        stem = f"{HIDDEN}-{part}" if part else HIDDEN
+        stem = f"{HIDDEN_NAME}-{part}" if part else HIDDEN_NAME
         self._record, self._prepared = self.path / f"{stem}.json", self.path / f"{stem}-new"
         self.lock = FolderLock(self._record.with_suffix(".lock"))
         self._made: list[Path] = []
@@ -83,7 +83,7 @@ class OwnFolder:
         if record is not None and record.kind != self.kind:
             text = f"{self.path} holds another kind of results ({record.kind}), which is not replaced"
             raise OwnFolderError(f"{text}; use another folder (--output)")
-        if record is not None and record.format > FORMAT:
+        if record is not None and record.format > RECORD_FORMAT:
             text = f"{self.path} was written by a later version ({record.version})"
             raise OwnFolderError(f"{text}; update, or take another folder")
         if record is None and self._record.name == RECORD and not self.is_free:
@@ -211,7 +211,7 @@ class OwnFolder:
 NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP)  # answers of file systems without locks
 
 
-class InUseError(errors.Spoken, RuntimeError):
+class InUseError(errors.OptionMessage, RuntimeError):
     """Another program writes in the folder; the message is for the user."""
 
 
@@ -277,8 +277,8 @@ class FolderLock:
 # The record in a folder of results: which files a program wrote there, so that it may replace and remove them.
 
 
-RECORD = f"{HIDDEN}.json"
-FORMAT = 2  # of the record
+RECORD = f"{HIDDEN_NAME}.json"
+RECORD_FORMAT = 2  # of the record
 
 
 @dataclasses.dataclass(frozen=True)
@@ -300,20 +300,22 @@ class Record:
     incoming: tuple[str, ...] | None = None
     incoming_about: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     version: str | None = None
-    format: int = FORMAT
+    format: int = RECORD_FORMAT
 
     @classmethod
     def read(cls, path: Path) -> Record | None:
         """Return the record in a file; None if there is none or it is not readable."""
         try:
-            found = {"format": 0, **read_json(path)}
-            if found["format"] < 2:  # what is in a folder stood beside its name
-                found["files"] = [*found["files"], *_inside(found.get("inside", {}))]
-                found |= {"incoming": [*given, *_inside(given)]} if (given := found.get("incoming")) is not None else {}
+            record = {"format": 0, **read_json(path)}
+            if record["format"] < 2:  # what is in a folder stood beside its name
+                record["files"] = [*record["files"], *_is_inside(record.get("inside", {}))]
+                record |= (
+                    {"incoming": [*given, *_is_inside(given)]} if (given := record.get("incoming")) is not None else {}
+                )
             kinds = {"files": list, "about": dict, "incoming": list, "incoming_about": dict}
-            if not all(isinstance(found.get(name, kind()), kind) for name, kind in kinds.items()):
+            if not all(isinstance(record.get(name, kind()), kind) for name, kind in kinds.items()):
                 return None
-            known = {field.name: found[field.name] for field in dataclasses.fields(cls) if field.name in found}
+            known = {field.name: record[field.name] for field in dataclasses.fields(cls) if field.name in record}
             known |= {name: tuple(known[name]) for name in ("files", "incoming") if name in known}
             own = all(map(is_inside, (*known["files"], *known.get("incoming", ()))))
             return cls(**known) if own and "about" in known else None
@@ -322,12 +324,12 @@ class Record:
 
     def write(self, path: Path) -> None:
         """Write it whole or not at all."""
-        own = dataclasses.replace(self, version=version(), format=FORMAT)
+        own = dataclasses.replace(self, version=version(), format=RECORD_FORMAT)
         table = {"written_by": "softmodels", **{name: value for name, value in vars(own).items() if value is not None}}
         write_text(path, json.dumps(table, indent=1) + "\n")
 
 
-def _inside(folders: Mapping[str, list[str]]) -> list[str]:
+def _is_inside(folders: Mapping[str, list[str]]) -> list[str]:
     return [f"{folder}{file}" for folder, files in folders.items() for file in files]
 
 
@@ -348,10 +350,10 @@ def remove_recorded(folder: Path, names: Iterable[str]) -> None:
             remove_steps(path)
 
 
-PATIENCE = 600.0  # seconds to wait for a program that draws into a folder which is to be replaced
+DRAWING_TIMEOUT = 600.0  # seconds to wait for a program that draws into a folder which is to be replaced
 
 
-class OwnFolderError(errors.Spoken, RuntimeError):
+class OwnFolderError(errors.OptionMessage, RuntimeError):
     """A folder or a file that is not a program's own, so that it must not be written; the message is a sentence."""
 
 

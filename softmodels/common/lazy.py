@@ -34,8 +34,8 @@ else:
             if name.startswith("__") and name not in ("__file__", "__version__"):  # Python itself looks for some
                 raise AttributeError(name)
             module, *_ = map(importlib.import_module, self._modules)
-            found = self.__dict__[name] = getattr(module, name)
-            return found
+            value = self.__dict__[name] = getattr(module, name)
+            return value
 
     basix, scipy, ufl = _Library("basix", "basix.ufl"), _Library("scipy"), _Library("ufl")
     gmsh, pyvista = _Library("gmsh"), _Library("pyvista")

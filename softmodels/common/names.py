@@ -26,11 +26,11 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
 
-_OWN_FILES = tuple(str(Path(__file__).parents[2] / package) for package in errors.OWN)
+_OWN_FILES = tuple(str(Path(__file__).parents[2] / package) for package in errors.OWN_PACKAGES)
 """Files of the project: a warning names the line that called into them."""
 
 
-class ArgumentError(errors.Spoken, TypeError):
+class ArgumentError(errors.OptionMessage, TypeError):
     """An argument that a function or a class does not take; the message is for the user."""
 
 
@@ -50,7 +50,7 @@ def checked[T](thing: T) -> T:
 def _checked(function: Callable[..., Any], name: str) -> Callable[..., Any]:
     @functools.wraps(function)
     def call(*args: object, **kwargs: object) -> object:
-        _refused(name, function, args, kwargs)
+        _check_arguments(name, function, args, kwargs)
         return function(*args, **kwargs)
 
     return call
@@ -61,7 +61,9 @@ def _signature(function: Callable[..., object]) -> inspect.Signature:
     return inspect.signature(function)
 
 
-def _refused(name: str, function: Callable[..., object], args: Sequence[object], kwargs: dict[str, object]) -> None:
+def _check_arguments(
+    name: str, function: Callable[..., object], args: Sequence[object], kwargs: dict[str, object]
+) -> None:
     """Raise `ArgumentError` where arguments do not fit a function; of a method the first one is not spoken of."""
     signature = _signature(function)
     try:
@@ -70,7 +72,7 @@ def _refused(name: str, function: Callable[..., object], args: Sequence[object],
         if next(iter(signature.parameters), "") in ("self", "cls"):
             signature = signature.replace(parameters=[*signature.parameters.values()][1:])
             args = args[1:]
-        raise ArgumentError(_refusal(name, signature, args, kwargs)) from None
+        raise ArgumentError(_reason_against(name, signature, args, kwargs)) from None
 
 
 MAX_NAME_BYTES = 200
@@ -91,7 +93,7 @@ def doubt(text: str) -> None:
     warnings.warn(errors.spoken(text), ImplausibleWarning, skip_file_prefixes=_OWN_FILES)
 
 
-def _refusal(name: str, signature: inspect.Signature, args: Sequence[object], kwargs: dict[str, object]) -> str:
+def _reason_against(name: str, signature: inspect.Signature, args: Sequence[object], kwargs: dict[str, object]) -> str:
     """Return why arguments do not fit a signature."""
     kinds = inspect.Parameter
     known = [p for p in signature.parameters.values() if p.kind not in (kinds.VAR_POSITIONAL, kinds.VAR_KEYWORD)]
@@ -151,7 +153,7 @@ def several(name: str, value: object, kinds: type | tuple[type, ...], wanted: st
         return (value,)
     if isinstance(value, str | bytes | dict) or not isinstance(value, Iterable):
         raise wrong(name, value, f"{wanted}, or a list of such")
-    return tuple(one_of(f"{name}[{number}]", one, kinds, wanted) for number, one in enumerate(value))
+    return tuple(one_of(f"{name}[{number}]", entry_given, kinds, wanted) for number, entry_given in enumerate(value))
 
 
 def span(name: str, value: object) -> tuple[float, float] | None:

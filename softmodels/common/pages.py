@@ -47,7 +47,7 @@ class Page:
 
     def html(self) -> str:
         """Return the page."""
-        sections = [(heading, [part for part in parts if _filled(part)]) for heading, parts in self.sections]
+        sections = [(heading, [part for part in parts if _shows_anything(part)]) for heading, parts in self.sections]
         links = [
             (name, f"data:text/csv;base64,{base64.b64encode(text.encode()).decode('ascii')}")
             for name, text in self.downloads.items()
@@ -65,7 +65,7 @@ def pascal(unit: str) -> float:
     return units.FACTORS["Pa"].get(unit) or units.quantity(f"1 {unit}", "Pa")
 
 
-def _filled(part: Part | None) -> bool:
+def _shows_anything(part: Part | None) -> bool:
     """Return whether a part shows anything."""
     return part is not None and any(getattr(part, field.name) for field in dataclasses.fields(part)[:1])
 

@@ -31,7 +31,6 @@ def cores() -> int:
 
 
 PR_SET_PDEATHSIG = 1
-"""PR_SET_PDEATHSIG of Linux' prctl."""
 
 
 def end_with_parent() -> None:
@@ -94,7 +93,7 @@ def handlers_kept() -> Iterator[None]:
             library.sigaction(number, kept, None)
 
 
-GRACE = 30
+GRACE_SECONDS = 30
 """Seconds that a rank has to end itself after a signal, such as the step under way needs."""
 _GUARD = """trap '' INT TERM
 [ -n "$(head -c 1)" ] || exit
@@ -102,17 +101,17 @@ for second in $(seq "$2"); do sleep 1 >&- 2>&-; kill -0 "$1" 2>&- || exit; done
 [ -z "$3" ] || echo "$3" >&2
 kill -KILL "$1"
 """
-"""Waits for a signal's number, then `GRACE`; it leaves where the process $1 has ended meanwhile."""
+"""Waits for a signal's number, then `GRACE_SECONDS`; it leaves where the process $1 has ended meanwhile."""
 
 
 @contextlib.contextmanager
 def ended_after_signal(sentence: str) -> Iterator[None]:
-    """Kill this process `GRACE` s after a signal that Python handles, if it is still in here, with a sentence (empty: none).
+    """Kill this process `GRACE_SECONDS` s after a signal that Python handles, if it is still in here, with a sentence or none.
 
     Python's handlers do not run in compiled code, and MPI's calls may wait for other processes for ever. Python's own C code
     still writes the signal's number to a pipe, and another process reads it. For the main thread, as all handlers.
     """
-    words = ["sh", "-c", _GUARD, "sh", str(os.getpid()), str(GRACE), sentence]
+    words = ["sh", "-c", _GUARD, "sh", str(os.getpid()), str(GRACE_SECONDS), sentence]
     guard = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, start_new_session=True)
     assert guard.stdin is not None
     os.set_blocking(guard.stdin.fileno(), False)
@@ -130,7 +129,7 @@ def ended_after_signal(sentence: str) -> Iterator[None]:
 # One thread at a time in what cannot be shared: Gmsh, PETSc, MPI and the compiled kernels support only one caller.
 
 
-LOCK = threading.RLock()
+WORKER_LOCK = threading.RLock()
 """Held by the thread whose turn it is, which may take it again."""
 
 
@@ -139,7 +138,7 @@ def one_at_a_time[**P, R](function: Callable[P, R]) -> Callable[P, R]:
 
     @functools.wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
-        with LOCK:
+        with WORKER_LOCK:
             return function(*args, **kwargs)
 
     return call
@@ -151,13 +150,13 @@ def one_at_a_time[**P, R](function: Callable[P, R]) -> Callable[P, R]:
 
 COLUMNS = {"stdout": "SOFTMODELS_TERMINAL_OUT", "stderr": "SOFTMODELS_TERMINAL"}
 """Environment variables: columns of the terminal that a command has which has started the ranks, by their streams."""
-NARROWEST = 20
+MIN_TERMINAL_WIDTH = 20
 
 
 def columns(name: str) -> int | None:
     """Return the columns of the terminal that a stream (``"stdout"`` or ``"stderr"``) writes to; None if it is no terminal."""
     if (given := os.environ.get(COLUMNS[name], "")).isdigit():
-        return max(int(given), NARROWEST)
+        return max(int(given), MIN_TERMINAL_WIDTH)
     stream: TextIO | None = getattr(sys, name)
     if stream is None or not stream.isatty():
         return None
@@ -165,7 +164,7 @@ def columns(name: str) -> int | None:
         width = os.get_terminal_size(stream.fileno()).columns
     except (OSError, ValueError):
         width = shutil.get_terminal_size().columns
-    return max(width or shutil.get_terminal_size().columns, NARROWEST)
+    return max(width or shutil.get_terminal_size().columns, MIN_TERMINAL_WIDTH)
 
 
 def in_notebook() -> bool:
@@ -209,7 +208,7 @@ def plain(text: str) -> str:
 # Processes that answer calls: kept loaded, so that one question costs only its own time, and replaced when they die.
 
 
-ENDED = (
+PROCESS_ENDED_TEXT = (
     "the process that computes ended, perhaps because memory ran out; reduce the problem (larger cells, a smaller photograph, "
     "fewer processes at a time), and try again"
 )
@@ -255,18 +254,18 @@ class Worker:
         try:
             self.start()
             self._line.send_bytes(order)
-            found: Answer = self._line.recv()
+            answer: Answer = self._line.recv()
         except (EOFError, OSError):
             self.stop()
-            raise DiedError(ENDED) from None
-        return found
+            raise DiedError(PROCESS_ENDED_TEXT) from None
+        return answer
 
     def answer(self, function: str, task: object, closed: Callable[[], bool] = bool) -> Answer:
         """Return the answer to a task, which is given to a new process once more if the first one dies before all is closed."""
         try:
             with contextlib.suppress(DiedError):
                 return self.call(function, task)
-            return (False, ENDED) if closed() else self.call(function, task)
+            return (False, PROCESS_ENDED_TEXT) if closed() else self.call(function, task)
         except DiedError as error:
             return False, str(error)
 

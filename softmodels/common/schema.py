@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 from softmodels.common import errors, units
 from softmodels.common.errors import GeometryError
 
-__all__ = ["LONGEST", "About", "about", "angle_field", "angles_field", "choice_field", "field_of", "length_field",
+__all__ = ["MAX_LENGTH", "About", "about", "angle_field", "angles_field", "choice_field", "field_of", "length_field",
            "lengths_field", "list_field", "number_field", "settle", "shown", "text_field"]  # fmt: skip
 
 
@@ -150,16 +150,16 @@ Scalar = str | int | float | bool
 Entry = Scalar | list[Scalar]
 """What a settings file holds."""
 
-SHORTEST = 1e-5
+MIN_LENGTH = 1e-5
 """Shortest length in m: the CAD kernel merges points closer than about 0.1 micrometre."""
 
-LONGEST = 10.0
+MAX_LENGTH = 10.0
 """Longest length in m; above it a wrong unit is assumed."""
 
-LISTED = 4
+MAX_LISTED_NUMBERS = 4
 """Up to so many whole numbers are listed one by one in messages; of more their least and largest are."""
 
-ROUNDING = 1e-9
+BOUND_TOLERANCE = 1e-9
 """Relative tolerance of bounds: 10 um is 9.999999999999999e-06 m."""
 
 
@@ -178,7 +178,7 @@ def _plain(name: str, value: object) -> Any:
         raise errors.FieldError(f"{name}: {error}") from None
 
 
-def _given(value: object) -> str:
+def _invalid_text(value: object) -> str:
     """Return an invalid value's text for its message."""
     return units.brief(value)
 
@@ -214,13 +214,13 @@ class Quantity(Kind):
         if isinstance(value, str):
             return Quantity.read(self, name, value)
         if not isinstance(value, numbers.Real) or isinstance(value, bool):
-            raise errors.FieldError(f"{name} is {_given(value)}; it must be {self._wanted}")
+            raise errors.FieldError(f"{name} is {_invalid_text(value)}; it must be {self._wanted}")
         try:
             finite = float(value)
         except OverflowError:
             finite = math.inf
         if not math.isfinite(finite):
-            raise errors.FieldError(f"{name} is {_given(value)}; it must be a finite number")
+            raise errors.FieldError(f"{name} is {_invalid_text(value)}; it must be a finite number")
         return finite
 
     @property
@@ -261,12 +261,12 @@ class Length(Quantity):
             raise errors.FieldError(
                 f"{name} is {shown(size, 'm')}; it must be {'0 or more' if self.zero else 'larger than 0'}"
             )
-        if size < SHORTEST * (1 - ROUNDING):
+        if size < MIN_LENGTH * (1 - BOUND_TOLERANCE):
             raise errors.FieldError(
-                f"{name} is {size * 1e6:.6g} um; lengths below {SHORTEST * 1e6:g} um cannot be modelled"
+                f"{name} is {size * 1e6:.6g} um; lengths below {MIN_LENGTH * 1e6:g} um cannot be modelled"
             )
-        if size > LONGEST * (1 + ROUNDING):
-            raise errors.FieldError(f"{name} is {shown(size, 'm')}; above {LONGEST:g} m this suggests a wrong unit")
+        if size > MAX_LENGTH * (1 + BOUND_TOLERANCE):
+            raise errors.FieldError(f"{name} is {shown(size, 'm')}; above {MAX_LENGTH:g} m this suggests a wrong unit")
         return length
 
 
@@ -305,16 +305,18 @@ class Choice(Kind):
             if isinstance(value, str | numbers.Real) and value == known and not isinstance(value, bool):
                 return known
         if ends := self.ends:
-            raise errors.FieldError(f"{name} is {_given(value)}; it must be a whole number from {ends[0]} to {ends[1]}")
+            raise errors.FieldError(
+                f"{name} is {_invalid_text(value)}; it must be a whole number from {ends[0]} to {ends[1]}"
+            )
         names = [str(known) for known in self.choices]
         more = errors.meant(value, names) if isinstance(value, str) else ""
-        raise errors.FieldError(f"{name} is {_given(value)}; it must be one of {', '.join(names)}{more}")
+        raise errors.FieldError(f"{name} is {_invalid_text(value)}; it must be one of {', '.join(names)}{more}")
 
     @property
     def ends(self) -> tuple[int, int] | None:
-        """The least and the largest of whole numbers without gaps, if they are more than `LISTED`."""
+        """The least and the largest of whole numbers without gaps, if they are more than `MAX_LISTED_NUMBERS`."""
         whole = [known for known in self.choices if isinstance(known, int)]
-        if len(whole) <= LISTED or whole != list(range(whole[0], whole[0] + len(self.choices))):
+        if len(whole) <= MAX_LISTED_NUMBERS or whole != list(range(whole[0], whole[0] + len(self.choices))):
             return None
         return whole[0], whole[-1]
 
@@ -325,7 +327,7 @@ class Words(Kind):
 
     def settled(self, name: str, value: object) -> str:
         if not isinstance(value, str):
-            raise errors.FieldError(f"{name} is {_given(value)}; it must be a text")
+            raise errors.FieldError(f"{name} is {_invalid_text(value)}; it must be a text")
         return value
 
 
@@ -336,7 +338,7 @@ class Flag(Kind):
     def settled(self, name: str, value: object) -> bool:
         value = _plain(name, value)
         if not isinstance(value, bool):
-            raise errors.FieldError(f"{name} is {_given(value)}; it must be true or false")
+            raise errors.FieldError(f"{name} is {_invalid_text(value)}; it must be true or false")
         return value
 
 
@@ -380,7 +382,7 @@ class Several(Kind):
 
     def _refused(self, name: str, value: object) -> errors.FieldError:
         what = "texts" if isinstance(self.of, Words) else f"numbers in {self.unit}" if self.unit else "numbers"
-        return errors.FieldError(f"{name} is {_given(value)}; it must be a list of {what}, such as [...]")
+        return errors.FieldError(f"{name} is {_invalid_text(value)}; it must be a list of {what}, such as [...]")
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -20,9 +20,9 @@ import numpy.typing as npt
 
 from softmodels.common import errors, files, units
 
-LARGEST = 2_000_000
+MAX_TOML_BYTES = 2_000_000
 """Bytes: a setup with a thousand crossings of its grid has a hundred thousand."""
-DEEPEST = 20
+MAX_TOML_DEPTH = 20
 """Tables and lists in each other; a case has three."""
 LONGEST_LINE = 20_000
 """Characters in a line: a key of so many parts takes the parser minutes."""
@@ -38,7 +38,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     """Read a TOML file; a byte order mark is left out. `TomlError` if it is no text or TOML, cannot be read, or is larger than
     any file of ours."""
     try:
-        text = files.read_text(path, LARGEST)
+        text = files.read_text(path, MAX_TOML_BYTES)
     except UnicodeDecodeError:
         raise TomlError("cannot be read (it is not UTF-8 text; save it in that encoding)") from None
     except (OSError, ValueError) as error:  # a name with a zero byte in it is a ValueError
@@ -58,7 +58,7 @@ def parse_toml(text: str) -> dict[str, Any]:
     try:
         tables = tomllib.loads(text.removeprefix("\ufeff"))
     except RecursionError:
-        raise TomlError(f"is rejected: it nests more than {DEEPEST} lists or tables") from None
+        raise TomlError(f"is rejected: it nests more than {MAX_TOML_DEPTH} lists or tables") from None
     except ValueError as error:  # TOMLDecodeError is one, and so is a whole number of 5,000 digits
         raise TomlError(f"is not valid TOML ({_first(error)})") from None
     _check(tables)
@@ -73,7 +73,7 @@ def _first(error: ValueError) -> str:
 def _check(tables: dict[str, Any]) -> None:
     """Look through all values, without recursion."""
     level: list[Any] = [tables]
-    for _ in range(DEEPEST):
+    for _ in range(MAX_TOML_DEPTH):
         level = [
             value
             for group in level
@@ -82,7 +82,7 @@ def _check(tables: dict[str, Any]) -> None:
         ]
         if not level:
             return
-    raise TomlError(f"is rejected: it nests more than {DEEPEST} lists or tables")
+    raise TomlError(f"is rejected: it nests more than {MAX_TOML_DEPTH} lists or tables")
 
 
 def _plain(value: Any) -> Any:
@@ -172,27 +172,27 @@ def pick[Found](
 ) -> tuple[Worksheet, Found] | None:
     """Return the sheet that has a table, and what ``table`` makes of it; None if there is none. `UserFileError` if several
     have one, or the text is no table with any separator."""
-    found: list[tuple[Worksheet, Found]] = []
+    tables: list[tuple[Worksheet, Found]] = []
     trouble: csv.Error | None = None
     for sheet in sheets:
         try:
-            one = table(sheet)
+            cells = table(sheet)
         except csv.Error as error:
             trouble = error
             continue
-        if one is not None:
-            found.append((sheet, one))
+        if cells is not None:
+            tables.append((sheet, cells))
             if not sheet.name:
                 break
-    if len(found) > 1:
+    if len(tables) > 1:
         raise files.UserFileError(
             path,
-            f"there is a table on each of {named([sheet for sheet, _ in found])}; save the right sheet as CSV, "
+            f"there is a table on each of {named([sheet for sheet, _ in tables])}; save the right sheet as CSV, "
             "or as a separate workbook",
         )
-    if not found and trouble is not None:
+    if not tables and trouble is not None:
         raise files.UserFileError(path, f"it is not a table ({trouble})")
-    return found[0] if found else None
+    return tables[0] if tables else None
 
 
 def named(sheets: Sequence[Worksheet]) -> str:
@@ -243,10 +243,10 @@ def _workbook(path: Path, data: bytes) -> list[Worksheet]:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             size = sum(member.file_size for member in archive.infolist())
-            if size > files.TEXT:
+            if size > files.MAX_TEXT_BYTES:
                 raise files.UserFileError(
                     path,
-                    f"unpacked, its sheets have {size / 1e6:.4g} MB, but at most {files.TEXT / 1e6:g} MB are read; "
+                    f"unpacked, its sheets have {size / 1e6:.4g} MB, but at most {files.MAX_TEXT_BYTES / 1e6:g} MB are read; "
                     "save it as CSV",
                 )
             for member in archive.infolist():
@@ -276,7 +276,7 @@ def _workbook(path: Path, data: bytes) -> list[Worksheet]:
 def _is_too_dense(part: IO[bytes]) -> bool:
     """Return whether a part of a workbook has so many tags and attributes in a row that its tree would fill the memory."""
     count = 0
-    while chunk := part.read(files.CHUNK):
+    while chunk := part.read(files.CHUNK_BYTES):
         *rows, rest = _ENDS.split(chunk)
         for row in rows:
             if count + row.count(b"<") + row.count(b"=") > MAX_TAGS:
@@ -299,7 +299,7 @@ def _read_workbook(data: bytes, values: bool) -> dict[str, tuple[Cells, list[tup
     import openpyxl
     from openpyxl.cell.read_only import EMPTY_CELL
 
-    found: dict[str, tuple[Cells, list[tuple[int, int]]]] = {}
+    sheets: dict[str, tuple[Cells, list[tuple[int, int]]]] = {}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # about styles and other things that are not read
         book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=values, keep_links=False)
@@ -319,15 +319,15 @@ def _read_workbook(data: bytes, values: bool) -> dict[str, tuple[Cells, list[tup
                     if cell is EMPTY_CELL:
                         continue
                     if cell.value is not None:
-                        cells.setdefault(cell.row, {})[cell.column] = _shown(cell, values)
+                        cells.setdefault(cell.row, {})[cell.column] = _shown_text(cell, values)
                     elif cell.data_type == "n":  # a formula with an empty text for its value is "str"
                         empty.append((cell.row, cell.column))
-            found[sheet.title] = cells, empty
+            sheets[sheet.title] = cells, empty
         book.close()
-    return found
+    return sheets
 
 
-def _shown(cell: Any, values: bool) -> str:
+def _shown_text(cell: Any, values: bool) -> str:
     value, style = cell.value, cell.number_format or ""
     if cell.data_type == "f" and not values:
         return value if isinstance(value, str) else "={...}"

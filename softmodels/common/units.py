@@ -55,7 +55,7 @@ STANDARD_GRAVITY = 9.80665
 WATER_DENSITY = 970.0
 """Density in kg/m3 of the water in the thesis' column (section 4.1: 0.97 g/ml measured)."""
 
-LONGEST = 100
+MAX_CHARACTERS = 100
 """Characters of the longest quantity; the most precise float has 24."""
 
 _NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
@@ -165,7 +165,7 @@ def quantity(text: str | float, unit: str) -> float:
             raise UnitError(f"{shown} has no unit{hint}")
         return read
     factor = FACTORS.get(unit, {}).get(written)
-    value = read * factor if factor is not None else _converted(read, written, unit, shown, hint)
+    value = read * factor if factor is not None else _converted_by_pint(read, written, unit, shown, hint)
     if not math.isfinite(value):
         raise UnitError(f"{shown} is not a finite number")
     return value
@@ -209,7 +209,7 @@ def example(unit: str) -> str:
             "m^2": "18mm^2", "kg": "20g"}.get(unit, f"1 {unit}".strip())  # fmt: skip
 
 
-def _converted(read: float, written: str, unit: str, shown: str, hint: str) -> float:
+def _converted_by_pint(read: float, written: str, unit: str, shown: str, hint: str) -> float:
     """Return a number in one unit as one in another, by Pint; `UnitError` if the unit is unknown, or of another kind."""
     import pint
 
@@ -228,16 +228,16 @@ def _converted(read: float, written: str, unit: str, shown: str, hint: str) -> f
 
 def _split(text: str, what: str, hint: str = "") -> tuple[float, str]:
     shown = text.strip()
-    if len(shown) > LONGEST:
+    if len(shown) > MAX_CHARACTERS:
         raise UnitError(f"{brief(shown)} is not {what}{hint}")
-    found = re.fullmatch(rf"({_NUMBER})\s*(.*)", shown, re.DOTALL)
-    if found is None or (found[2] and not _UNIT.fullmatch(found[2])):
+    match = re.fullmatch(rf"({_NUMBER})\s*(.*)", shown, re.DOTALL)
+    if match is None or (match[2] and not _UNIT.fullmatch(match[2])):
         kind = DecimalCommaError if _DECIMAL_COMMA.match(shown) else UnitError
         raise kind(_reason(shown, what, hint))
-    read = float(found[1])
+    read = float(match[1])
     if not math.isfinite(read):
         raise UnitError(f"{brief(shown)} is not a finite number")
-    return read, found[2]
+    return read, match[2]
 
 
 def _reason(shown: str, what: str, hint: str) -> str:
@@ -284,7 +284,7 @@ def column_unit(pascal: float | None = None) -> str:
     return f"cm, {density:.4g} g/ml"
 
 
-LIGHTER = "3 % less than water at 20 degC"
+DENSITY_NOTE = "3 % less than water at 20 degC"
 """What the usual density of a column's liquid is, `WATER_DENSITY`, for texts that ask for another."""
 
 _FRIENDLY = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3), "degree": ("deg", 1.0), "m^3": ("ml", 1e6)}

@@ -1,4 +1,4 @@
-"""A reduced model in the words of other programs: tables, a chain for MuJoCo, an FMU."""
+"""A reduced model in the words of other programs: tables, a MuJoCo model, an FMU."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ __all__ = ["WRITERS", "Chain", "chain_of", "is_own", "kind_of", "write"]
 
 
 DRIVERS = ("bend", "uneven", "extension", "lean", "uneven_lean", "twisting")
-FOLLOWED = {
+JOINT_VARIABLES = {
     "hinge": ("bend", "uneven"),
     "slide": ("extension", ""),
     "side": ("lean", "uneven_lean"),
@@ -69,17 +69,17 @@ class Chain:
 
     def follows(self, kind: str) -> bool:
         """Return whether joints of a kind follow the pressure, and not only yield to loads."""
-        return self.stiffness[kind] > 0.0 and DRIVERS.index(FOLLOWED[kind][0]) < len(self.quartics)
+        return self.stiffness[kind] > 0.0 and DRIVERS.index(JOINT_VARIABLES[kind][0]) < len(self.quartics)
 
 
-SEGMENTS = 8
+DEFAULT_SEGMENTS = 8
 MOST_TURN = math.radians(0.5)
 """Rotation up to which a device only extends."""
-FLAT = 0.02
+PLANE_TOLERANCE = 0.02
 """Distance of the tip from the plane of bending, in lengths, up to which a chain stays in it."""
-LAG = 0.01
+TIME_CONSTANT = 0.01
 """Time constant in s of the pressure behind its command."""
-DAMPING = 0.01
+DAMPING_TIME = 0.01
 """Damping of a joint over its spring's stiffness, s."""
 DRIVER_MASS = 1e-7
 """Mass of a driver in masses of the device."""
@@ -89,27 +89,27 @@ DRIVER_TURN = 1000.0
 """Angle by which drivers turn over the range, rad."""
 ADVANCES = ("onset", "rise", "advance")
 """What follows from the pressure, each from the one before, by a quartic from 0 at 0 to 1 at 1."""
-SAMPLES = 61
+FIT_SAMPLES = 61
 """Pressures at which a chain is fitted to the table's curves, beside the table's own."""
 
 
 def reached(numbers: Array, length: float) -> tuple[Array, Array]:
     """Return place (m) and rotation of the end of a chain by its numbers, along its axes at rest."""
     bend, uneven, extension, lean, uneven_lean, twist = np.append(numbers, np.zeros(len(DRIVERS) - len(numbers)))
-    link, along = length / SEGMENTS, np.arange(SEGMENTS) - (SEGMENTS - 1) / 2
+    link, along = length / DEFAULT_SEGMENTS, np.arange(DEFAULT_SEGMENTS) - (DEFAULT_SEGMENTS - 1) / 2
     angles = [
-        bend / SEGMENTS + uneven * along,
-        lean / SEGMENTS + uneven_lean * along,
-        np.full(SEGMENTS, twist / SEGMENTS),
+        bend / DEFAULT_SEGMENTS + uneven * along,
+        lean / DEFAULT_SEGMENTS + uneven_lean * along,
+        np.full(DEFAULT_SEGMENTS, twist / DEFAULT_SEGMENTS),
     ]
     place, R = np.array([link / 2, 0.0, 0.0]), np.eye(3)
     for k, joint in enumerate(Rotation.from_euler("ZYX", np.transpose(angles)).as_matrix()):
         R = R @ joint
-        place += (link * (0.5 if k == SEGMENTS - 1 else 1.0) + extension / SEGMENTS) * R[:, 0]
+        place += (link * (0.5 if k == DEFAULT_SEGMENTS - 1 else 1.0) + extension / DEFAULT_SEGMENTS) * R[:, 0]
     return place, R
 
 
-def _missed(numbers: Array, place: Array, R: Array, length: float) -> Array:
+def _tip_error(numbers: Array, place: Array, R: Array, length: float) -> Array:
     """Return how far the end of a chain is from a pose, in lengths and radians."""
     at, turned = reached(numbers, length)
     return np.concatenate([(at - place) / length, Rotation.from_matrix(R.T @ turned).as_rotvec()])
@@ -127,57 +127,57 @@ def chain_of(model: ReducedModel) -> Chain:
     axes = np.column_stack([along, np.cross(normal, along), normal])
     top = float(model.pressures[np.argmax(np.abs(model.pressures))])
     shares = model.pressures / top
-    sampled = np.union1d(shares, np.linspace(shares.min(), 1.0, SAMPLES))
+    sampled = np.union1d(shares, np.linspace(shares.min(), 1.0, FIT_SAMPLES))
     poses = [model(share * top) for share in sampled]
-    places = np.array([one.position - model.base for one in poses]) @ axes
-    turned = [axes.T @ one.rotation @ axes for one in poses]
+    places = np.array([pose.position - model.base for pose in poses]) @ axes
+    turned = [axes.T @ pose.rotation @ axes for pose in poses]
     out = float(np.abs(places[:, 2]).max())
     stiffness = _stiffness(model, axes, hinges)
-    if out > FLAT * model.length and not (stiffness["side"] and stiffness["twist"]):
+    if out > PLANE_TOLERANCE * model.length and not (stiffness["side"] and stiffness["twist"]):
         raise RunError(
             f"the tip leaves the plane of bending by {1e3 * out:.3g} mm, and its stiffness across that is not known; reduce a "
             f"model of the whole device, or write a table (.csv, .json)"
         )
-    count, found = 6 if out > FLAT * model.length else 3, []
+    count, links = 6 if out > PLANE_TOLERANCE * model.length else 3, []
     for place, R, angle in zip(places, turned, np.interp(sampled, shares, model.turns @ normal), strict=True):
         if not hinges:
-            found.append([0.0, 0.0, place[0] - model.length])
+            links.append([0.0, 0.0, place[0] - model.length])
             continue
         # Away from zero: the derivatives are by differences in proportion.
         guess = [angle + 0.01, 0.01, float(np.linalg.norm(place)) - 0.99 * model.length, 0.01, 0.01, 0.01][:count]
-        solved = least_squares(_missed, guess, xtol=1e-14, gtol=1e-14, args=(place, R, model.length))
-        found.append(solved.x)
-    advances, quartics = _fitted(sampled, np.array(found))
+        solved = least_squares(_tip_error, guess, xtol=1e-14, gtol=1e-14, args=(place, R, model.length))
+        links.append(solved.x)
+    advances, quartics = _fitted_coefficients(sampled, np.array(links))
     misses = np.array([
-        _missed(quartics @ at ** np.arange(5), place, R, model.length)
-        for at, place, R in zip(_advanced(advances, sampled), places, turned, strict=True)
+        _tip_error(quartics @ at ** np.arange(5), place, R, model.length)
+        for at, place, R in zip(_advance(advances, sampled), places, turned, strict=True)
     ])  # fmt: skip
     angles = np.linalg.norm(misses[:, 3:], axis=1) * hinges
     error = float(np.linalg.norm(misses[:, :3], axis=1).max()), math.degrees(float(angles.max()))
     return Chain(model.base, axes, model.length, advances, quartics, top, stiffness, error)
 
 
-def _advanced(advances: Array, shares: Array) -> Array:
+def _advance(advances: Array, shares: Array) -> Array:
     """Return the advance at shares of the highest pressure."""
     for coefficients in advances:
         shares = np.polynomial.Polynomial(coefficients)(shares)
     return shares
 
 
-def _fitted(shares: Array, numbers: Array) -> tuple[Array, Array]:
+def _fitted_coefficients(shares: Array, numbers: Array) -> tuple[Array, Array]:
     """Return coefficients of the advances, shape (3, 5), and of the numbers over the last of them, shape (numbers, 5), that fit
     the numbers (in columns) best, each by its size."""
     powers = np.arange(1 if abs(shares[0]) < 1e-9 else 0, 5)
-    scaled = numbers / np.maximum(np.abs(numbers).max(axis=0), reduction.SAME)
+    scaled = numbers / np.maximum(np.abs(numbers).max(axis=0), reduction.ZERO_LOAD_TOLERANCE)
 
     def advances(inner: Array) -> Array:
         a, b, c = inner.reshape(-1, 3).T  # x + x (x - 1) (a + b x + c x^2)
         return np.column_stack([0.0 * a, 1.0 - a, a - b, b - c, c])
 
     def solved(inner: Array, of: Array) -> tuple[Array, Array]:
-        terms = _advanced(advances(inner), shares)[:, None] ** powers
-        found = np.linalg.lstsq(terms, of, rcond=None)[0]
-        return found, (terms @ found - of).ravel()
+        terms = _advance(advances(inner), shares)[:, None] ** powers
+        coefficients = np.linalg.lstsq(terms, of, rcond=None)[0]
+        return coefficients, (terms @ coefficients - of).ravel()
 
     inner = least_squares(lambda inner: solved(inner, scaled)[1], np.zeros(3 * len(ADVANCES))).x
     quartics = np.zeros((numbers.shape[1], 5))
@@ -194,19 +194,22 @@ def _stiffness(model: ReducedModel, axes: Array, hinges: bool) -> dict[str, floa
         raise RunError(
             "the stiffness of the tip is not known in the plane of bending; reduce a model of the whole device"
         )
-    known = reduction.SAME * max(bending, aside, twisting)
+    known = reduction.ZERO_LOAD_TOLERANCE * max(bending, aside, twisting)
     soft = {"hinge": bending * hinges, "side": aside, "twist": twisting}
-    return {"slide": SEGMENTS / stretching, **{kind: SEGMENTS / C if known < C else 0.0 for kind, C in soft.items()}}
+    return {
+        "slide": DEFAULT_SEGMENTS / stretching,
+        **{kind: DEFAULT_SEGMENTS / C if known < C else 0.0 for kind, C in soft.items()},
+    }
 
 
 def mjcf(model: ReducedModel) -> str:
     """Return a chain as MJCF: ``ctrl`` is the pressure in kPa; the site ``tip`` has the tip's pose."""
-    chain, link = chain_of(model), model.length / SEGMENTS
-    mass = model.mass / (SEGMENTS + 1)
+    chain, link = chain_of(model), model.length / DEFAULT_SEGMENTS
+    mass = model.mass / (DEFAULT_SEGMENTS + 1)
     # A weight that is in the table must not act once more in a scene with gravity.
     links = {"gravcomp": "1"} if any(isinstance(part, Gravity) for part in model.case.components) else {}
     root = ElementTree.Element("mujoco", model=model.case.name)
-    text = f" {deck.WRITTEN}: {model.case.name}, {model.span[0] / 1e3:.4g} to {model.span[1] / 1e3:.4g} kPa; tip within " \
+    text = f" {deck.WRITTEN_BY}: {model.case.name}, {model.span[0] / 1e3:.4g} to {model.span[1] / 1e3:.4g} kPa; tip within " \
            f"{100 * chain.error[0]:.2g} % of the length and {chain.error[1]:.2g} degrees of the table "  # fmt: skip
     root.append(ElementTree.Comment(text))
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="true")
@@ -217,8 +220,8 @@ def mjcf(model: ReducedModel) -> str:
     _drivers(body, model, len(chain.quartics))
     radius = 0.12 * model.length
     _link(body, link / 2, radius, mass)
-    for k in range(SEGMENTS):
-        long = link * (0.5 if k == SEGMENTS - 1 else 1.0)
+    for k in range(DEFAULT_SEGMENTS):
+        long = link * (0.5 if k == DEFAULT_SEGMENTS - 1 else 1.0)
         place = _words([link / 2 if k == 0 else link, 0, 0])
         body = ElementTree.SubElement(body, "body", links, name=f"link{k}", pos=place)
         for kind, axis in (("hinge", "0 0 1"), ("side", "0 1 0"), ("twist", "1 0 0")):
@@ -236,7 +239,7 @@ def mjcf(model: ReducedModel) -> str:
     ends = sorted((model.states[0].pressure / 1e3, top))
     ElementTree.SubElement(
         actuator, "general", name="pressure_kPa", joint="pressure", ctrlrange=_words(ends), biastype="affine",
-        gainprm=_words([1 / LAG**2 / top]), biasprm=_words([0, -1 / LAG**2, -2 / LAG]),
+        gainprm=_words([1 / TIME_CONSTANT**2 / top]), biasprm=_words([0, -1 / TIME_CONSTANT**2, -2 / TIME_CONSTANT]),
     )  # fmt: skip
     ElementTree.indent(root, " ")
     return ElementTree.tostring(root, encoding="unicode") + "\n"
@@ -259,7 +262,7 @@ def _joint(body: ElementTree.Element, chain: Chain, kind: str, k: int, **more: s
     that of joints implicitly."""
     stiffness = chain.stiffness[kind]
     spring = {} if chain.follows(kind) else {"stiffness": f"{stiffness:.9g}"}
-    ElementTree.SubElement(body, "joint", spring | more, name=f"{kind}{k}", damping=f"{DAMPING * stiffness:.9g}")
+    ElementTree.SubElement(body, "joint", spring | more, name=f"{kind}{k}", damping=f"{DAMPING_TIME * stiffness:.9g}")
 
 
 def _link(body: ElementTree.Element, length: float, radius: float, mass: float) -> None:
@@ -272,25 +275,25 @@ def _link(body: ElementTree.Element, length: float, radius: float, mass: float) 
 def _springs(root: ElementTree.Element, chain: Chain) -> None:
     """Add the springs of the chain, and tie the numbers to the last of the advances, and the first to the pressure."""
     tendon, equality = ElementTree.SubElement(root, "tendon"), ElementTree.SubElement(root, "equality")
-    largest = np.abs(chain.quartics @ np.linspace(0.0, 1.0, SAMPLES) ** np.arange(5)[:, None]).max(axis=1)
+    largest = np.abs(chain.quartics @ np.linspace(0.0, 1.0, FIT_SAMPLES) ** np.arange(5)[:, None]).max(axis=1)
     per_turn = np.where(largest > 0.0, largest, 1.0) / DRIVER_TURN
     numbers = dict(zip(DRIVERS, per_turn, strict=False))
-    for kind in filter(chain.follows, FOLLOWED):
-        first, second = FOLLOWED[kind]
-        for k in range(SEGMENTS):
+    for kind in filter(chain.follows, JOINT_VARIABLES):
+        first, second = JOINT_VARIABLES[kind]
+        for k in range(DEFAULT_SEGMENTS):
             stiffness = f"{chain.stiffness[kind]:.9g}"
             spring = ElementTree.SubElement(
                 tendon, "fixed", name=f"{kind}_spring{k}", springlength="0", stiffness=stiffness
             )
             ElementTree.SubElement(spring, "joint", joint=f"{kind}{k}", coef="1")
-            for name, factor in (first, -1 / SEGMENTS), (second, (SEGMENTS - 1) / 2 - k):
+            for name, factor in (first, -1 / DEFAULT_SEGMENTS), (second, (DEFAULT_SEGMENTS - 1) / 2 - k):
                 if name:
                     ElementTree.SubElement(spring, "joint", joint=name, coef=f"{factor * numbers[name]:.9g}")
     of_turn = DRIVER_TURN ** -np.arange(5.0)
     first, *others = DRIVER_TURN * chain.advances
     ties = [
         (ADVANCES[0], "pressure", first),
-        *zip(ADVANCES[1:], ADVANCES, [one * of_turn for one in others], strict=False),
+        *zip(ADVANCES[1:], ADVANCES, [other * of_turn for other in others], strict=False),
     ]
     for name, quartic in zip(numbers, chain.quartics, strict=True):
         ties.append((name, ADVANCES[-1], quartic * of_turn / numbers[name]))
@@ -315,14 +318,14 @@ LOADS = (*(f"f{axis}" for axis in actuator.AXES), *(f"m{axis}" for axis in actua
 
 def columns(model: ReducedModel) -> dict[str, Callable[[reduction.TipState], float]]:
     """Return the columns of the table by their heads, which end in the unit."""
-    found: dict[str, Callable[[reduction.TipState], float]] = {"pressure_Pa": lambda one: one.pressure}
+    columns: dict[str, Callable[[reduction.TipState], float]] = {"pressure_Pa": lambda state: state.pressure}
     device = model.case.actuator
     for k, ratio in enumerate(device.ratios, 1):
         if len(device.ratios) > 1:
-            found[f"pressure_cavity{k}_Pa"] = lambda one, ratio=ratio: ratio * one.pressure  # type: ignore[misc]
-    found |= {f"tip_{axis}_m": lambda one, i=i: one.position[i] for i, axis in enumerate(actuator.AXES)}  # type: ignore[misc]
-    found |= {f"tip_q{axis}_1": lambda one, i=i: float(_quaternion(one)[i]) for i, axis in enumerate("wxyz")}  # type: ignore[misc]
-    found |= {"added_volume_m3": lambda one: one.volume, "volume_rate_m3_per_Pa": lambda one: one.volume_rate}
+            columns[f"pressure_cavity{k}_Pa"] = lambda state, ratio=ratio: ratio * state.pressure  # type: ignore[misc]
+    columns |= {f"tip_{axis}_m": lambda state, i=i: state.position[i] for i, axis in enumerate(actuator.AXES)}  # type: ignore[misc]
+    columns |= {f"tip_q{axis}_1": lambda state, i=i: float(_quaternion(state)[i]) for i, axis in enumerate("wxyz")}  # type: ignore[misc]
+    columns |= {"added_volume_m3": lambda state: state.volume, "volume_rate_m3_per_Pa": lambda state: state.volume_rate}
     for i, motion in enumerate(MOTIONS):
         unit = "m" if i < 3 else "rad"
         for k in range(len(device.ratios)):
@@ -331,30 +334,30 @@ def columns(model: ReducedModel) -> dict[str, Callable[[reduction.TipState], flo
                 if len(device.ratios) > 1
                 else f"rate_{motion}_{unit}_per_Pa"
             )
-            found[head] = lambda one, i=i, k=k: one.jacobian[i, k]  # type: ignore[misc]
+            columns[head] = lambda state, i=i, k=k: state.jacobian[i, k]  # type: ignore[misc]
     for i, motion in enumerate(MOTIONS):
         for j, load in enumerate(LOADS[: i + 1]):
             unit = f"{'m' if i < 3 else 'rad'}_per_{'N' if j < 3 else 'Nm'}"
-            found[f"compliance_{motion}_{load}_{unit}"] = lambda one, i=i, j=j: one.compliance[i, j]  # type: ignore[misc]
+            columns[f"compliance_{motion}_{load}_{unit}"] = lambda state, i=i, j=j: state.compliance[i, j]  # type: ignore[misc]
     for i, load in enumerate(LOADS):
         unit = "N_per_Pa" if i < 3 else "Nm_per_Pa"
-        found[f"blocked_{load}_{unit}"] = lambda one, i=i: model.blocked(one)[i]  # type: ignore[misc,assignment]
-    found["effective_area_m2"] = model.effective_area
+        columns[f"blocked_{load}_{unit}"] = lambda state, i=i: model.blocked(state)[i]  # type: ignore[misc,assignment]
+    columns["effective_area_m2"] = model.effective_area
     for i, name in enumerate(("curvature_per_m", "arc_length_m", "bending_direction_rad")):
-        found[name] = lambda one, i=i: model.constant_curvature(one)[i]  # type: ignore[misc]
-    found["max_stretch_1"] = lambda one: one.stretch
+        columns[name] = lambda state, i=i: model.constant_curvature(state)[i]  # type: ignore[misc]
+    columns["max_stretch_1"] = lambda state: state.stretch
     if np.isfinite(model.states[-1].spread).all():
         heads = [
             *(f"tip_{axis}_ci95_m" for axis in actuator.AXES),
             *(f"turn_{axis}_ci95_rad" for axis in actuator.AXES),
             "added_volume_ci95_m3",
         ]
-        found |= {head: lambda one, i=i: one.spread[i] for i, head in enumerate(heads)}  # type: ignore[misc]
-    return found
+        columns |= {head: lambda state, i=i: state.spread[i] for i, head in enumerate(heads)}  # type: ignore[misc]
+    return columns
 
 
-def _quaternion(one: reduction.TipState) -> Array:
-    return np.asarray(Rotation.from_matrix(one.rotation).as_quat(canonical=True, scalar_first=True))
+def _quaternion(state: reduction.TipState) -> Array:
+    return np.asarray(Rotation.from_matrix(state.rotation).as_quat(canonical=True, scalar_first=True))
 
 
 def table_csv(model: ReducedModel) -> str:
@@ -363,8 +366,8 @@ def table_csv(model: ReducedModel) -> str:
     writer = csv.writer(out, lineterminator="\n")
     known = columns(model)
     writer.writerow(known)
-    for one in model.states:
-        values = [float(read(one)) for read in known.values()]
+    for state in model.states:
+        values = [float(read(state)) for read in known.values()]
         writer.writerow([f"{value:.12g}" if math.isfinite(value) else "" for value in values])
     return out.getvalue()
 
@@ -372,9 +375,9 @@ def table_csv(model: ReducedModel) -> str:
 def table_json(model: ReducedModel) -> str:
     """Return the table as JSON, with what it is of, where it ends and its errors in between."""
     known, low_high = columns(model), model.span
-    rows = {head: [_plain(float(read(one))) for one in model.states] for head, read in known.items()}
+    rows = {head: [_plain(float(read(state))) for state in model.states] for head, read in known.items()}
     about = {
-        "written_by": deck.WRITTEN, "case": model.case.name, "device": type(model.case.actuator).__name__, "tip": model.face,
+        "written_by": deck.WRITTEN_BY, "case": model.case.name, "device": type(model.case.actuator).__name__, "tip": model.face,
         "support_m": model.base.tolist(), "length_m": model.length, "from_Pa": low_high[0], "to_Pa": low_high[1],
         "notes": model.notes,
         "errors_between_states": {
@@ -406,7 +409,7 @@ def fmu(model: ReducedModel) -> bytes:
 
     low, high = model.span
     program = PROGRAM.read_bytes()
-    text = f"{deck.WRITTEN}: the tip of {model.case.name}, {low:.6g} to {high:.6g} Pa; SI units"
+    text = f"{deck.WRITTEN_BY}: the tip of {model.case.name}, {low:.6g} to {high:.6g} Pa; SI units"
     table = {"description": text, **model.knots()}
     # Units of one name in a process would share a module, so the name follows from what the unit holds.
     digest = hashlib.sha256(program + json.dumps(table).encode()).hexdigest()[:12]
@@ -456,7 +459,7 @@ def is_own(file: Path) -> bool:
     if content.startswith(b"PK"):
         return re.search(rb"resources/softmodels_\w+\.py", content) is not None
     head = content[:4000].decode(errors="replace")
-    return deck.WRITTEN in head or head.startswith("pressure_Pa,")
+    return deck.WRITTEN_BY in head or head.startswith("pressure_Pa,")
 
 
 def kind_of(file: Path, kind: str = "") -> str:

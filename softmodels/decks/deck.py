@@ -60,15 +60,15 @@ class Deck:
     @property
     def watched(self) -> dict[str, int]:
         """Output nodes by label: the device's probes, and the reference nodes of rigid parts."""
-        found = {
+        nodes = {
             name: int(np.linalg.norm(self.mesh.points - place, axis=1).argmin())
             for name, place in self.case.actuator.probes.items()
         }
-        for one in self.supports.rigged:
-            found[f"centre of {one.name}"] = one.place
-            if one.turn is not None:
-                found[f"rotation vector of {one.name} in rad"] = one.turn
-        return found
+        for part in self.supports.rigged:
+            nodes[f"centre of {part.name}"] = part.place
+            if part.turn is not None:
+                nodes[f"rotation vector of {part.name} in rad"] = part.turn
+        return nodes
 
     @property
     def overlapping(self) -> str:
@@ -81,22 +81,22 @@ class Deck:
     def remarks(self) -> list[str]:
         """Remarks on the deck, as sentences."""
         case, names = self.case, ", ".join(self.mesh.faces)
-        found = [
+        sentences = [
             f"{case.name}, {type(case.actuator).__name__}, one of {case.actuator.copies} equal slices",
             f"faces by role: {names}",
             "nodes: " + ", ".join(f"{number + 1} {name}" for name, number in self.watched.items()),
         ]
         if self.forces is not None:
-            found.append(f"a first step applies {', '.join(acting(case))}, as forces on the nodes of this slice")
-        found += [self.overlapping] if self.overlapping else []
-        return [*found, *(remark for silicone in self.silicones for remark in silicone.remarks)]
+            sentences.append(f"a first step applies {', '.join(acting(case))}, as forces on the nodes of this slice")
+        sentences += [self.overlapping] if self.overlapping else []
+        return [*sentences, *(remark for silicone in self.silicones for remark in silicone.remarks)]
 
 
-WRITTEN = "written by softmodels"
+WRITTEN_BY = "written by softmodels"
 """Mark of a deck: files with it may be overwritten."""
 LOADS = (controls.LoadPart, Mass)
 """Kinds of parts written as nodal forces."""
-ALIKE = 1e-6
+NODE_TOLERANCE = 1e-6
 """Distance relative to the device's size below which two places are the same node."""
 
 
@@ -123,7 +123,7 @@ def deck_of(case: Case, mesh: Path, system: System | None = None) -> Deck:
 def _pressures(case: Case) -> Array:
     """Return the requested pressures of each cavity in Pa, without those of the device at rest, shape (steps, cavities)."""
     if case.program:
-        return np.array([one.values for one in steps.courses(case.steps)]).T[steps.begins_at_rest(case.steps) :]
+        return np.array([course.values for course in steps.courses(case.steps)]).T[steps.begins_at_rest(case.steps) :]
     return np.outer([value for value in case.values if value], case.actuator.ratios)
 
 
@@ -134,10 +134,10 @@ def needs_equations(case: Case) -> bool:
 
 def _by_node(mesh: MeshArrays, places: Array, forces: Array) -> Array:
     """Return the forces in the order of a mesh's nodes."""
-    away, found = scipy.spatial.cKDTree(places).query(mesh.points)
-    if away.max() > ALIKE * np.ptp(mesh.points, axis=0).max():
+    away, nodes = scipy.spatial.cKDTree(places).query(mesh.points)
+    if away.max() > NODE_TOLERANCE * np.ptp(mesh.points, axis=0).max():
         raise CaseError("the mesh and the equations have different nodes: the dead loads cannot be written")
-    return forces[found]
+    return forces[nodes]
 
 
 def acting(case: Case) -> list[str]:
@@ -154,7 +154,9 @@ def check(case: Case) -> None:
         raise CaseError(
             f'the case has an axisymmetric section of {type(device).__name__}; decks need a solid one (section = "wedge")'
         )
-    unpressed = case.timed or any(one.quantity != steps.PRESSURE for step in case.steps for one in step.prescribed)
+    unpressed = case.timed or any(
+        quantity.quantity != steps.PRESSURE for step in case.steps for quantity in step.prescribed
+    )
     if unpressed or case.load_unload:
         raise CaseError(
             f"the case asks for {case.load.requested.words}; a deck takes pressures (pressure_cm), and no unloading"
@@ -163,14 +165,14 @@ def check(case: Case) -> None:
     main.check("")
     for silicone in others:
         silicone.check(f"region {silicone.name}: ")
-    for what in _unknown(case):
+    for what in _unsupported_parts(case):
         raise CaseError(
             f"the case has {what}, which decks do not support; leave it out (decks carry silicones, regions, supports, "
             "clamps, rigid parts, dead loads and pressures)"
         )
 
 
-def _unknown(case: Case) -> Iterator[str]:
+def _unsupported_parts(case: Case) -> Iterator[str]:
     """Yield the names of unsupported parts."""
     for part in case.components:
         named = [name for field in ("face", "faces", "on") for name in names_in(getattr(part, field, ""))]
@@ -215,21 +217,21 @@ class DeckSilicone:
     @property
     def remarks(self) -> list[str]:
         """Remarks on the material, as sentences."""
-        found = [
+        remarks = [
             f"{self.name}: {self.material}",
             f"{self.name}: energy of the isochoric stretches' shape + K/2 (J - 1)^2, K = {self.bulk:.6g} Pa",
         ]
         if not self.material.isochoric:
-            found.append(
+            remarks.append(
                 f"{self.material.name}: softmodels' energy uses the full stretches, this one the isochoric ones; "
                 "they agree as Poisson's ratio approaches 0.5"
             )
         if self.material.memory is not None:
-            found.append(
+            remarks.append(
                 f"{self.name}: the deck leaves out its memory, a model that CalculiX does not have: it is the silicone "
                 "after a long time, relaxed and never softened"
             )
-        return found
+        return remarks
 
     def check(self, where: str) -> None:
         """Raise `CaseError`, which begins with ``where``, for a law that no deck supports."""
@@ -249,7 +251,7 @@ def silicones_of(material: Material, components: Iterable[object], regions: Iter
     """Return the materials of a device with its parts and regions; the first, its main one, fills all cells without a
     region."""
     others = [DeckSilicone(part.name, part.material, (part.name,)) for part in components if isinstance(part, Region)]
-    named = {one.name for one in others}
+    named = {other.name for other in others}
     main = f"main_{MAIN}" if MAIN in named else MAIN
     return (DeckSilicone(main, material, tuple(name for name in regions if name not in named)), *others)
 
@@ -276,7 +278,7 @@ class Tie:
 
 
 @dataclasses.dataclass(frozen=True)
-class Rigged:
+class MovingRigidPart:
     """A rigid part of a deck that moves, and the mesh's nodes that follow it. The displacement of the node ``place`` is that
     of its centre, or of all its nodes where it does not turn; of ``turn``, if there is one, its rotation vector in rad."""
 
@@ -293,7 +295,7 @@ class Supports:
 
     held: dict[int, mesh_arrays.Ints]
     tied: tuple[Tie, ...]
-    rigged: tuple[Rigged, ...]
+    rigged: tuple[MovingRigidPart, ...]
     added: Array
 
 
@@ -305,7 +307,7 @@ def supports_of(case: Case, mesh: MeshArrays, freedoms: Mapping[str, regions.Fre
     for part in case.components:
         if not isinstance(part, Rigid):
             continue
-        nodes = mesh.nodes[part.face] if part.face else _within(mesh, part.region)
+        nodes = mesh.nodes[part.face] if part.face else _region_nodes(mesh, part.region)
         freedom = freedoms[part.label]
         rows[nodes] = 0.0
         if not freedom.count:
@@ -313,11 +315,11 @@ def supports_of(case: Case, mesh: MeshArrays, freedoms: Mapping[str, regions.Fre
         elif len(freedom.axes):
             place = len(mesh.points) + len(added)
             added = np.vstack([added, freedom.centre, freedom.centre])
-            rigged.append(Rigged(part.label, nodes, place, place + 1))
-            ties += [*_left(place, freedom.directions), *_left(place + 1, freedom.axes)]
+            rigged.append(MovingRigidPart(part.label, nodes, place, place + 1))
+            ties += [*_tangent_ties(place, freedom.directions), *_tangent_ties(place + 1, freedom.axes)]
         else:
             place = int(nodes[np.linalg.norm(mesh.points[nodes] - freedom.centre, axis=1).argmin()])
-            rigged.append(Rigged(part.label, nodes, place))
+            rigged.append(MovingRigidPart(part.label, nodes, place))
             ties += _as_one(nodes, place, freedom.directions)
     ties += [tie for node in np.flatnonzero(np.abs(rows).any(axis=(1, 2))) for tie in _solved_at(int(node), rows[node])]
     held = {c: np.array([tie.node for tie in ties if tie.component == c and not tie.terms]) for c in range(3)}
@@ -329,7 +331,7 @@ def supports_of(case: Case, mesh: MeshArrays, freedoms: Mapping[str, regions.Fre
     )
 
 
-def _within(mesh: MeshArrays, region: str) -> mesh_arrays.Ints:
+def _region_nodes(mesh: MeshArrays, region: str) -> mesh_arrays.Ints:
     """Return the nodes of a region's cells."""
     return np.unique(mesh.cells[mesh.regions[region]])
 
@@ -343,13 +345,13 @@ def _held_directions(case: Case, mesh: MeshArrays) -> Array:
         *((hold.role, hold.direction) for hold in regions.held_with(device.holds, device, case.components)),
     ]:
         added = np.zeros((len(mesh.points), 3, 3))
-        nodes = mesh.nodes[role] if role in mesh.nodes else _within(mesh, role)
+        nodes = mesh.nodes[role] if role in mesh.nodes else _region_nodes(mesh, role)
         added[nodes] = np.eye(3) if direction is None else [direction, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)]
         rows = np.concatenate([rows, added], axis=1)
     return rows
 
 
-def _left(node: int, ways: Array) -> list[Tie]:
+def _tangent_ties(node: int, ways: Array) -> list[Tie]:
     """Return the ties that leave a node only displacements along orthonormal directions, shape (k, 3); one without terms
     vanishes."""
     return _solved_at(node, np.eye(3) - ways.T @ ways)
@@ -357,10 +359,10 @@ def _left(node: int, ways: Array) -> list[Tie]:
 
 def _as_one(nodes: mesh_arrays.Ints, place: int, ways: Array) -> Iterator[Tie]:
     """Yield the ties that make nodes move together, only along orthonormal directions, shape (k, 3)."""
-    found = {tie.component: tie.terms for tie in _left(place, ways)}
-    terms = [found.get(i, {(place, i): 1.0}) for i in range(3)]
+    terms_by_component = {tie.component: tie.terms for tie in _tangent_ties(place, ways)}
+    terms = [terms_by_component.get(i, {(place, i): 1.0}) for i in range(3)]
     for node in nodes:
-        own = found if node == place else range(3)
+        own = terms_by_component if node == place else range(3)
         yield from (Tie(int(node), i, terms[i]) for i in own)
 
 
@@ -374,7 +376,7 @@ def _solved_at(node: int, rows: Array) -> list[Tie]:
 def solved(rows: Array) -> list[tuple[int, dict[int, float]]]:
     """Return, by row echelon form, the components that vanish or depend on others if some directions are held, shape (k, 3):
     each with the factors of those that it is the sum of; none for one that vanishes."""
-    matrix, found = rows.copy(), []
+    matrix, solved_ties = rows.copy(), []
     pivots: list[tuple[int, int]] = []
     for _ in range(3):
         free = np.abs(matrix).copy()
@@ -390,8 +392,8 @@ def solved(rows: Array) -> list[tuple[int, dict[int, float]]]:
         pivots.append((row, column))
     for row, column in sorted(pivots, key=lambda pivot: pivot[1]):
         factors = {i: -float(matrix[row, i]) for i in range(3) if i != column and abs(matrix[row, i]) > 1e-9}
-        found.append((column, factors))
-    return found
+        solved_ties.append((column, factors))
+    return solved_ties
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -403,18 +405,18 @@ def solved(rows: Array) -> list[tuple[int, dict[int, float]]]:
 
 NO_TERM = 1e10
 """D of a volumetric term without effect: for 0 CalculiX uses its own default."""
-PATIENT = "*CONTROLS, PARAMETERS=TIME INCREMENTATION\n30, 40, 9, 60, 10, 4, , 10\n"
-CLOSE = "*CONTROLS, PARAMETERS=FIELD\n1e-5, 1e-3, , , 1e-5, 1e-5, 1e-8, 1e-8\n"
+TIME_CONTROLS = "*CONTROLS, PARAMETERS=TIME INCREMENTATION\n30, 40, 9, 60, 10, 4, , 10\n"
+FIELD_CONTROLS = "*CONTROLS, PARAMETERS=FIELD\n1e-5, 1e-3, , , 1e-5, 1e-5, 1e-8, 1e-8\n"
 """Tolerances of residual and correction, instead of the default 0.5 % and 1 %."""
 
-NOTHING = 1e-12
+ZERO_FORCE_TOLERANCE = 1e-12
 """Fraction of the largest nodal force below which a force is rounding error."""
 
 
 def calculix(deck: Deck) -> str:
     """Return the deck's text: a step for the dead loads, if there are any, and one for each requested pressure."""
     out = io.StringIO()
-    for text in (WRITTEN, *deck.remarks):
+    for text in (WRITTEN_BY, *deck.remarks):
         out.write(f"** {text}\n")
     _write_mesh(deck, out)
     for tie in deck.supports.tied:
@@ -422,11 +424,11 @@ def calculix(deck: Deck) -> str:
         entries = [f"{node + 1}, {i + 1}, {factor:.12e}" for node, i, factor in terms]
         lines = [", ".join(entries[at : at + 4]) for at in range(0, len(entries), 4)]
         out.write(f"*EQUATION\n{len(terms)}\n" + "\n".join(lines) + "\n")
-    for one in deck.supports.rigged:
-        if one.turn is not None:
-            name = f"RIGID_{one.name}".upper()
-            out.write(_cards(f"*NSET, NSET={name}", one.nodes))
-            out.write(f"*RIGID BODY, NSET={name}, REF NODE={one.place + 1}, ROT NODE={one.turn + 1}\n")
+    for part in deck.supports.rigged:
+        if part.turn is not None:
+            name = f"RIGID_{part.name}".upper()
+            out.write(_cards(f"*NSET, NSET={name}", part.nodes))
+            out.write(f"*RIGID BODY, NSET={name}, REF NODE={part.place + 1}, ROT NODE={part.turn + 1}\n")
     for component, nodes in deck.supports.held.items():
         out.write(_cards(f"*NSET, NSET=HELD{component + 1}", nodes))
     out.write("*BOUNDARY\n")
@@ -446,7 +448,7 @@ def calculix(deck: Deck) -> str:
 
 def _write_step(out: TextIO, load: str) -> None:
     """Write a step that applies a load; loads of earlier steps stay."""
-    out.write("*STEP, NLGEOM, INC=400\n*STATIC\n0.1, 1., 1e-4, 0.2\n" + PATIENT + CLOSE)
+    out.write("*STEP, NLGEOM, INC=400\n*STATIC\n0.1, 1., 1e-4, 0.2\n" + TIME_CONTROLS + FIELD_CONTROLS)
     out.write(f"{load}*NODE FILE\nU\n")
     out.write("*NODE PRINT, NSET=PROBES, FREQUENCY=10000\nU\n*END STEP\n")
 
@@ -454,7 +456,7 @@ def _write_step(out: TextIO, load: str) -> None:
 def _forces(forces: npt.NDArray[np.float64]) -> str:
     """Return the lines with the forces on nodes, from N."""
     lines = []
-    for node, component in np.argwhere(np.abs(forces) > NOTHING * np.abs(forces).max()):
+    for node, component in np.argwhere(np.abs(forces) > ZERO_FORCE_TOLERANCE * np.abs(forces).max()):
         lines.append(f"{node + 1}, {component + 1}, {1e6 * forces[node, component]:.12e}\n")
     return "".join(lines)
 

@@ -42,7 +42,7 @@ from softmodels.runs.states import StoredStates
 __all__ = ["Curves", "ReducedModel", "TipPose", "TipState", "table_of"]
 
 
-class ReducedModel(cards.Shown):
+class ReducedModel(cards.ResultCard):
     """A device reduced to its tip, over one pressure; ``model(5e3)`` is its state at 5 kPa.
 
     Position, rotation and volume are cubic in between, with the exact derivatives at the table's states; compliance is a cubic
@@ -91,23 +91,23 @@ class ReducedModel(cards.Shown):
     @property
     def notes(self) -> list[str]:
         """Where the table ends, and what to know before it is used."""
-        found = []
+        notes = []
         high = self.states[-1].pressure / 1e3
         if self.end:
-            found.append(f"the table ends at {high:.4g} kPa, before a {self.end}")
-        stretch = max(one.stretch for one in self.states)
+            notes.append(f"the table ends at {high:.4g} kPa, before a {self.end}")
+        stretch = max(state.stretch for state in self.states)
         if text := silicones.extrapolated(self.case.material, stretch):
-            found.append(text)
+            notes.append(text)
         if np.isnan(self.states[0].compliance).any():
-            found.append(
+            notes.append(
                 f"loads against the symmetry of the slice are not known (nan in the compliance); use "
                 f"{self.case.actuator.fuller} for all six"
             )
         if self.contact is not None:
-            found.append(
+            notes.append(
                 f"surfaces are in contact from {self.contact / 1e3:.4g} kPa on; their friction is not in the table"
             )
-        return found
+        return notes
 
     @property
     def span(self) -> tuple[float, float]:
@@ -118,7 +118,7 @@ class ReducedModel(cards.Shown):
     @property
     def pressures(self) -> Array:
         """Pressures of the table in Pa."""
-        return np.array([one.pressure for one in self.states])
+        return np.array([state.pressure for state in self.states])
 
     @property
     def turns(self) -> Array:
@@ -154,29 +154,29 @@ class ReducedModel(cards.Shown):
     def _errors(self) -> dict[str, float]:
         """Return the largest errors at every second state of curves through the others: a bound of those of all states."""
         odd = self.states[1:-1:2]
-        kept = [one for k, one in enumerate(self.states) if k % 2 == 0 or k == len(self.states) - 1]
-        curves, found = Curves(kept), dict.fromkeys(("position", "angle_deg", "volume", "compliance"), 0.0)
-        volume = max(abs(one.volume) for one in self.states) or 1.0
-        for one in odd:
-            at = curves.at(one.pressure)
-            turned = float(np.linalg.norm(Rotation.from_matrix(at.rotation.T @ one.rotation).as_rotvec()))
+        kept = [state for k, state in enumerate(self.states) if k % 2 == 0 or k == len(self.states) - 1]
+        curves, errors = Curves(kept), dict.fromkeys(("position", "angle_deg", "volume", "compliance"), 0.0)
+        volume = max(abs(state.volume) for state in self.states) or 1.0
+        for odd_state in odd:
+            at = curves.at(odd_state.pressure)
+            turned = float(np.linalg.norm(Rotation.from_matrix(at.rotation.T @ odd_state.rotation).as_rotvec()))
             miss = {
-                "position": float(np.linalg.norm(at.position - one.position)) / self.length,
+                "position": float(np.linalg.norm(at.position - odd_state.position)) / self.length,
                 "angle_deg": math.degrees(turned),
-                "volume": abs(at.volume - one.volume) / volume,
-                "compliance": relative(at.compliance, one.compliance),
+                "volume": abs(at.volume - odd_state.volume) / volume,
+                "compliance": relative(at.compliance, odd_state.compliance),
             }
-            found = {name: max(found[name], value) for name, value in miss.items()}
-        return found
+            errors = {name: max(errors[name], value) for name, value in miss.items()}
+        return errors
 
     # -- derived figures ----------------------------------------------------------------------------------------------
 
     def blocked(self, state: TipState) -> Array:
         """Return force (N) and moment (N m) per Pa of a held tip on what holds it, shape (6,); nan if unknown."""
         known = ~np.isnan(np.diag(state.compliance))
-        found = np.full(6, np.nan)
-        found[known] = np.linalg.solve(state.compliance[np.ix_(known, known)], state.rate[known])
-        return found
+        loads = np.full(6, np.nan)
+        loads[known] = np.linalg.solve(state.compliance[np.ix_(known, known)], state.rate[known])
+        return loads
 
     def effective_area(self, state: TipState) -> float:
         """Return the blocked force along the line from the support to the tip per pressure, m2, all other motions free."""
@@ -187,7 +187,7 @@ class ReducedModel(cards.Shown):
     def constant_curvature(self, state: TipState) -> tuple[float, float, float]:
         """Return curvature (1/m), arc length (m) and direction of bending (rad, about the axis at rest) of the arc from the
         support that has the tip's angle and distance."""
-        turn = self.turns[[one is state for one in self.states].index(True)]
+        turn = self.turns[[solved is state for solved in self.states].index(True)]
         angle = float(np.linalg.norm(turn))
         chord = float(np.linalg.norm(state.position - self.base))
         if angle < 1e-9:
@@ -207,37 +207,39 @@ def across(along: Array) -> tuple[Array, Array]:
     return first, np.cross(e, first)
 
 
-def relative(one: Array, other: Array) -> float:
+def relative(values: Array, other: Array) -> float:
     """Return the largest difference of the known entries of two compliances, over the size of translation, rotation or both."""
     sizes = np.sqrt(np.abs(np.nan_to_num(np.diag(other))))
     parts = np.array([sizes[:3].max()] * 3 + [sizes[3:].max()] * 3)
     whole = np.outer(parts, parts)
-    known = ~np.isnan(one - other) & (whole > 0.0)
-    return float((np.abs(one - other)[known] / whole[known]).max(initial=0.0))
+    known = ~np.isnan(values - other) & (whole > 0.0)
+    return float((np.abs(values - other)[known] / whole[known]).max(initial=0.0))
 
 
 class Curves:
     """Smooth functions through the states of a table; ``turns`` are their rotation vectors, continued past half a turn."""
 
     def __init__(self, states: Sequence[TipState]):
-        p = np.array([one.pressure for one in states])
+        p = np.array([state.pressure for state in states])
         order = np.argsort(p)
-        self.turns = continued([one.rotation for one in states])
-        rates = np.array([inverse_left_jacobian(t) @ one.rate[3:] for t, one in zip(self.turns, states, strict=True)])
-        places, slopes = np.array([one.position for one in states]), np.array([one.rate[:3] for one in states])
-        volumes = np.array([one.volume for one in states])
-        volume_rates = np.array([one.volume_rate for one in states])
+        self.turns = continued([state.rotation for state in states])
+        rates = np.array(
+            [inverse_left_jacobian(t) @ state.rate[3:] for t, state in zip(self.turns, states, strict=True)]
+        )
+        places, slopes = np.array([state.position for state in states]), np.array([state.rate[:3] for state in states])
+        volumes = np.array([state.volume for state in states])
+        volume_rates = np.array([state.volume_rate for state in states])
         x = p[order]
         self._place = CubicHermiteSpline(x, places[order], slopes[order])
         self._turn = CubicHermiteSpline(x, self.turns[order], rates[order])
         self._volume = CubicHermiteSpline(x, volumes[order], volume_rates[order])
-        compliances = np.array([one.compliance for one in states])[order].reshape(len(x), 36)
+        compliances = np.array([state.compliance for state in states])[order].reshape(len(x), 36)
         # Loads against the symmetry are known up to where walls touch.
         groups = alike(np.isfinite(compliances))
         self._compliances = [
             (entries, CubicSpline(x[known], compliances[known][:, entries])) for known, entries in groups
         ]
-        self._rate = CubicSpline(x, np.array([one.rate for one in states])[order])
+        self._rate = CubicSpline(x, np.array([state.rate for state in states])[order])
 
     def _compliance(self, pressure: float, nu: int = 0) -> Array:
         """Return the compliance, or its derivative, shape (36,); nan where it is not known."""
@@ -250,8 +252,8 @@ class Curves:
     def row(self, pressure: float, nu: int) -> Array:
         """Return position, rotation vector, volume, rate and compliance, or their derivatives, shape (49,); 0 where unknown."""
         curves = (self._place, self._turn, self._volume, self._rate)
-        found = [np.atleast_1d(curve(pressure, nu)) for curve in curves]
-        return np.nan_to_num(np.concatenate([*found, self._compliance(pressure, nu)]))
+        values = [np.atleast_1d(curve(pressure, nu)) for curve in curves]
+        return np.nan_to_num(np.concatenate([*values, self._compliance(pressure, nu)]))
 
     def at(self, pressure: float) -> TipPose:
         """Return the state at a pressure in Pa."""
@@ -273,14 +275,14 @@ def alike(known: npt.NDArray[np.bool_]) -> list[tuple[npt.NDArray[np.bool_], npt
 
 def continued(rotations: Sequence[npt.NDArray[np.float64]]) -> Array:
     """Return the rotation vectors of a sequence of matrices, each the closest to the one before."""
-    found = [Rotation.from_matrix(rotations[0]).as_rotvec()]
+    vectors = [Rotation.from_matrix(rotations[0]).as_rotvec()]
     for R in rotations[1:]:
         plain = Rotation.from_matrix(R).as_rotvec()
         angle = float(np.linalg.norm(plain))
-        axis = plain / angle if angle > 1e-12 else _axis(found[-1])
+        axis = plain / angle if angle > 1e-12 else _axis(vectors[-1])
         ways = [(angle + 2 * math.pi * k) * axis for k in (-2, -1, 0, 1, 2)]
-        found.append(min(ways, key=lambda way: float(np.linalg.norm(way - found[-1]))))
-    return np.array(found)
+        vectors.append(min(ways, key=lambda way: float(np.linalg.norm(way - vectors[-1]))))
+    return np.array(vectors)
 
 
 def _axis(turn: Array) -> Array:
@@ -295,13 +297,11 @@ def inverse_left_jacobian(turn: Array) -> Array:
     return np.eye(3) - K / 2 + c * K @ K
 
 
-TOLERANCE = 1e-11
-"""Relative tolerance of the linear responses."""
-DEVIATIONS = 1.959963984540054
+RESPONSE_TOLERANCE = 1e-11
+NORMAL_QUANTILE = 1.959963984540054
 """Half width of a 95 % interval in standard deviations."""
-FEWEST = 4
-"""Minimum number of states of a table."""
-SAME = 1e-9
+MIN_TABLE_STATES = 4
+ZERO_LOAD_TOLERANCE = 1e-9
 """Relative size below which a load by symmetry does nothing."""
 
 
@@ -333,15 +333,15 @@ def fitted_rotation(A: Array) -> tuple[Array, Array]:
 def group(actuator: Actuator) -> list[Array]:
     """Return the motions that make the whole device of its slice: the reflections in its cut planes and their products."""
     mirrors = [np.eye(3) - 2.0 * np.outer(plane.normal, plane.normal) for plane in actuator.cut_planes]
-    found = [np.eye(3)]
-    for one in found:
+    group = [np.eye(3)]
+    for turn in group:
         for mirror in mirrors:
-            made = mirror @ one
-            if len(found) < max(actuator.copies, 2 ** len(mirrors)) and all(
-                np.abs(made - known).max() > 1e-9 for known in found
+            made = mirror @ turn
+            if len(group) < max(actuator.copies, 2 ** len(mirrors)) and all(
+                np.abs(made - known).max() > 1e-9 for known in group
             ):
-                found.append(made)
-    return found
+                group.append(made)
+    return group
 
 
 class TipFace:
@@ -404,8 +404,8 @@ class TipFace:
     def pose(self, state: State) -> tuple[Array, Array, Array]:
         """Return position (m), rotation matrix, and the map from the twelve means to position (m) and turn, shape (6, 12)."""
         device = self.system.body.actuator
-        found = self.vectors @ state.w[: self.system.n]
-        A = self._at_rest + found[3:].reshape(3, 3)
+        pose = self.vectors @ state.w[: self.system.n]
+        A = self._at_rest + pose[3:].reshape(3, 3)
         R, turn = fitted_rotation(A)
         rates = np.zeros((6, 12))
         rates[:3, :3] = np.eye(3) * device.size
@@ -413,7 +413,7 @@ class TipFace:
             dA = np.zeros(9)
             dA[k] = 1.0
             rates[3:, 3 + k] = turn @ axial(R.T @ dA.reshape(3, 3))
-        return self.centre + found[:3] * device.size, R, rates
+        return self.centre + pose[:3] * device.size, R, rates
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -429,7 +429,7 @@ def odd_body(body: Body) -> Body | None:
     if len(device.cut_planes) != 1 or device.dimension != 3:
         return None
     (plane,) = device.cut_planes
-    within = [e for e in np.eye(3) if abs(e @ plane.normal) < SAME]
+    within = [e for e in np.eye(3) if abs(e @ plane.normal) < ZERO_LOAD_TOLERANCE]
     if len(within) != 2 or any(hold.role == plane.name for hold in body.holds):
         return None
 
@@ -500,13 +500,13 @@ class Responses:
         control = controls.pressure_control(state.P)
         state = solver.solve(control, state.w, state.P)
         solver.factorise(state)
-        along = solver.tangent(state, control, TOLERANCE)
+        along = solver.tangent(state, control, RESPONSE_TOLERANCE)
         device = system.body.actuator
         position, R, rates = self.tip.pose(state)
         stress, n = system.stress_unit, system.n
         compliance = self._compliance(state, rates, touches(row))
         pushes = [push.copy() for push in system.pressure_loads()[: len(device.ratios)]]
-        jacobian = [self.tip.vectors @ solver.linear_response(push, 0.0, TOLERANCE).w[:n] for push in pushes]
+        jacobian = [self.tip.vectors @ solver.linear_response(push, 0.0, RESPONSE_TOLERANCE).w[:n] for push in pushes]
         return TipState(
             state.P * stress, row["added_volume"], position, R,
             along.V * system.volume_unit / stress, rates @ (self.tip.vectors @ along.w[:n]) / stress,
@@ -521,22 +521,25 @@ class Responses:
         device = self.system.body.actuator
         # Forces on the slice are those on the whole device over its copies; in shear moduli times the size squared or cubed.
         unit = 1.0 / (self.system.stress_unit * device.size**3 * device.copies)
-        found = np.full((6, 6), np.nan)
+        compliance = np.full((6, 6), np.nan)
         for solver, tip in self._sides[:1] if touching else self._sides[::-1]:
             loads = rates @ tip.loads
             size = np.linalg.norm(loads, axis=1)
-            acting = [k for k in range(6) if size[k] > SAME * max(size[3 * (k // 3) : 3 * (k // 3) + 3])]
+            acting = [k for k in range(6) if size[k] > ZERO_LOAD_TOLERANCE * max(size[3 * (k // 3) : 3 * (k // 3) + 3])]
             if solver is not self.solver:
                 solver.factorise(state)
-                solver.tangent(state, controls.pressure_control(state.P), TOLERANCE)
+                solver.tangent(state, controls.pressure_control(state.P), RESPONSE_TOLERANCE)
             moved = np.transpose(
-                [tip.vectors @ solver.linear_response(loads[k], 0.0, TOLERANCE).w[: len(loads[k])] for k in acting]
+                [
+                    tip.vectors @ solver.linear_response(loads[k], 0.0, RESPONSE_TOLERANCE).w[: len(loads[k])]
+                    for k in acting
+                ]
             )
-            found[np.ix_(acting, acting)] = (rates @ moved)[acting] * unit
+            compliance[np.ix_(acting, acting)] = (rates @ moved)[acting] * unit
             for k in acting:
-                others = [j for j in range(6) if j not in acting and np.isfinite(found[j, j])]
-                found[k, others] = found[others, k] = 0.0
-        return found
+                others = [j for j in range(6) if j not in acting and np.isfinite(compliance[j, j])]
+                compliance[k, others] = compliance[others, k] = 0.0
+        return compliance
 
     def _spread(self, state: State, rates: Array) -> Array:
         """Return the half widths of the 95 % intervals of position, rotation and volume at a fixed pressure."""
@@ -549,10 +552,10 @@ class Responses:
             for name, change in zip(errors.names, root, strict=True):
                 own, slope = known.material_force(name)
                 force, dmu = force + change * own, dmu + change * slope
-            found = self.solver.linear_response(-force, -state.P * dmu / system.stress_unit, TOLERANCE)
-            pose = rates @ (self.tip.vectors @ found.w[: system.n])
-            moves.append(np.append(pose, found.V * system.volume_unit))
-        return DEVIATIONS * np.linalg.norm(moves, axis=0)
+            response = self.solver.linear_response(-force, -state.P * dmu / system.stress_unit, RESPONSE_TOLERANCE)
+            pose = rates @ (self.tip.vectors @ response.w[: system.n])
+            moves.append(np.append(pose, response.V * system.volume_unit))
+        return NORMAL_QUANTILE * np.linalg.norm(moves, axis=0)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -630,9 +633,10 @@ def table_of(source: StoredStates, face: str = "") -> ReducedModel:
     if case.program or case.driven is not None or case.supply is not None:
         raise CaseError("a reduced model needs a path over one pressure; run the case with pressures or added volumes")
     steps, end = usable(rows)
-    if len(steps) < FEWEST:
+    if len(steps) < MIN_TABLE_STATES:
         raise RunError(
-            f"the run has {len(steps)} states with rising pressure; a reduced model needs {FEWEST}, so request more pressures"
+            f"the run has {len(steps)} states with rising pressure; a reduced model "
+            f"needs {MIN_TABLE_STATES}, so request more pressures"
         )
     comm = mpi.start()
     if comm.size > 1:

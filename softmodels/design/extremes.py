@@ -93,12 +93,12 @@ ValuesOf = Callable[["quantities.DesignedBody", Array], Array]
 
 
 def _mises(design: quantities.DesignedBody, stretches: Array) -> Array:
-    found = np.empty(stretches.shape[:2])
+    stresses = np.empty(stretches.shape[:2])
     for region in design.system.potential.regions:
-        found[region.cells] = state_values.von_mises(
+        stresses[region.cells] = state_values.von_mises(
             state_values.shape_stresses(region.material, stretches[region.cells])
         )
-    return found / design.system.stress_unit
+    return stresses / design.system.stress_unit
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -125,14 +125,14 @@ class CellChoice:
         if self.region and self.region not in body.regions:
             known = ", ".join(body.regions) or "none"
             raise ValueError(f"the device has no region {self.region!r}; it has {known}")
-        found = np.intersect1d(cells, body.regions[self.region]).astype(np.int32) if self.region else cells
+        chosen = np.intersect1d(cells, body.regions[self.region]).astype(np.int32) if self.region else cells
         if self.above or self.within:
-            middles = meshes.compute_midpoints(body.mesh, body.mesh.topology.dim, found) * design.system.length_unit
+            middles = meshes.compute_midpoints(body.mesh, body.mesh.topology.dim, chosen) * design.system.length_unit
             places, lift = body.actuator.device_points(middles), np.asarray(body.actuator.lift)
             heights = places @ lift
             far = np.linalg.norm(places - np.outer(heights, lift), axis=1)
-            found = found[(heights >= self.above) & ((far <= self.within) if self.within else True)]
-        return found
+            chosen = chosen[(heights >= self.above) & ((far <= self.within) if self.within else True)]
+        return chosen
 
     @property
     def words(self) -> str:
@@ -142,15 +142,15 @@ class CellChoice:
         return told + (f" within {1e3 * self.within:g} mm" if self.within else "")
 
 
-EVERYWHERE = CellChoice()
+ALL_CELLS = CellChoice()
 
 
-def stretch_field(design: quantities.DesignedBody, where: CellChoice = EVERYWHERE) -> list[FieldPart]:
+def stretch_field(design: quantities.DesignedBody, where: CellChoice = ALL_CELLS) -> list[FieldPart]:
     """Return the largest principal stretch in some cells."""
     return _parts(design, lambda _: ufl.sqrt(laws.eigenvalues(design.strain.C)[0]), where)
 
 
-def mises_field(design: quantities.DesignedBody, where: CellChoice = EVERYWHERE) -> list[FieldPart]:
+def mises_field(design: quantities.DesignedBody, where: CellChoice = ALL_CELLS) -> list[FieldPart]:
     """Return the von Mises stress in shear moduli, of the deviator of (dW/dF) F^T / J, in some cells."""
 
     def field(region: regions.MaterialRegion) -> Expr:
@@ -166,16 +166,16 @@ def mises_field(design: quantities.DesignedBody, where: CellChoice = EVERYWHERE)
 def _parts(
     design: quantities.DesignedBody, field: Callable[[regions.MaterialRegion], Expr], where: CellChoice
 ) -> list[FieldPart]:
-    body, found = design.system.body, []
+    body, parts = design.system.body, []
     for region in design.system.potential.regions:
         cells = where.of(design, region.cells)
         if mpi.any_rank(body.mesh.comm, len(cells) > 0):
-            found.append(
-                FieldPart(field(region), region.dx if where == EVERYWHERE else cell_measure(body, cells), cells)
+            parts.append(
+                FieldPart(field(region), region.dx if where == ALL_CELLS else cell_measure(body, cells), cells)
             )
-    if not found:
+    if not parts:
         raise ValueError(f"no cell of the device lies{where.words}")
-    return found
+    return parts
 
 
 def over_parts(
@@ -185,8 +185,8 @@ def over_parts(
     combine: quantities.Combine,
 ) -> tuple[list[ufl.Form], quantities.Combine]:
     """Return the integrals of functions of a field (None for 1) over its parts, and a function of each one's sum over them."""
-    body, one = design.system.body, fem.Constant(design.system.body.mesh, 1.0)
-    values = ((one if function is None else function(part.field), part) for function in integrands for part in parts)
+    body, unit = design.system.body, fem.Constant(design.system.body.mesh, 1.0)
+    values = ((unit if function is None else function(part.field), part) for function in integrands for part in parts)
     forms = [value * body.hoop * part.measure for value, part in values]
 
     def summed(values: Array) -> tuple[float, Array]:
@@ -368,14 +368,14 @@ class StretchNorm(PowerMean):
 # wall that it faces. The minimum of several values is not differentiable where two are equal. The quantity is therefore the
 # smooth minimum of Kreisselmeier and Steinhauser (1979, doi 10.1016/S1474-6670(17)65584-8),
 #
-#     -ln(sum over places exp(-rho gap)) / rho,    rho = `SHARPNESS` / t,
+#     -ln(sum over places exp(-rho gap)) / rho,    rho = `MINIMUM_SHARPNESS` / t,
 #
 # with the thickness t of the thinnest of these walls on the initial mesh. It never exceeds the smallest gap, and is below
 # it by ln(k)/rho for k equally close places, so a design that keeps it positive has no overlapping walls. The smallest gap
 # itself is reported too.
 
 
-SHARPNESS = 50.0
+MINIMUM_SHARPNESS = 50.0
 """rho times the thickness of the thinnest wall: ten places that are equally close take 5 % of that thickness off the gap."""
 
 
@@ -441,7 +441,7 @@ class GapMeasure(NodesMeasure):
         if not len(gaps.values):  # within the search distance
             return state_values.LAST_REACH * self._walls.size, "no walls are near each other", rates
         if not self._rho:
-            self._rho = SHARPNESS / float(gaps.thickness.min())
+            self._rho = MINIMUM_SHARPNESS / float(gaps.thickness.min())
         least = float(gaps.values.min())
         weights = np.exp(-self._rho * (gaps.values - least))
         near = weights > 1e-16

@@ -25,13 +25,13 @@ from softmodels.common.lazy import MPI
 from softmodels.components.loads import weighed
 from softmodels.design import result, targets
 from softmodels.design.problem import (
-    EVALUATIONS,
-    KEPT,
+    LIMIT_TOLERANCE,
+    MAX_EVALUATIONS,
+    DesignEvaluator,
     DesignProblem,
+    EvaluatedQuantity,
     EvaluationRequest,
     Formulation,
-    Judge,
-    Judged,
     SearchOptions,
     in_words,
     label,
@@ -53,8 +53,8 @@ from softmodels.design.trials import (
     DesignError,
     DesignFailure,
     DesignStopped,
+    EvaluatedLoad,
     Evaluation,
-    JudgedLoad,
     Squares,
     Trial,
     Trials,
@@ -159,12 +159,12 @@ class MeshedDesign:
         while way < 1.0:
             goal = min(way + step, 1.0)
             try:
-                self.show(case if goal == 1.0 else _between(start, case, goal, self.question.names))
+                self.show(case if goal == 1.0 else _case_between(start, case, goal, self.question.names))
                 here = states.save()
                 states.carry(here.ahead(earlier[0][1], (goal - way) / (way - earlier[0][0])) if earlier else None)
             except newton.NoConvergence:
                 step /= 2
-                if step < SHORTEST:
+                if step < MIN_DESIGN_STEP:
                     self._retrace(case, start, first)
                     return
                 continue
@@ -189,7 +189,7 @@ class MeshedDesign:
         """Move the mesh, unless its cells would become poor."""
         before = self.case
         self.show(case)
-        if self.design.motion.quality() < POOREST:  # smaller steps would not improve the cells
+        if self.design.motion.quality() < MIN_MESH_QUALITY:  # smaller steps would not improve the cells
             self.show(before)
             raise PoorMesh("the quality of the moved mesh is too low")
 
@@ -197,7 +197,7 @@ class MeshedDesign:
         self.show(case)
         self.states.restore(known)
 
-    def judge(self, gradients: bool = True) -> tuple[dict[str, Judged], list[str]]:
+    def judge(self, gradients: bool = True) -> tuple[dict[str, EvaluatedQuantity], list[str]]:
         """Return the values and gradients of the question's parts by key, and warnings.
 
         States that were carried from another design may lie on a branch that is unstable here. Then they are found again
@@ -205,24 +205,24 @@ class MeshedDesign:
         """
         try:
             try:
-                found = self._judged(gradients)
+                quantities = self._judged(gradients)
             except UnstableState:
                 if not self.states.carried:
                     raise
                 self._trace()
-                found = self._judged(gradients)
+                quantities = self._judged(gradients)
         except DesignFailure:
             if self._stable is not None:
                 self._restore(*self._stable)
             raise
         self._stable = self.case, self.states.save()
-        return found
+        return quantities
 
-    def _judged(self, gradients: bool) -> tuple[dict[str, Judged], list[str]]:
+    def _judged(self, gradients: bool) -> tuple[dict[str, EvaluatedQuantity], list[str]]:
         """Return the same for the current states; UnstableState if one of them is."""
         motion, question = self.design.motion, self.question
         velocities = motion.boundary_velocities(question.shape) if gradients else {}
-        found: dict[str, Judged] = {}
+        quantities: dict[str, EvaluatedQuantity] = {}
         notes = self.design.system.mesh_notes
         for load in (None, *question.loads):
             parts = [part for part in self.measures if part.load == load]
@@ -231,30 +231,34 @@ class MeshedDesign:
                 slopes = self.measures[part].slopes(state)
                 if slopes.note:
                     notes.append(f"{part.key}: {slopes.note}")
-                judged = self._whole(part, slopes, velocities) if gradients else Judged(slopes.value, np.zeros(0), {})
+                judged = (
+                    self._whole(part, slopes, velocities)
+                    if gradients
+                    else EvaluatedQuantity(slopes.value, np.zeros(0), {})
+                )
                 measure = self.measures[part]
                 if gradients and state is not None and load is not None and isinstance(measure, TargetMeasure):
                     judged = dataclasses.replace(judged, squares=self._squares(measure, state, load, velocities))
-                found[part.key] = judged
+                quantities[part.key] = judged
         for part in question.parts:
             if isinstance(part, OfLimit):
                 critical = self._critical(part, velocities, gradients)
                 if critical is None:
                     reached = f"{question.highest / 1e3:.4g} kPa"
                     notes.append(f"{part.key}: none found up to {reached}, which is used instead")
-                    critical = Judged(
+                    critical = EvaluatedQuantity(
                         question.highest, np.zeros(len(question.names)), dict.fromkeys(question.materials, 0.0)
                     )
-                found[part.key] = critical.times(part.factor(question.working))
+                quantities[part.key] = critical.times(part.factor(question.working))
             elif isinstance(part, DeviceQuantity):
                 values, columns = part.values(motion.device), part.derivatives(motion.device, question.shape)
                 for key, value in values.items():
                     rates = dict(zip(question.shape, columns[key], strict=True))
                     whole = np.array([rates.get(name, 0.0) for name in question.names])
-                    found[key] = Judged(value, whole if gradients else np.zeros(0), {})
-        return found, notes
+                    quantities[key] = EvaluatedQuantity(value, whole if gradients else np.zeros(0), {})
+        return quantities, notes
 
-    def _settled(self, load: JudgedLoad) -> State:
+    def _settled(self, load: EvaluatedLoad) -> State:
         """Return the state at a load, its tangent factorised; UnstableState where the device leaves it by itself."""
         state = self.states.states[load]
         self.states.restore_friction(load)
@@ -266,17 +270,19 @@ class MeshedDesign:
                 raise UnstableState(f"the state at {load} is unstable: its tangent has {negative} negative {values}")
         return state
 
-    def _squares(self, measure: TargetMeasure, state: State, load: JudgedLoad, velocities: dict[str, Array]) -> Squares:
+    def _squares(
+        self, measure: TargetMeasure, state: State, load: EvaluatedLoad, velocities: dict[str, Array]
+    ) -> Squares:
         """Return the distances from a target with their derivatives at the settled state."""
         columns = []
         for name in self.question.names:
             along = {name: 1.0} if name in velocities else in_equations(self.case, name)
-            rates = {one: self._rates(load, velocities.get(one, one), one) for one in along}
-            moved = [along[one] * measure.moved(state, w, X) for one, (w, X) in rates.items()]
+            rates = {share: self._rates(load, velocities.get(share, share), share) for share in along}
+            moved = [along[parameter] * measure.moved(state, w, X) for parameter, (w, X) in rates.items()]
             columns.append(sum(moved, np.zeros(len(measure.residuals(state)))))
         return Squares.of(measure.residuals(state), np.array(columns).T, measure.run, measure.sigma)
 
-    def _rates(self, load: JudgedLoad, way: Array | str, name: str) -> tuple[Array, Array]:
+    def _rates(self, load: EvaluatedLoad, way: Array | str, name: str) -> tuple[Array, Array]:
         """Return the derivatives of the settled state's dofs and of the mesh's nodes by a parameter."""
         if not self.states.depend_on_path:
             return self.adjoint.rates(load.kind, way)
@@ -284,7 +290,7 @@ class MeshedDesign:
         still = np.zeros((motion.entries // motion.dimension, motion.dimension))
         return rate.w[: len(self.design.system.w.x.array)], still if rate.X is None else rate.X
 
-    def _whole(self, part: DesignQuantity, slopes: Slopes, velocities: dict[str, Array]) -> Judged:
+    def _whole(self, part: DesignQuantity, slopes: Slopes, velocities: dict[str, Array]) -> EvaluatedQuantity:
         """Return a part with its total derivatives at the settled state."""
         names, load = self._others, part.load
         direct = self.adjoint.by_material(self.measures[part], names) if names and load else dict.fromkeys(names, 0.0)
@@ -303,50 +309,54 @@ class MeshedDesign:
         """Numbers of the equations by which derivatives are wanted, beside lengths."""
         free = (name for name in self.question.names if name not in self.question.shape)
         return list(
-            dict.fromkeys([*self.question.materials, *(one for name in free for one in in_equations(self.case, name))])
+            dict.fromkeys(
+                [*self.question.materials, *(field for name in free for field in in_equations(self.case, name))]
+            )
         )
 
-    def _gathered(self, value: float, by_length: Mapping[str, float], by_other: Mapping[str, float]) -> Judged:
+    def _gathered(
+        self, value: float, by_length: Mapping[str, float], by_other: Mapping[str, float]
+    ) -> EvaluatedQuantity:
         """Return a value with its derivatives by the question's parameters and by the material's numbers."""
         rates = []
         for name in self.question.names:
             own = {} if name in by_length else in_equations(self.case, name)
-            rates.append(by_length.get(name, 0.0) + sum(rate * by_other[one] for one, rate in own.items()))
-        return Judged(value, np.array(rates), {name: by_other[name] for name in self.question.materials})
+            rates.append(by_length.get(name, 0.0) + sum(rate * by_other[key] for key, rate in own.items()))
+        return EvaluatedQuantity(value, np.array(rates), {name: by_other[name] for name in self.question.materials})
 
-    def _critical(self, part: OfLimit, velocities: dict[str, Array], gradients: bool) -> Judged | None:
+    def _critical(self, part: OfLimit, velocities: dict[str, Array], gradients: bool) -> EvaluatedQuantity | None:
         """Return the pressure in Pa of the limit point or the bifurcation; None if there is none."""
         states, materials = self.states, self._others
         limit, fork = states.limit, states.bifurcation
         if isinstance(part, OfBifurcation):
             if fork is None or self.bifurcations is None:
                 return None
-            P, found = fork.P, self.bifurcations.gradient(fork, velocities, materials) if gradients else None
+            P, gradient = fork.P, self.bifurcations.gradient(fork, velocities, materials) if gradients else None
         elif limit is None:
             return None
         else:
             P = limit.state.P
-            found = (
+            gradient = (
                 self.adjoint.limit_gradient(limit.state, limit.tangent, velocities, materials) if gradients else None
             )
         pressure = self.design.direction * P * self.design.system.stress_unit
-        return Judged(pressure, np.zeros(0), {}) if found is None else self._gathered(pressure, *found)
+        return EvaluatedQuantity(pressure, np.zeros(0), {}) if gradient is None else self._gathered(pressure, *gradient)
 
 
-def _between(start: Case, end: Case, share: float, names: Sequence[str]) -> Case:
+def _case_between(start: Case, end: Case, share: float, names: Sequence[str]) -> Case:
     """Return the case on the straight line between two."""
     return varied(start, {name: (1.0 - share) * value_of(start, name) + share * value_of(end, name) for name in names})
 
 
-FARTHEST = 3.0
+MAX_LIMIT_RATIO = 3.0
 """Multiple of the working pressure up to which a limit point is searched."""
 
 
 class DesignModel:
     """Evaluates designs of one device, each from the states of the previous one, on all ranks.
 
-    A limit point is looked for up to a ``highest`` pressure in Pa where a quantity is of it; by default `FARTHEST` times the
-    highest working pressure. ``materials`` are the numbers of the material by which derivatives are wanted. GeometryError for
+    Where a quantity needs it, a limit point is looked for up to ``highest``, Pa; by default `MAX_LIMIT_RATIO` times the highest
+    working pressure. ``materials`` are the numbers of the material by which derivatives are wanted. GeometryError for
     a parameter that the device's mesh cannot follow.
     """
 
@@ -363,11 +373,13 @@ class DesignModel:
                 f"can follow; it can follow {', '.join(case.actuator.movable) or 'none'}"
             )
         self.quantities = tuple(quantities)
-        parts = tuple(dict.fromkeys(part for one in self.quantities for part in getattr(one, "parts", (one,))))
+        parts = tuple(
+            dict.fromkeys(part for quantity in self.quantities for part in getattr(quantity, "parts", (quantity,)))
+        )
         loads = tuple(sorted({part.load for part in parts if part.load is not None}))
         self.question = EvaluationRequest(self.names, parts, loads, 0.0, tuple(materials), shape)
         if any(isinstance(part, OfLimit) for part in parts):
-            up_to = highest or FARTHEST * self.question.working
+            up_to = highest or MAX_LIMIT_RATIO * self.question.working
             self.question = dataclasses.replace(self.question, highest=up_to)
         self.meshed: MeshedDesign | None = None
 
@@ -390,8 +402,8 @@ class DesignModel:
         remeshed = self._ready(case)
         meshed = self.meshed
         assert meshed is not None
-        found, notes = meshed.judge()
-        own = self._gathered(found, notes)
+        quantities, notes = meshed.judge()
+        own = self._gathered(quantities, notes)
         return Evaluation(
             np.array(theta, dtype=float), case.actuator, {key: judged.value for key, judged in own.items()},
             {key: judged.gradient for key, judged in own.items() if judged.gradient.size},
@@ -405,12 +417,12 @@ class DesignModel:
         path."""
         case = self.at(theta)
         if finer != 1.0:
-            case = dataclasses.replace(case, actuator=_finer(case.actuator, finer))
+            case = dataclasses.replace(case, actuator=_finer_device(case.actuator, finer))
         values_only = dataclasses.replace(self.question, names=(), shape=(), materials=())
         meshed = MeshedDesign.fresh(case, values_only, self.comm)
         try:
-            found, notes = meshed.judge(gradients=False)
-            values = {key: judged.value for key, judged in self._gathered(found, notes).items()}
+            quantities, notes = meshed.judge(gradients=False)
+            values = {key: judged.value for key, judged in self._gathered(quantities, notes).items()}
         finally:
             meshed.release()
         return Evaluation(
@@ -472,33 +484,33 @@ class DesignModel:
 
     # -- values and gradients -------------------------------------------------------------------------------------------
 
-    def _gathered(self, found: dict[str, Judged], notes: list[str]) -> dict[str, Judged]:
+    def _gathered(self, quantities: dict[str, EvaluatedQuantity], notes: list[str]) -> dict[str, EvaluatedQuantity]:
         """Return the quantities by key, combined over states; add their notes."""
-        own: dict[str, Judged] = {}
-        for one in self.quantities:
-            if isinstance(one, targets.CompositeQuantity):
-                parts = [found[part.key] for part in one.parts]
-                own[one.key] = _combined(one, parts)
-                if note := one.note(np.array([part.value for part in parts])):
-                    notes.append(f"{one.key}: {note}")
-            elif isinstance(one, DeviceQuantity):
-                own |= {key: found[key] for key in one.values(self.case.actuator)}
+        own: dict[str, EvaluatedQuantity] = {}
+        for quantity in self.quantities:
+            if isinstance(quantity, targets.CompositeQuantity):
+                parts = [quantities[part.key] for part in quantity.parts]
+                own[quantity.key] = _combined_gradient(quantity, parts)
+                if note := quantity.note(np.array([part.value for part in parts])):
+                    notes.append(f"{quantity.key}: {note}")
+            elif isinstance(quantity, DeviceQuantity):
+                own |= {key: quantities[key] for key in quantity.values(self.case.actuator)}
             else:
-                own[one.key] = found[one.key]
+                own[quantity.key] = quantities[quantity.key]
         return own
 
 
-def _combined(one: targets.CompositeQuantity, parts: Sequence[Judged]) -> Judged:
+def _combined_gradient(quantity: targets.CompositeQuantity, parts: Sequence[EvaluatedQuantity]) -> EvaluatedQuantity:
     values, slopes = np.array([part.value for part in parts]), np.array([part.gradient for part in parts])
-    value, weights = one.combined(values)
+    value, weights = quantity.combined(values)
     gradient = slopes.T @ weights
-    squares = one.squares(values, slopes) if gradient.size else None
+    squares = quantity.squares(values, slopes) if gradient.size else None
     names = parts[0].by_material
     rates = {name: float(weights @ np.array([part.by_material[name] for part in parts])) for name in names}
-    return Judged(value, gradient, rates, squares)
+    return EvaluatedQuantity(value, gradient, rates, squares)
 
 
-def _finer(device: Actuator, times: float) -> Actuator:
+def _finer_device(device: Actuator, times: float) -> Actuator:
     """Return the same device with smaller cells, also around channels."""
     sizes = {field.name for field in dataclasses.fields(device)}
     changes = {"cell_size": getattr(device, "cell_size", 0.0) / times, "around": getattr(device, "around", 0.0) * times}
@@ -509,9 +521,9 @@ def _finer(device: Actuator, times: float) -> Actuator:
 # A mesh of a device under design with its states and quantities: follows designs and evaluates them.
 
 
-POOREST = 0.3
+MIN_MESH_QUALITY = 0.3
 """Mesh quality below which the device is remeshed."""
-SHORTEST = 1 / 4
+MIN_DESIGN_STEP = 1 / 4
 """Minimum step between designs, below which the states are solved along the whole path."""
 
 
@@ -527,18 +539,18 @@ class UnstableState(DesignFailure):
 # The evaluator of a problem's designs: finite elements, unless the caller gives another.
 
 
-def evaluator(problem: DesignProblem, comm: MPI.Comm, how: SearchOptions) -> Judge:
+def evaluator(problem: DesignProblem, comm: MPI.Comm, how: SearchOptions) -> DesignEvaluator:
     """Return an evaluator with the interface of `DesignModel`; `GeometryError` for a parameter that the mesh cannot follow."""
     if (make := how.get("model")) is not None:
         return make(problem, comm)
     errors = problem.errors
     return DesignModel(
         problem.case, problem.names, problem.quantities, comm, highest=problem.highest,
-        materials=() if errors is None else errors.names, report=functools.partial(_tell, comm, how),
+        materials=() if errors is None else errors.names, report=functools.partial(_report, comm, how),
     )  # fmt: skip
 
 
-def _tell(comm: MPI.Comm, how: SearchOptions, text: str) -> None:
+def _report(comm: MPI.Comm, how: SearchOptions, text: str) -> None:
     """Report a line from rank 0."""
     if mpi.is_root(comm) and (listener := how.get("progress")) is not None:
         listener(text)
@@ -548,7 +560,7 @@ def _tell(comm: MPI.Comm, how: SearchOptions, text: str) -> None:
 # Evaluate designs, the same on all ranks: none twice on one mesh, each stored and reported at once.
 
 
-USUAL = 18
+TYPICAL_EVALUATIONS = 18
 """Typical number of evaluations of a start, to estimate the remaining time."""
 
 
@@ -556,7 +568,7 @@ class EnoughError(Exception):
     """A search has reached its maximum number of evaluations."""
 
 
-class Evaluating:
+class Evaluator:
     """Evaluates the designs of one optimisation and keeps its trials, on rank 0 in a folder if there is one.
 
     ``form`` is the problem in scaled numbers, None until a design could be judged. The start and the mesh under way are
@@ -564,7 +576,12 @@ class Evaluating:
     """
 
     def __init__(
-        self, problem: DesignProblem, model: Judge, folder: DesignFolder | None, comm: MPI.Comm, how: SearchOptions
+        self,
+        problem: DesignProblem,
+        model: DesignEvaluator,
+        folder: DesignFolder | None,
+        comm: MPI.Comm,
+        how: SearchOptions,
     ):
         self.problem, self.model, self.folder, self.comm, self.how = problem, model, folder, comm, how
         self.trials = Trials()
@@ -579,21 +596,21 @@ class Evaluating:
         """Return a design's values, stored or evaluated; DesignStopped if the user asked to stop, EnoughError if this search
         has used up its evaluations."""
         theta = mpi.on_root(self.comm, lambda: theta)
-        found = self.trials.find(theta, self.mesh)
-        new = found is None
-        if found is None:
+        trial = self.trials.find(theta, self.mesh)
+        new = trial is None
+        if trial is None:
             if mpi.on_root(self.comm, self.how.get("stopped", bool)):
                 raise DesignStopped
-            if len(self.visited) >= self.how.get("evaluations", EVALUATIONS):
+            if len(self.visited) >= self.how.get("evaluations", MAX_EVALUATIONS):
                 raise EnoughError
-            found = self._evaluated(theta)
-            self.trials.add(found)
-        if self.form is None and not found.failed:
-            self.form = Formulation(self.problem, found)
+            trial = self._evaluated(theta)
+            self.trials.add(trial)
+        if self.form is None and not trial.failed:
+            self.form = Formulation(self.problem, trial)
         if new:
             mpi.on_root(self.comm, self._keep)
-        self.visited.add(found.number)
-        return found
+        self.visited.add(trial.number)
+        return trial
 
     def fresh_mesh(self) -> None:
         """Mesh the next design anew, and reuse no earlier evaluation."""
@@ -608,14 +625,14 @@ class Evaluating:
     def confirmed(self, best: Trial) -> tuple[dict[str, float], str]:
         """Return the values on a fresh mesh along the whole path, and the reason if there are none."""
         try:
-            found = self.model.confirm(np.array(best.theta), self.how.get("finer", 1.0))
+            confirmed = self.model.confirm(np.array(best.theta), self.how.get("finer", 1.0))
         except (DesignFailure, GeometryError, MeshingError) as error:
             return {}, f"the design could not be confirmed on a fresh mesh: {error}"
-        return mpi.on_root(self.comm, lambda: {key: float(value) for key, value in found.values.items()}), ""
+        return mpi.on_root(self.comm, lambda: {key: float(value) for key, value in confirmed.values.items()}), ""
 
     def tell(self, text: str) -> None:
         """Report a line from rank 0."""
-        _tell(self.comm, self.how, text)
+        _report(self.comm, self.how, text)
 
     def _evaluated(self, theta: Array) -> Trial:
         begun, number = time.monotonic(), len(self.trials.all) + 1
@@ -648,7 +665,7 @@ class Evaluating:
         if len(self._seconds) < 2:
             return None
         starts = self.how.get("starts", 1) - self.start
-        per_start = min(USUAL, self.how.get("evaluations", EVALUATIONS))
+        per_start = min(TYPICAL_EVALUATIONS, self.how.get("evaluations", MAX_EVALUATIONS))
         return float(np.mean(self._seconds[1:])) * (max(per_start - len(self.visited), 1) + starts * per_start)
 
 
@@ -669,7 +686,7 @@ def identity(problem: DesignProblem) -> dict[str, str]:
         "the case": case.to_toml(),
         "the free parameters": repr(
             [
-                *((one.name, one.low, one.high) for one in problem.free),
+                *((free.name, free.low, free.high) for free in problem.free),
                 *((name, *ends) for name, ends in problem.counts.items()),
             ]
         ),
@@ -684,7 +701,7 @@ def identity(problem: DesignProblem) -> dict[str, str]:
 
 def _identity(asked: DesignQuantity) -> str:
     """Return a quantity's key with all that it was given; of a file what was read, wherever it is."""
-    given = {one.name: getattr(asked, one.name) for one in dataclasses.fields(asked) if one.name != "file"}
+    given = {field.name: getattr(asked, field.name) for field in dataclasses.fields(asked) if field.name != "file"}
     return f"{asked.key} {given}"
 
 
@@ -768,7 +785,7 @@ class DesignFolder:
         # Compare only values of one mesh: those of the previous one may satisfy limits that are violated on a fresh one.
         if form is None:
             return
-        best = form.best([one for one in trials if one.mesh == trial.mesh])
+        best = form.best([done for done in trials if done.mesh == trial.mesh])
         if best is not None and (trial.start == 1 or best is form.best(trials)):
             self._write_best(best)
 
@@ -807,11 +824,11 @@ def table(problem: DesignProblem, trials: Sequence[Trial], form: Formulation | N
                     words = label(asked, problem.case.cm) if key == asked.key else key
                     unit = "" if shown(asked) == "1" else f" ({shown(asked)})"
                     keys[key] = words + unit, shown_factor(asked)
-    units = [(one, shown_unit(one.unit) or "1") for one in problem.free]
+    units = [(free, shown_unit(free.unit) or "1") for free in problem.free]
     out = io.StringIO()
     rows = csv.writer(out, lineterminator="\n")
     rows.writerow([
-        "number", "start", *(one.name + ("" if unit == "1" else f" ({unit})") for one, unit in units),
+        "number", "start", *(free.name + ("" if unit == "1" else f" ({unit})") for free, unit in units),
         *(words for words, _ in keys.values()), "limits kept", "worst limit (share passed)", "newton_iterations", "seconds",
         "mesh_quality", "remeshed", "failure",
     ])  # fmt: skip
@@ -820,7 +837,7 @@ def table(problem: DesignProblem, trials: Sequence[Trial], form: Formulation | N
         worst = f"{form.worst(trial)[0]:.6g}" if kept and form is not None else ""
         rows.writerow([
             trial.number, trial.start,
-            *(f"{value / factor(unit, one.unit or '1'):.9g}" for (one, unit), value in zip(units, trial.theta, strict=False)),
+            *(f"{value / factor(unit, free.unit or '1'):.9g}" for (free, unit), value in zip(units, trial.theta, strict=False)),
             *(f"{trial.values[key] / per:.9g}" if key in trial.values else "" for key, (_, per) in keys.items()),
             int(form.feasible(trial)) if form is not None and kept else "", worst, trial.newton, f"{trial.seconds:.3f}",
             f"{trial.quality:.4g}", int(trial.remeshed), trial.failure,
@@ -838,7 +855,9 @@ def line(problem: DesignProblem, trial: Trial, form: Formulation | None, left: f
     worst, row = form.worst(trial)
     limits = "no limits"
     if row is not None:
-        limits = f"{'VIOLATED' if worst > KEPT else 'satisfied'}: {row.compared(trial.values[row.key], worst)}"
+        limits = (
+            f"{'VIOLATED' if worst > LIMIT_TOLERANCE else 'satisfied'}: {row.compared(trial.values[row.key], worst)}"
+        )
     rest = "" if left is None else f", about {max(left, 0.0):.0f} s left"
     return (
         f"{head}  {label(asked, problem.case.cm)} {in_words(asked, form.objective(trial), 5)}  "

@@ -24,16 +24,16 @@ from softmodels.common.processes import one_at_a_time
 from softmodels.design import model, trials
 from softmodels.design.problem import (
     CLEARANCES,
-    EVALUATIONS,
+    MAX_EVALUATIONS,
+    DesignEvaluator,
     DesignProblem,
     Formulation,
-    Judge,
     Scaled,
     SearchOptions,
     in_words,
     label,
 )
-from softmodels.design.result import MET, DesignResult, StartEnd, case_text, holding
+from softmodels.design.result import ACTIVE_TOLERANCE, DesignResult, StartEnd, case_text, holding
 from softmodels.design.trials import Trial
 from softmodels.mechanics import mpi
 from softmodels.runs import outcomes
@@ -47,7 +47,7 @@ def optimise(
     folder: str | Path | None = None,
     *,
     starts: int = 1,
-    evaluations: int = EVALUATIONS,
+    evaluations: int = MAX_EVALUATIONS,
     seed: int = 1,
     resume: bool = False,
     progress: Callable[[str], object] | None = None,
@@ -55,7 +55,7 @@ def optimise(
     confirm: bool = True,
     finer: float = 1.0,
     inputs: Sequence[Path] = (),
-    model: Callable[[DesignProblem, MPI.Comm], Judge] | None = None,
+    model: Callable[[DesignProblem, MPI.Comm], DesignEvaluator] | None = None,
 ) -> DesignResult:
     """Optimise a design.
 
@@ -89,7 +89,7 @@ def optimise(
     output = None if folder is None else names.place("folder", folder, "a folder")
     read = names.several("inputs", inputs, Path, "a file's Path")
     functions = {"progress": progress, "stopped": stopped, "model": model}
-    how = _how(starts, evaluations, seed, finer, {"resume": resume, "confirm": confirm}, functions, read)
+    how = _search_options(starts, evaluations, seed, finer, {"resume": resume, "confirm": confirm}, functions, read)
     whole = problem
     if not isinstance(whole, DesignProblem):
         whole = DesignProblem.from_file(names.place("problem", whole, "a problem file"))
@@ -102,11 +102,11 @@ def optimise(
             kept.leave()
 
 
-TRIED = 8
+MAX_START_TRIALS = 8
 """Maximum number of points tried for a further start until one has a state."""
 
 
-def _how(
+def _search_options(
     starts: object,
     evaluations: object,
     seed: object,
@@ -121,13 +121,13 @@ def _how(
     given = {name: function for name, function in functions.items() if function is not None}
     how = {
         "starts": names.whole("starts", starts, 1), "evaluations": names.whole("evaluations", evaluations, 1),
-        "seed": names.whole("seed", seed, 0), "finer": _finer(finer), "inputs": inputs,
+        "seed": names.whole("seed", seed, 0), "finer": _fresh_refinement(finer), "inputs": inputs,
         **{name: names.flag(name, value) for name, value in flags.items()}, **given,
     }  # fmt: skip
     return cast("SearchOptions", how)
 
 
-def _finer(value: object) -> float:
+def _fresh_refinement(value: object) -> float:
     """Return the refinement of the fresh mesh; raise `ArgumentError` if it is below 1."""
     try:
         finer = units.quantity(cast("float", value), "")
@@ -153,14 +153,14 @@ def run_in(
     """Optimise into a folder that is already open, and stays open; see `open_folder`."""
     if problem.counts:
         return run_variants(problem, folder, comm, **how)
-    under_way = model.Evaluating(problem, model.evaluator(problem, comm, how), folder, comm, how)
+    under_way = model.Evaluator(problem, model.evaluator(problem, comm, how), folder, comm, how)
     try:
         return _run(under_way)
     finally:
         under_way.release()
 
 
-def _run(under_way: model.Evaluating) -> DesignResult:
+def _run(under_way: model.Evaluator) -> DesignResult:
     """Search from every start, and return the best result."""
     problem, ends = under_way.problem, list[StartEnd]()
     try:
@@ -184,7 +184,7 @@ def _run(under_way: model.Evaluating) -> DesignResult:
     )  # fmt: skip
 
 
-def _starts(under_way: model.Evaluating) -> Iterator[Array]:
+def _starts(under_way: model.Evaluator) -> Iterator[Array]:
     """Yield the starting points of searches, each on its own mesh; after the first, those that have a state. RunError if the
     device as given has none where it is asked."""
     problem = under_way.problem
@@ -201,7 +201,7 @@ def _starts(under_way: model.Evaluating) -> Iterator[Array]:
     points = further_starts(problem, under_way.how.get("seed", 1))
     for number in range(2, under_way.how.get("starts", 1) + 1):
         under_way.start = number
-        for x in itertools.islice(points, TRIED):
+        for x in itertools.islice(points, MAX_START_TRIALS):
             under_way.fresh_mesh()
             if not under_way.trial(under_way.form.theta(x)).failed:
                 yield under_way.form.theta(x)
@@ -243,31 +243,31 @@ class _Steps:
 
     def __init__(self, evaluate: Evaluate, start: Array, price: float, reach: float, objective: bool):
         self._evaluate, self.price, self.weight = evaluate, price, float(objective)
-        found = evaluate(start)
-        assert found is not None
-        self.count = len(found.c)
-        self.elastic = float(found.c.max(initial=0.0))
+        evaluated = evaluate(start)
+        assert evaluated is not None
+        self.count = len(evaluated.c)
+        self.elastic = float(evaluated.c.max(initial=0.0))
         self.at, self.reach, self.failed = start, reach, list[Array]()
-        self.best, self._merit = start, self._worth(found)
+        self.best, self._merit = start, self._worth(evaluated)
         self.slope(np.append(start, self.elastic))
 
-    def _worth(self, found: Scaled) -> float:
-        return self.weight * found.f + self.price * float(found.c.max(initial=0.0))
+    def _worth(self, scaled: Scaled) -> float:
+        return self.weight * scaled.f + self.price * float(scaled.c.max(initial=0.0))
 
     def _found(self, z: Array) -> Scaled | None:
         x = np.clip(z[:-1], 0.0, 1.0)
         step = float(np.abs(x - self.at).max())
         if step > self.reach * (1 + 1e-9) or self._behind_a_failure(x):
             return None
-        found = self._evaluate(x)
-        if found is None:
+        evaluated = self._evaluate(x)
+        if evaluated is None:
             self.failed.append(x)
             self.reach = step / 2
-        elif found.fresh:
+        elif evaluated.fresh:
             raise _OtherMeshError(x)
-        if found is not None and self._worth(found) < self._merit:
-            self.best, self._merit = x, self._worth(found)
-        return found
+        if evaluated is not None and self._worth(evaluated) < self._merit:
+            self.best, self._merit = x, self._worth(evaluated)
+        return evaluated
 
     def _behind_a_failure(self, x: Array) -> bool:
         """Return whether a point is roughly in the direction of a failed one, and at least as far away."""
@@ -281,29 +281,29 @@ class _Steps:
         return False
 
     def value(self, z: Array) -> float:
-        found = self._found(z)
-        return self._base_value if found is None else self.weight * found.f + self.price * float(z[-1])
+        evaluated = self._found(z)
+        return self._base_value if evaluated is None else self.weight * evaluated.f + self.price * float(z[-1])
 
     def slope(self, z: Array) -> Array:
         before, self.at = self.at, np.clip(z[:-1], 0.0, 1.0)
         if not np.array_equal(before, self.at):
             self.reach = min(2 * self.reach, FARTHEST_REACH)
-        found = self._evaluate(self.at)
-        if found is None:  # SLSQP stopped because the last step failed
+        evaluated = self._evaluate(self.at)
+        if evaluated is None:  # SLSQP stopped because the last step failed
             return np.zeros(len(z))
-        self._base_value = self.weight * found.f + self.price * float(z[-1])
-        self._base_limits = z[-1] - found.c
-        return np.append(self.weight * found.df, self.price)
+        self._base_value = self.weight * evaluated.f + self.price * float(z[-1])
+        self._base_limits = z[-1] - evaluated.c
+        return np.append(self.weight * evaluated.df, self.price)
 
     def limits(self, z: Array) -> Array:
-        found = self._found(z)
-        return self._base_limits if found is None else np.asarray(z[-1] - found.c)
+        evaluated = self._found(z)
+        return self._base_limits if evaluated is None else np.asarray(z[-1] - evaluated.c)
 
     def limit_slopes(self, z: Array) -> Array:
-        found = self._evaluate(np.clip(z[:-1], 0.0, 1.0))
-        if found is None:
+        evaluated = self._evaluate(np.clip(z[:-1], 0.0, 1.0))
+        if evaluated is None:
             return np.zeros((self.count, len(z)))
-        return np.column_stack([-found.dc, np.ones(self.count)])
+        return np.column_stack([-evaluated.dc, np.ones(self.count)])
 
 
 FIRST_REACH = 0.1
@@ -313,7 +313,7 @@ SHORTEST_REACH = 0.05
 """Move limit below which SLSQP takes over."""
 WORTH_IT = 0.05
 """Expected relative gain of a step below which SLSQP takes over."""
-GOOD, POOR = 0.6, 0.1
+GOOD_GAIN, MIN_GAIN = 0.6, 0.1
 """Fractions of the predicted gain above which the move limits grow, and below which a step is rejected."""
 
 
@@ -331,18 +331,18 @@ def approached(evaluate: Callable[[Array], Scaled | None], start: Array, price: 
         there = evaluate(trial)
         gain = -np.inf if there is None else _merit(here, price) - _merit(there, price)
         if there is not None and (
-            gain > POOR * predicted or there.fresh
+            gain > MIN_GAIN * predicted or there.fresh
         ):  # values of different meshes are not comparable
             x, here = trial, there
-        if gain < POOR * predicted:
+        if gain < MIN_GAIN * predicted:
             reach = min(reach, float(np.abs(step).max())) / 2
-        elif gain > GOOD * predicted:
+        elif gain > GOOD_GAIN * predicted:
             reach = min(2 * reach, FARTHEST_REACH)
     return x, reach
 
 
-def _merit(found: Scaled, price: float) -> float:
-    return found.f + price * float(found.c.max(initial=0.0))
+def _merit(scaled: Scaled, price: float) -> float:
+    return scaled.f + price * float(scaled.c.max(initial=0.0))
 
 
 def _step(here: Scaled, x: Array, reach: float, price: float) -> tuple[Array, float]:
@@ -350,23 +350,22 @@ def _step(here: Scaled, x: Array, reach: float, price: float) -> tuple[Array, fl
     n, count = len(x), len(here.c)
     bounds = [(max(-reach, -value), min(reach, 1.0 - value)) for value in x] + [(0.0, None)]
     rows = np.column_stack([here.dc, -np.ones(count)]) if count else None
-    found = linprog(np.append(here.df, price), rows, -here.c if count else None, bounds=bounds, method="highs")
-    if found.x is None:  # HiGHS failed numerically
+    solution = linprog(np.append(here.df, price), rows, -here.c if count else None, bounds=bounds, method="highs")
+    if solution.x is None:  # HiGHS failed numerically
         return np.zeros(n), 0.0
-    return found.x[:n], price * float(here.c.max(initial=0.0)) - float(found.fun)
+    return solution.x[:n], price * float(here.c.max(initial=0.0)) - float(solution.fun)
 
 
 Evaluate = Callable[[Array], Scaled | None]
 """A scaled design by its scaled parameters; None if it fails."""
 
-PRICES = (10.0, 100.0)
+PENALTIES = (10.0, 100.0)
 """Penalties of a violation of 100 % of a limit, in objectives; the second if the first was too small."""
 OBJECTIVE_TOLERANCE = 1e-4
 """The search ends if a step gains less than this fraction of the objective."""
 SAME_DIRECTION = 0.98
 """Cosine of the angle within which two steps have the same direction."""
 MOST_MESHES = 8
-"""Maximum number of meshes per pass."""
 MOST_STEPS = 60
 """Maximum number of steps per pass; the number of evaluations ends it earlier."""
 
@@ -374,8 +373,8 @@ MOST_STEPS = 60
 def search(evaluate: Evaluate, start: Array) -> Array:
     """Return the end of the search, in scaled parameters, from a start that does not fail. Every c at most zero is wanted; to
     evaluate a design may raise to end the search."""
-    x, reach = approached(evaluate, start, PRICES[0])
-    for price in PRICES:
+    x, reach = approached(evaluate, start, PENALTIES[0])
+    for price in PENALTIES:
         x = _pass(evaluate, x, price, reach)
         if _violation(evaluate, x) <= OBJECTIVE_TOLERANCE:
             return x
@@ -386,9 +385,9 @@ def search(evaluate: Evaluate, start: Array) -> Array:
 
 
 def _violation(evaluate: Evaluate, x: Array) -> float:
-    found = evaluate(x)
-    assert found is not None  # a search ends at a visited point
-    return float(found.c.max(initial=0.0))
+    evaluated = evaluate(x)
+    assert evaluated is not None  # a search ends at a visited point
+    return float(evaluated.c.max(initial=0.0))
 
 
 class _OtherMeshError(Exception):
@@ -428,9 +427,9 @@ def _pass(evaluate: Evaluate, start: Array, price: float, reach: float, objectiv
 
 PARAMETER_TOLERANCE = 1e-6
 """Convergence tolerance of the parameters, relative to their ranges."""
-GAIN = 1e-10
+MIN_RELATIVE_GAIN = 1e-10
 """Minimum relative decrease of the sum of squares per step."""
-MESHES = 3
+MAX_MESHES = 3
 """Maximum number of meshes; it restarts on each, because values of two meshes differ."""
 
 
@@ -451,19 +450,19 @@ def followed(judged: Callable[[Array], Trial], form: Formulation, start: Array) 
             known[key] = judged(point)
         return known[key]
 
-    for _ in range(MESHES):
+    for _ in range(MAX_MESHES):
         known.clear()
         rows = len(distances(form, trial(x)))
 
         def residuals(point: Array, rows: int = rows) -> Array:
-            found = trial(point)
-            return np.full(rows, np.nan) if found.failed else distances(form, found)
+            evaluated = trial(point)
+            return np.full(rows, np.nan) if evaluated.failed else distances(form, evaluated)
 
         x = least_squares(
-            residuals, x, lambda point: slopes(form, trial(point)), bounds=(0.0, 1.0), xtol=PARAMETER_TOLERANCE, ftol=GAIN,
-            gtol=1e-15,
+            residuals, x, lambda point: slopes(form, trial(point)), bounds=(0.0, 1.0), xtol=PARAMETER_TOLERANCE,
+            ftol=MIN_RELATIVE_GAIN, gtol=1e-15,
         ).x  # fmt: skip
-        if not any(one.remeshed for one in list(known.values())[1:]):
+        if not any(quantity.remeshed for quantity in list(known.values())[1:]):
             break
     return np.asarray(x)
 
@@ -471,15 +470,15 @@ def followed(judged: Callable[[Array], Trial], form: Formulation, start: Array) 
 def distances(form: Formulation, trial: Trial) -> Array:
     """Return the residuals of all targets of a trial, relative to the first trial's distance, weighted
     in a mean."""
-    return _stacked(form, trial)[:, -1]
+    return _stacked_rows(form, trial)[:, -1]
 
 
 def slopes(form: Formulation, trial: Trial) -> Array:
     """Return their derivatives by the scaled parameters."""
-    return _stacked(form, trial)[:, : len(form.problem.free)] * form.width
+    return _stacked_rows(form, trial)[:, : len(form.problem.free)] * form.width
 
 
-def _stacked(form: Formulation, trial: Trial) -> Array:
+def _stacked_rows(form: Formulation, trial: Trial) -> Array:
     return np.vstack(
         [
             np.sqrt(term.weight / trial.squares[term.quantity.key].count) / form.size
@@ -493,66 +492,66 @@ def _stacked(form: Formulation, trial: Trial) -> Array:
 # One start: a search, repeated if values on a fresh mesh differ from those of the search.
 
 
-PASSES = 4
+MAX_PASSES = 4
 """Maximum passes of a robust search: standard deviations are fixed in a pass, and updated at its end."""
-SETTLED = 1e-3
+ALLOWANCE_TOLERANCE = 1e-3
 """Change of the allowances, relative to a limit, below which a robust search has converged."""
-CORRECTIONS = 4
+MAX_CORRECTIONS = 4
 """Maximum number of continuations on a fresh mesh."""
-WASTED = 0.02
+MAX_WASTED_SLACK = 0.02
 """Relative slack of a limit on the fresh mesh, active in the search, above which the search continues."""
 
 
-def follow(under_way: model.Evaluating, theta: Array) -> StartEnd:
+def follow(under_way: model.Evaluator, theta: Array) -> StartEnd:
     """Search from a design, values of the problem's `names`, and confirm the result; a design was judged before."""
     form = under_way.form
     assert form is not None
     seen: list[Trial] = []
     ends: list[StartEnd] = []
     try:
-        why = _searched(under_way, form, theta, seen)
+        why = _robust_search(under_way, form, theta, seen)
         best = form.best(seen)
         if best is None or not under_way.how.get("confirm", True):
             return StartEnd(under_way.start, best, form, why=why)
         ends.append(StartEnd(under_way.start, best, form, *under_way.confirmed(best), why))
         safety = np.zeros(len(form.rows))
-        while len(ends) <= CORRECTIONS and _differs(ends[-1], len(ends)):
+        while len(ends) <= MAX_CORRECTIONS and _must_continue(ends[-1], len(ends)):
             under_way.tell("limits differ on a fresh mesh: continuing the search from there")
             if len(ends) > 1:  # meshes differ randomly too
-                safety = np.maximum(safety, _apart(ends[-1]))
+                safety = np.maximum(safety, _fresh_violations(ends[-1]))
             under_way.fresh_mesh()
             again = under_way.trial(np.array(best.theta))
             if again.failed:
                 break
             form, seen = under_way.form.corrected(again, ends[-1].confirmed, safety), [again]  # type: ignore[union-attr]
-            why = _searched(under_way, form, np.array(again.theta), seen)
+            why = _robust_search(under_way, form, np.array(again.theta), seen)
             best = form.best(seen) or again
             ends.append(StartEnd(under_way.start, best, form, *under_way.confirmed(best), why))
     except trials.DesignStopped:
-        found = form.best(seen)
-        end = ends[-1] if ends and found is None else StartEnd(under_way.start, found, form)
+        best_trial = form.best(seen)
+        end = ends[-1] if ends and best_trial is None else StartEnd(under_way.start, best_trial, form)
         return dataclasses.replace(end, why="because the user stopped it", stopped=True)
     return min(ends, key=StartEnd.order)
 
 
-def _apart(end: StartEnd) -> Array:
+def _fresh_violations(end: StartEnd) -> Array:
     """Return how much more each limit is violated on the fresh mesh than in the search, relative to the limit."""
     assert end.best is not None
     allowances = end.form.allowances(end.best)
     return end.form.passed(end.confirmed, allowances) - (end.form.violations(end.best) - end.form.safety)
 
 
-def _differs(end: StartEnd, rounds: int) -> bool:
+def _must_continue(end: StartEnd, rounds: int) -> bool:
     """Return whether a search has to continue: limits are violated on the fresh mesh, or inactive there for the first time."""
     if end.trouble or end.best is None or not end.form.rows or not end.form.feasible(end.best):
         return False
     fresh = end.form.passed(end.confirmed, end.form.allowances(end.best))
-    met = end.form.violations(end.best) > -MET
-    unused = rounds <= 2 and bool(met.any()) and float(fresh[met].max()) < -WASTED
+    met = end.form.violations(end.best) > -ACTIVE_TOLERANCE
+    unused = rounds <= 2 and bool(met.any()) and float(fresh[met].max()) < -MAX_WASTED_SLACK
     return unused or not end.feasible
 
 
-def _searched(under_way: model.Evaluating, form: Formulation, theta: Array, seen: list[Trial]) -> str:
+def _robust_search(under_way: model.Evaluator, form: Formulation, theta: Array, seen: list[Trial]) -> str:
     """Search repeatedly until the standard deviations converge; return why it ended early. ``seen`` gets every trial."""
     start = form.x(theta)
 
@@ -569,7 +568,7 @@ def _searched(under_way: model.Evaluating, form: Formulation, theta: Array, seen
         if can_follow(form, judged(start)):
             followed(judged, form, start)
             return ""
-        for _ in range(PASSES if form.spread.any else 1):
+        for _ in range(MAX_PASSES if form.spread.any else 1):
             allowances = form.allowances(judged(end))
 
             def evaluate(point: Array, allowances: Array = allowances) -> Scaled | None:
@@ -582,7 +581,7 @@ def _searched(under_way: model.Evaluating, form: Formulation, theta: Array, seen
 
             end = search(evaluate, end)
             change = np.abs(form.allowances(judged(end)) - allowances) / np.array([row.scale for row in form.rows])
-            if change.max(initial=0.0) <= SETTLED:
+            if change.max(initial=0.0) <= ALLOWANCE_TOLERANCE:
                 break
     except model.EnoughError:
         return f"after {len(under_way.visited)} evaluations"
@@ -593,19 +592,19 @@ def _searched(under_way: model.Evaluating, form: Formulation, theta: Array, seen
 # Starting points of searches: the given device, then points spread over the bounds.
 
 
-DRAWN = 64
+MAX_DRAWN_POINTS = 64
 """Number of points drawn; invalid devices, or those with too thin a wall, are skipped."""
 
 
 def further_starts(problem: DesignProblem, seed: int) -> Iterator[Array]:
     """Yield the scaled parameters of devices spread over the bounds: a Latin hypercube (McKay, Beckman and Conover 1979)."""
-    for x in qmc.LatinHypercube(len(problem.free), rng=np.random.default_rng(seed)).random(DRAWN):
+    for x in qmc.LatinHypercube(len(problem.free), rng=np.random.default_rng(seed)).random(MAX_DRAWN_POINTS):
         if _is_device(problem, x):
             yield x
 
 
 def _is_device(problem: DesignProblem, x: Array) -> bool:
-    values = {one.name: one.low + share * one.width for one, share in zip(problem.free, x, strict=True)}
+    values = {free.name: free.low + share * free.width for free, share in zip(problem.free, x, strict=True)}
     try:
         device = case.varied(problem.case, values).actuator
     except entries.INPUT_ERRORS:
@@ -655,29 +654,29 @@ def run_variants(
 ) -> DesignResult:
     """Optimise for each choice of the whole numbers, each in a folder of its own; return the result of the best, with all in
     its `DesignResult.variants`. RunError if none of them has a state where it is asked."""
-    tell, found = how.get("progress"), list[Variant]()
+    tell, variants = how.get("progress"), list[Variant]()
     mpi.on_root(comm, lambda: _begin(problem, folder, how))
-    for words, one in problem.variants():
+    for words, choice in problem.variants():
         if tell is not None:
             mpi.on_root(comm, lambda words=words: tell(f"{words}:"))  # type: ignore[misc]
-        own = mpi.kept_on_root(comm, functools.partial(_opened, one, words, folder, how))
+        own = mpi.kept_on_root(comm, functools.partial(_choice_folder, choice, words, folder, how))
         try:
-            found.append(Variant(words, one, run_in(one, own, comm, **how)))
+            variants.append(Variant(words, choice, run_in(choice, own, comm, **how)))
         except RunError as error:
             if error.status == outcomes.STOPPED:
                 raise
-            found.append(Variant(words, one, None, str(error)))
+            variants.append(Variant(words, choice, None, str(error)))
         finally:
             if own is not None:
                 own.leave()
-        result = found[-1].result
+        result = variants[-1].result
         if result is not None and result.stopped:
             break
-    best = min(found, key=lambda variant: variant.order)
+    best = min(variants, key=lambda variant: variant.order)
     if best.result is None:
-        raise RunError(f"no choice of {', '.join(problem.counts)} can be evaluated: {found[0].sentence}")
-    made = dataclasses.replace(best.result, variants=tuple(one.sentence for one in found))
-    where = mpi.on_root(comm, lambda: None if folder is None else _settle(folder, best, found))
+        raise RunError(f"no choice of {', '.join(problem.counts)} can be evaluated: {variants[0].sentence}")
+    made = dataclasses.replace(best.result, variants=tuple(choice.sentence for choice in variants))
+    where = mpi.on_root(comm, lambda: None if folder is None else _write_best(folder, best, variants))
     return dataclasses.replace(made, folder=where)
 
 
@@ -695,14 +694,14 @@ def _begin(problem: DesignProblem, folder: model.DesignFolder | None, how: Searc
     folder.own.claim([model.TABLE, model.DESIGN, model.START, VARIANTS, *names], {"inputs": folder.identity})
 
 
-def _opened(
+def _choice_folder(
     problem: DesignProblem, words: str, folder: model.DesignFolder | None, how: SearchOptions
 ) -> model.DesignFolder | None:
     """Return the folder of one choice inside that of all."""
     return None if folder is None else model.DesignFolder(problem, folder.path / _name(words), how.get("resume", False))
 
 
-def _settle(folder: model.DesignFolder, best: Variant, found: list[Variant]) -> Path:
+def _write_best(folder: model.DesignFolder, best: Variant, variants: list[Variant]) -> Path:
     """Write the best design, the table of all choices, and that of all designs; return the folder."""
     assert best.result is not None
     files.write_text(folder.path / model.START, case_text(best.problem, best.result.given))
@@ -711,21 +710,21 @@ def _settle(folder: model.DesignFolder, best: Variant, found: list[Variant]) -> 
     rows = csv.writer(out, lineterminator="\n")
     asked = best.problem.terms[0].quantity
     rows.writerow(["variant", label(asked, best.problem.case.cm), "limits kept", "designs", "failure"])
-    for one in found:
-        told = ["", "", 0] if one.result is None else [
-            in_words(asked, one.result.end.objective, 7), int(one.result.feasible), len(one.result.trials),
+    for variant in variants:
+        told = ["", "", 0] if variant.result is None else [
+            in_words(asked, variant.result.end.objective, 7), int(variant.result.feasible), len(variant.result.trials),
         ]  # fmt: skip
-        rows.writerow([one.words, *told, one.trouble])
+        rows.writerow([variant.words, *told, variant.trouble])
     files.write_text(folder.path / VARIANTS, out.getvalue())
-    files.write_text(folder.path / model.TABLE, "".join(_all_designs(found)))
+    files.write_text(folder.path / model.TABLE, "".join(_all_designs(variants)))
     return folder.path
 
 
-def _all_designs(found: list[Variant]) -> Iterator[str]:
+def _all_designs(variants: list[Variant]) -> Iterator[str]:
     """Yield the lines of the table of all designs, each with its choice in front."""
-    for number, one in enumerate(one for one in found if one.result is not None):
-        assert one.result is not None
-        head, *lines = model.table(one.problem, one.result.trials, one.result.form).splitlines(keepends=True)
+    for number, choice in enumerate(variant for variant in variants if variant.result is not None):
+        assert choice.result is not None
+        head, *lines = model.table(choice.problem, choice.result.trials, choice.result.form).splitlines(keepends=True)
         if not number:
             yield f"variant,{head}"
-        yield from (f'"{one.words}",{text}' for text in lines)
+        yield from (f'"{choice.words}",{text}' for text in lines)

@@ -28,14 +28,14 @@ from softmodels.mechanics import controls
 OBJECTIVES = {"maximise": -1.0, "minimise": 1.0, "follow": 1.0}
 """Kinds of objectives, with the sign for minimisation."""
 TABLES = ("name", "case", "parameters", *OBJECTIVES, "keep", "tolerances", "material_errors")
-ROOM = 1.15
+LIMIT_SEARCH_FACTOR = 1.15
 """Factor above the required limit pressure up to which a limit point is searched; beyond it, it does not matter."""
 
 
 @checked
 @dataclasses.dataclass(frozen=True, eq=False)
 class DesignProblem:
-    """A design problem. Numbers are in SI units, texts carry a unit.
+    """A design problem. Numbers are in SI units, strings carry a unit.
 
     Attributes:
         case: The device at the start with its material, or a case file; its last pressure is the highest one available.
@@ -97,7 +97,7 @@ class DesignProblem:
         _check_load(case)
         reader = Reader(case, QUANTITIES, self.bare, self.folder)
         table = dict(_flat(_table(self.parameters, "parameters")))
-        counts = {name: _count(case, name, table.pop(name)) for name in list(table) if _counted(case.actuator, name)}
+        counts = {name: _count(case, name, table.pop(name)) for name in list(table) if _is_count(case.actuator, name)}
         object.__setattr__(self, "counts", counts)
         free = free_parameters(case, table, self.bare) if table or not (counts or self.fixed) else ()
         objective, terms = self._objective(reader)
@@ -117,7 +117,7 @@ class DesignProblem:
         for keep in self.limits:
             _check_walls(case, keep)
         _check_path(case, self.quantities)
-        if not self.working and any(one.name == MARGIN for one in self.quantities):
+        if not self.working and any(quantity.name == MARGIN for quantity in self.quantities):
             raise DesignError(
                 f"{MARGIN} is relative to the highest pressure of the problem, but no quantity has a pressure"
             )
@@ -131,18 +131,22 @@ class DesignProblem:
                 f"{' and '.join(given)} are two objectives; give only one, and a limit (keep) for the other"
             )
         entry = getattr(self, given[0])
-        found = reader.quantities(entry, given[0], ("weights",))
+        quantities = reader.quantities(entry, given[0], ("weights",))
         if isinstance(entry, Mapping) and entry.get("quantity") == CLEARANCES:
             raise DesignError(
                 f"{given[0]}: {CLEARANCES} has many values and cannot be an objective; use it as a limit (keep)"
             )
         weights = entry.get("weights") if isinstance(entry, Mapping) else None
-        weights = [1.0] * len(found) if weights is None else [trials.read("a weight", w, "1") for w in _list(weights)]
-        if len(weights) != len(found) or min(weights) < 0.0 or sum(weights) <= 0.0:
+        weights = (
+            [1.0] * len(quantities) if weights is None else [trials.read("a weight", w, "1") for w in _list(weights)]
+        )
+        if len(weights) != len(quantities) or min(weights) < 0.0 or sum(weights) <= 0.0:
             raise DesignError(
-                f"{given[0]}: {len(weights)} weights for {len(found)} pressures; give one positive weight for each, or none"
+                f"{given[0]}: {len(weights)} weights for {len(quantities)} pressures; give each one positive weight, or none"
             )
-        return given[0], tuple(ObjectiveTerm(one, w / sum(weights)) for one, w in zip(found, weights, strict=True))
+        return given[0], tuple(
+            ObjectiveTerm(quantity, w / sum(weights)) for quantity, w in zip(quantities, weights, strict=True)
+        )
 
     def variants(self) -> Iterator[tuple[str, DesignProblem]]:
         """Yield the problem for each choice of the whole numbers, with its words, as in ``chambers 4``."""
@@ -166,7 +170,7 @@ class DesignProblem:
     @property
     def names(self) -> tuple[str, ...]:
         """Parameters of the gradients: the free ones, then those with only a tolerance."""
-        free = [one.name for one in self.free]
+        free = [parameter.name for parameter in self.free]
         return (*free, *(name for name in self.spreads if name not in free))
 
     @property
@@ -181,18 +185,18 @@ class DesignProblem:
             for keep in self.limits
             if keep.quantity.name in kept
         ]
-        return ROOM * max(*most, self.working, key=abs) if most else None
+        return LIMIT_SEARCH_FACTOR * max(*most, self.working, key=abs) if most else None
 
     @property
     def working(self) -> float:
         """The pressure of the problem farthest from 0 in Pa; 0 for none."""
-        return max((highest_pressure(one) or 0.0 for one in self.quantities), default=0.0, key=abs)
+        return max((highest_pressure(quantity) or 0.0 for quantity in self.quantities), default=0.0, key=abs)
 
     @property
     def quantities(self) -> list[DesignQuantity]:
         """All quantities, each once."""
-        found = [*(term.quantity for term in self.terms), *(keep.quantity for keep in self.limits)]
-        return list({one.key: one for one in found}.values())
+        quantities = [*(term.quantity for term in self.terms), *(keep.quantity for keep in self.limits)]
+        return list({quantity.key: quantity for quantity in quantities}.values())
 
     @classmethod
     def from_toml(cls, text: str, folder: Path | None = None) -> DesignProblem:
@@ -300,7 +304,7 @@ def _check_path(case: Case, quantities: Sequence[DesignQuantity]) -> None:
     loads = [part.where for part in case.components if isinstance(part, controls.LoadPart)]
     if loads:
         raise DesignError(f"{rubbing} has friction, and designs with friction take no loads; leave out {loads[0]}")
-    for asked in (part for one in quantities for part in getattr(one, "parts", (one,))):
+    for asked in (part for term in quantities for part in getattr(term, "parts", (term,))):
         if isinstance(asked, OfLimit | StoredEnergy | InflationWork):
             raise DesignError(
                 f"{asked.name} is not available with friction ({rubbing}); leave it out, or set friction = 0"
@@ -316,10 +320,10 @@ def _keeps(reader: Reader, entry: object, where: str) -> list[Keep]:
     else:
         table = _table(entry, where)
         asked = reader.quantities(table, where, LIMITS)
-    found = [Keep(one, *(reader.limit(table, side, one, where) for side in LIMITS)) for one in asked]
-    for keep in found:
+    keeps = [Keep(limit, *(reader.limit(table, side, limit, where) for side in LIMITS)) for limit in asked]
+    for keep in keeps:
         check_limits(keep, where)
-    return found
+    return keeps
 
 
 def _check_walls(case: Case, keep: Keep) -> None:
@@ -365,7 +369,7 @@ class Reader:
             if "at" not in entry:
                 raise DesignError(f'{where}: {kind.name} needs a pressure, such as at = "177 cm"')
             at = entry["at"]
-            places = [self._at(one, where) for one in (at if isinstance(at, list | tuple) else [at])]
+            places = [self._at(load, where) for load in (at if isinstance(at, list | tuple) else [at])]
             if not places:
                 raise DesignError(f"{where}: at is empty; give one or more pressures")
         elif "at" in entry:
@@ -417,8 +421,8 @@ class Reader:
 
     def _check_sides(self, asked: DesignQuantity, where: str) -> None:
         """Reject a state on the other side of the ambient pressure than the case's."""
-        for one in (asked, *getattr(asked, "parts", ())):
-            load = None if one.at is None else trials.JudgedLoad.of(one.at)
+        for part in (asked, *getattr(asked, "parts", ())):
+            load = None if part.at is None else trials.EvaluatedLoad.of(part.at)
             if load is not None and load.value * self.case.load.direction <= 0.0:
                 side = "below" if self.case.load.direction < 0 else "above"
                 raise DesignError(
@@ -441,7 +445,7 @@ class Reader:
             raise DesignError(f"{where}: at is not a pressure ({error}); write it like 177 cm or 17 kPa") from None
         if number == 0.0:
             raise DesignError(f"{where}: at {value!r} must be above zero, or below it for a vacuum")
-        return trials.JudgedLoad(kind, number, value)
+        return trials.EvaluatedLoad(kind, number, value)
 
     def limit(self, entry: Mapping[str, object], side: str, asked: DesignQuantity, where: str) -> float | None:
         """Return the limit ``at_least`` or ``at_most`` in SI units; None if not given."""
@@ -501,14 +505,14 @@ def pressure_of(asked: DesignQuantity) -> float | None:
     at = asked.at
     if at is None:
         return None
-    load = trials.JudgedLoad.of(at)
+    load = trials.EvaluatedLoad.of(at)
     return load.value if load.kind == trials.PRESSURE else None
 
 
 def highest_pressure(asked: DesignQuantity) -> float | None:
     """Return the pressure in Pa farthest from 0 of a quantity or its components; None if it has none."""
-    found = [pressure_of(asked), *(pressure_of(part) for part in getattr(asked, "parts", ()))]
-    return max((pressure for pressure in found if pressure is not None), default=None, key=abs)
+    pressures = [pressure_of(asked), *(pressure_of(part) for part in getattr(asked, "parts", ()))]
+    return max((pressure for pressure in pressures if pressure is not None), default=None, key=abs)
 
 
 def label(asked: DesignQuantity, cm: float) -> str:
@@ -517,7 +521,7 @@ def label(asked: DesignQuantity, cm: float) -> str:
     pressure = pressure_of(asked)
     if pressure is None or asked.at is None:
         return asked.key
-    return f"{asked.title} at {trials.JudgedLoad.of(asked.at).text or f'{pressure / cm:.5g} cm'}"
+    return f"{asked.title} at {trials.EvaluatedLoad.of(asked.at).text or f'{pressure / cm:.5g} cm'}"
 
 
 def _tuples(value: object) -> object:
@@ -593,17 +597,17 @@ def expanded(case: Case, name: str) -> list[str]:
         raise DesignError(
             f"the case has no parameter {name!r}; {errors.known_are(name, [own for own in every if '.' in own])}"
         )
-    entries = [one for one in known if re.fullmatch(rf"{re.escape(name)}\[\d+\]", one)]
+    entries = [known_name for known_name in known if re.fullmatch(rf"{re.escape(name)}\[\d+\]", known_name)]
     if entries:
         return entries
-    stems = list(dict.fromkeys(one.partition("[")[0] for one in known))
+    stems = list(dict.fromkeys(known_name.partition("[")[0] for known_name in known))
     base = name.partition("[")[0]
     if base in schema.about(device) and base not in stems:
         raise DesignError(
             f"{name} does not affect the shape of this {type(device).__name__}; {errors.known_are(name, stems)}"
         )
     if name != base and base in stems:
-        count = sum(one.startswith(f"{base}[") for one in known)
+        count = sum(known_name.startswith(f"{base}[") for known_name in known)
         entries_text = f"has {count} entries, counted from 1" if count else "is not a list"
         raise DesignError(f"parameter {name!r} does not exist: {base} {entries_text}")
     raise DesignError(f"{type(device).__name__} has no parameter {name!r}; {errors.known_are(name, stems)}")
@@ -615,25 +619,27 @@ def free_parameters(case: Case, table: Mapping[str, object], bare: bool = True) 
     if not table:
         example = '[parameters] membrane = { from = "1 mm", to = "3 mm" }'
         raise DesignError(f"no parameter is free; add some with bounds, such as {example}")
-    found: dict[str, Free] = {}
+    free_by_name: dict[str, Free] = {}
     units = variable_names(case)
     for name, bounds in sorted(_flat(table), key=lambda item: "[" in item[0]):  # a separate entry comes after its list
         low, high = _bounds(name, bounds)
-        for one in expanded(case, name):
-            unit = units[one]
-            least, most = (trials.read(f"{one} {what}", end, unit, bare) for what, end in (("from", low), ("to", high)))
-            found[one] = Free(one, least, most, value_of(case, one), unit)
+        for name_of_list in expanded(case, name):
+            unit = units[name_of_list]
+            least, most = (
+                trials.read(f"{name_of_list} {what}", end, unit, bare) for what, end in (("from", low), ("to", high))
+            )
+            free_by_name[name_of_list] = Free(name_of_list, least, most, value_of(case, name_of_list), unit)
     order = {name: place for place, name in enumerate(units)}
-    free = tuple(sorted(found.values(), key=lambda one: order[one.name]))
+    free = tuple(sorted(free_by_name.values(), key=lambda parameter: order[parameter.name]))
     for parameter_ in free:
         _check(case, parameter_)
-    if any(one.name.startswith("gravity.") for one in free) and any(
+    if any(parameter.name.startswith("gravity.") for parameter in free) and any(
         part.lifted and part.weighs for part in case.components
     ):
         raise DesignError(
             "gravity cannot vary while a mass rests on a stand ([contact] with a guide and a mass); leave it out"
         )
-    lengths = [one.name for one in free if of_shape(case, one.name)]
+    lengths = [parameter.name for parameter in free if of_shape(case, parameter.name)]
     if lengths and not case.actuator.carries_interfaces:
         for part in case.components:
             if part.inside(case.actuator):
@@ -650,7 +656,7 @@ def _flat(table: Mapping[str, object], before: str = "") -> Iterator[tuple[str, 
         if (
             isinstance(bounds, Mapping)
             and bounds
-            and all(isinstance(one, Mapping | list | tuple) for one in bounds.values())
+            and all(isinstance(bounds_of_entry, Mapping | list | tuple) for bounds_of_entry in bounds.values())
         ):
             yield from _flat(bounds, f"{before}{name}.")
         else:
@@ -661,7 +667,7 @@ MOST_VALUES = 30
 """Largest number of values of a whole number."""
 
 
-def _counted(device: Actuator, name: str) -> bool:
+def _is_count(device: Actuator, name: str) -> bool:
     """Return whether a name is of a whole number of a device, such as of its chambers."""
     known = schema.about(device).get(name)
     return known is not None and isinstance(known.kind, schema.Choice) and known.kind.ends is not None
@@ -705,49 +711,51 @@ def _bounds(name: str, bounds: object) -> tuple[object, object]:
     )
 
 
-def _check(case: Case, one: Free) -> None:
+def _check(case: Case, free: Free) -> None:
     """Reject invalid bounds, one parameter at a time."""
-    if one.low > one.high:
-        raise DesignError(f"the bounds of {one.name} are reversed: from {one.text(one.low)} to {one.text(one.high)}")
-    if one.low == one.high:
-        raise DesignError(f"both bounds of {one.name} are {one.text(one.low)}; leave it out to keep it constant")
-    if not one.low <= one.start <= one.high:
+    if free.low > free.high:
         raise DesignError(
-            f"{one.name} starts at {one.text(one.start)}, outside of its bounds, {one.text(one.low)} to {one.text(one.high)}"
+            f"the bounds of {free.name} are reversed: from {free.text(free.low)} to {free.text(free.high)}"
+        )
+    if free.low == free.high:
+        raise DesignError(f"both bounds of {free.name} are {free.text(free.low)}; leave it out to keep it constant")
+    if not free.low <= free.start <= free.high:
+        raise DesignError(
+            f"{free.name} starts at {free.text(free.start)}, outside {free.text(free.low)} to {free.text(free.high)}"
         )
     device = case.actuator
     movable = device.movable
-    if of_shape(case, one.name) and one.name not in movable and one.name.partition("[")[0] not in movable:
+    if of_shape(case, free.name) and free.name not in movable and free.name.partition("[")[0] not in movable:
         known = f"it follows {', '.join(movable)}" if movable else "it can follow none"
-        raise DesignError(f"the mesh of this {type(device).__name__} cannot follow {one.name}; {known}")
-    for end, what in ((one.low, "lower"), (one.high, "upper")):
+        raise DesignError(f"the mesh of this {type(device).__name__} cannot follow {free.name}; {known}")
+    for end, what in ((free.low, "lower"), (free.high, "upper")):
         try:
-            varied(case, {one.name: end})
+            varied(case, {free.name: end})
         except entries.INPUT_ERRORS as error:
             raise DesignError(
-                f"{one.name} gives an invalid device at its {what} bound, {one.text(end)}, with all else unchanged: {error}"
+                f"{free.name} gives an invalid device at its {what} bound, {free.text(end)}, with all else unchanged: {error}"
             ) from None
 
 
 def crossed_corners(case: Case, free: Sequence[Free]) -> str:
     """Return a sentence if some combination of bounds gives an invalid device; else ""."""
     if len(free) <= MOST_CORNERS:
-        corners = [list(ends) for ends in itertools.product(*((one.low, one.high) for one in free))]
+        corners = [list(ends) for ends in itertools.product(*((parameter.low, parameter.high) for parameter in free))]
     else:
-        lows, highs = [one.low for one in free], [one.high for one in free]
+        lows, highs = [parameter.low for parameter in free], [parameter.high for parameter in free]
         corners = [lows, highs]
         for k in range(len(free)):
             corners += [[*lows[:k], highs[k], *lows[k + 1 :]], [*highs[:k], lows[k], *highs[k + 1 :]]]
     refused = []
     for corner in corners:
         try:
-            varied(case, {one.name: end for one, end in zip(free, corner, strict=True)})
+            varied(case, {parameter.name: end for parameter, end in zip(free, corner, strict=True)})
         except entries.INPUT_ERRORS as error:
             refused.append((corner, str(error)))
     if not refused:
         return ""
     corner, why = refused[0]
-    where = ", ".join(f"{one.name} {one.text(end)}" for one, end in zip(free, corner, strict=True))
+    where = ", ".join(f"{parameter.name} {parameter.text(end)}" for parameter, end in zip(free, corner, strict=True))
     return (
         f"{len(refused)} of {len(corners)} combinations of bounds give an invalid device (such as {where}: {why}); "
         f"the search avoids them"
@@ -758,24 +766,26 @@ def crossed_corners(case: Case, free: Sequence[Free]) -> str:
 # First-order propagation of fabrication tolerances and material errors to a value.
 
 
-SURE = 1.645
+NORMAL_QUANTILE = 1.645
 """One-sided 95 % quantile of the normal distribution."""
 
 
 def tolerances_of(case: Case, table: Mapping[str, object], bare: bool) -> dict[str, float]:
     """Return the standard deviations in SI units by parameter; DesignError for an unknown one, or no deviation."""
-    found: dict[str, float] = {}
+    tolerances: dict[str, float] = {}
     device, units = case.actuator, variable_names(case)
     for name, value in trials.dotted(table):
-        for one in expanded(case, name):
-            spread = trials.read(f"tolerance of {one}", value, units[one], bare)
+        for name_of_list in expanded(case, name):
+            spread = trials.read(f"tolerance of {name_of_list}", value, units[name_of_list], bare)
             if spread <= 0.0:
-                raise DesignError(f"tolerance of {one} is {value}; a standard deviation must be above zero")
-            movable = one.partition("[")[0] in device.movable or one in device.movable
-            if of_shape(case, one) and not movable:
-                raise DesignError(f"tolerance of {one}: the mesh of this {type(device).__name__} cannot follow it")
-            found[one] = spread
-    return found
+                raise DesignError(f"tolerance of {name_of_list} is {value}; a standard deviation must be above zero")
+            movable = name_of_list.partition("[")[0] in device.movable or name_of_list in device.movable
+            if of_shape(case, name_of_list) and not movable:
+                raise DesignError(
+                    f"tolerance of {name_of_list}: the mesh of this {type(device).__name__} cannot follow it"
+                )
+            tolerances[name_of_list] = spread
+    return tolerances
 
 
 class ToleranceSpread:
@@ -806,11 +816,10 @@ class ToleranceSpread:
 # Options of an optimisation.
 
 
-EVALUATIONS = 40
-"""Maximum number of evaluations per start."""
+MAX_EVALUATIONS = 40
 
 
-class Judge(Protocol):
+class DesignEvaluator(Protocol):
     """Interface of an evaluator: `softmodels.design.model.DesignModel`, or a substitute."""
 
     def evaluate(self, theta: npt.NDArray[np.float64]) -> trials.Evaluation:
@@ -842,18 +851,18 @@ class SearchOptions(TypedDict, total=False):
     confirm: bool
     finer: float
     inputs: Sequence[Path]
-    model: Callable[[DesignProblem, MPI.Comm], Judge] | None
+    model: Callable[[DesignProblem, MPI.Comm], DesignEvaluator] | None
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Scaled design problem: parameters from 0 to 1, quantities relative to their limits, constraints c <= 0.
 
 
-ZERO = 0.01
+MIN_VIOLATION_SCALE = 0.01
 """Minimum scale of a length's violation, relative to the device's size, if its limit is 0."""
-KEPT = 1e-9
+LIMIT_TOLERANCE = 1e-9
 """Relative tolerance of a limit, for rounding."""
-INSIDE = 2e-4
+SAFETY_MARGIN = 2e-4
 """Relative safety margin to a limit in the search, so that its end satisfies the limit."""
 
 
@@ -912,8 +921,8 @@ class Formulation:
         self.corrections: dict[str, tuple[float, float]] = {}
         self.safety: Array | float = 0.0
         self.spread = ToleranceSpread(problem.names, problem.spreads, problem.errors)
-        self.low = np.array([one.low for one in problem.free])
-        self.width = np.array([one.width for one in problem.free])
+        self.low = np.array([free.low for free in problem.free])
+        self.width = np.array([free.width for free in problem.free])
         self.rest = np.array([value_of(problem.case, name) for name in problem.names[len(problem.free) :]])
         self.rows = [row for keep in problem.limits for row in self._rows(keep, first.values)]
         slopes = np.abs(self._slope(first)) * self.width
@@ -921,7 +930,7 @@ class Formulation:
 
     def _rows(self, keep: Keep, values: Mapping[str, float]) -> list[ConstraintRow]:
         rows = []
-        floor = ZERO * self.problem.case.actuator.size if keep.quantity.unit == "m" else 0.0
+        floor = MIN_VIOLATION_SCALE * self.problem.case.actuator.size if keep.quantity.unit == "m" else 0.0
         for key in keep.keys(values):
             words = label(keep.quantity, self.problem.case.cm) if key == keep.quantity.key else key
             for sign, limit in ((-1.0, keep.at_least), (1.0, keep.at_most)):
@@ -959,7 +968,7 @@ class Formulation:
 
     def allowances(self, trial: Trial) -> Array:
         """Return the 95 % allowances of each limit for tolerances and the material's errors, SI units, shape (rows,)."""
-        return np.array([SURE * self.spread.sigma(trial, row.key) for row in self.rows])
+        return np.array([NORMAL_QUANTILE * self.spread.sigma(trial, row.key) for row in self.rows])
 
     def violations(self, trial: Trial, allowances: Array | None = None) -> Array:
         """Return the violation of each limit, in its scale; negative if satisfied. Shape (rows,)."""
@@ -999,13 +1008,13 @@ class Formulation:
         """Return the largest violation and its limit."""
         if not self.rows:
             return 0.0, None
-        found = self.violations(trial)
-        k = int(np.argmax(found))
-        return float(found[k]), self.rows[k]
+        violations = self.violations(trial)
+        k = int(np.argmax(violations))
+        return float(violations[k]), self.rows[k]
 
     def feasible(self, trial: Trial) -> bool:
         """Return whether it was evaluated and satisfies every limit."""
-        return not trial.failed and self.worst(trial)[0] <= KEPT
+        return not trial.failed and self.worst(trial)[0] <= LIMIT_TOLERANCE
 
     def scaled(self, trial: Trial, allowances: Array, fresh: bool = False) -> Scaled:
         """Return the scaled design with fixed allowances, without the derivative of a standard deviation."""
@@ -1014,7 +1023,7 @@ class Formulation:
         sign = self.problem.sign / self.size
         return Scaled(
             sign * self.objective(trial), sign * self._slope(trial) * self.width,
-            self.violations(trial, allowances) + INSIDE, np.array(slopes).reshape(len(self.rows), count),
+            self.violations(trial, allowances) + SAFETY_MARGIN, np.array(slopes).reshape(len(self.rows), count),
             fresh,
         )  # fmt: skip
 
@@ -1035,7 +1044,7 @@ class Formulation:
 
 
 @dataclasses.dataclass(frozen=True)
-class Judged:
+class EvaluatedQuantity:
     """A quantity of a design in its SI unit, its gradient by the parameters, shape (n,), empty if none was asked for, and its
     derivatives by the material's numbers."""
 
@@ -1045,10 +1054,10 @@ class Judged:
     squares: trials.Squares | None = None
     """Residuals of a target."""
 
-    def times(self, factor: float) -> Judged:
+    def times(self, factor: float) -> EvaluatedQuantity:
         """Return the quantity times a number."""
         by_material = {name: factor * rate for name, rate in self.by_material.items()}
-        return Judged(factor * self.value, factor * self.gradient, by_material)
+        return EvaluatedQuantity(factor * self.value, factor * self.gradient, by_material)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -1059,7 +1068,7 @@ class EvaluationRequest:
 
     names: tuple[str, ...]
     parts: tuple[DesignQuantity, ...]
-    loads: tuple[trials.JudgedLoad, ...]
+    loads: tuple[trials.EvaluatedLoad, ...]
     highest: float
     materials: tuple[str, ...]
     shape: tuple[str, ...] = ()

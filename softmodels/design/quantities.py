@@ -99,16 +99,16 @@ class DesignQuantity(abc.ABC):
     of_state: ClassVar[bool] = True
     """Whether it belongs to a state, so that ``at`` is required."""
 
-    at: trials.JudgedLoad | float | None = None
+    at: trials.EvaluatedLoad | float | None = None
 
     def __post_init__(self) -> None:
         if self.at is not None:
-            object.__setattr__(self, "at", trials.JudgedLoad.of(self.at))
+            object.__setattr__(self, "at", trials.EvaluatedLoad.of(self.at))
 
     @property
-    def load(self) -> trials.JudgedLoad | None:
+    def load(self) -> trials.EvaluatedLoad | None:
         """The state at which it is evaluated."""
-        return None if self.at is None else trials.JudgedLoad.of(self.at)
+        return None if self.at is None else trials.EvaluatedLoad.of(self.at)
 
     @property
     def title(self) -> str:
@@ -132,10 +132,10 @@ class DesignQuantity(abc.ABC):
 
 def length(what: str, value: float | str) -> float:
     """Return a length in m from a number or a text with a unit; ValueError unless it is one that is not negative."""
-    found = units.quantity(value, "m") if isinstance(value, str) else float(value)
-    if not (np.isfinite(found) and found >= 0.0):
+    length = units.quantity(value, "m") if isinstance(value, str) else float(value)
+    if not (np.isfinite(length) and length >= 0.0):
         raise ValueError(f"{what} is {value!r}; it must be a length above zero, or 0 for none")
-    return found
+    return length
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -157,13 +157,14 @@ class FormMeasure(Measure):
     ):  # fmt: skip
         self.design, self.combine, self.counted_in_stress = design, combine, counted_in_stress
         system, form = design.system, design.system.form
-        self._forms = [form(one) for one in forms]
+        self._forms = [form(integral) for integral in forms]
         test = ufl.TestFunction(system.space)
         self._slopes = [
-            form(ufl.derivative(one, system.w, test)) if system.w in one.coefficients() else None for one in forms
+            form(ufl.derivative(integral, system.w, test)) if system.w in integral.coefficients() else None
+            for integral in forms
         ]
-        self._by_pressure = [form(one) for one in by_pressure]
-        self._covectors = [design.motion.compiled(one) for one in forms]
+        self._by_pressure = [form(integral) for integral in by_pressure]
+        self._covectors = [design.motion.compiled(integral) for integral in forms]
 
     def _combined(self) -> tuple[float, Array]:
         """Return the value in SI units and its slopes by the integrals."""
@@ -216,16 +217,16 @@ class WithContact(Measure):
         return self.forms.value(state) + own
 
     def slopes(self, state: State | None) -> Slopes:
-        found, system = self.forms.slopes(state), self.design.system
+        slopes, system = self.forms.slopes(state), self.design.system
         if not system.assembled.slack:
-            return found
+            return slopes
         unit, w, motion = self.unit * system.stress_unit, system.w.x.array, self.design.motion
         b = system.assembled.add_forces(w, np.zeros(system.n))
         by_w = unit * system.by_unknowns(b)
         by_X = unit * motion.by_nodes(system.assembled.at_places(w, len(system.body.mesh.geometry.x)))
-        assert found.X is not None
+        assert slopes.X is not None
         return dataclasses.replace(
-            found, value=self.value(state), w=by_w if found.w is None else found.w + by_w, X=found.X + by_X
+            slopes, value=self.value(state), w=by_w if slopes.w is None else slopes.w + by_w, X=slopes.X + by_X
         )
 
 
@@ -365,7 +366,7 @@ class Mass(DesignQuantity):
 # Positions of named points: rises, coordinates, and figures of a device derived from them.
 
 
-STEP = 1e-5
+DIFFERENCE_STEP = 1e-5
 """Step of the central differences of a device's figures by probe positions, relative to the size."""
 
 
@@ -384,15 +385,15 @@ class PlacesMeasure(Measure):
         moved = {name: probes.displacement(name) for name in self.names}
         by_w = np.zeros(self.design.system.n)
         by_X = np.zeros(self.design.motion.entries)
-        step = STEP * self.design.system.length_unit
+        step = DIFFERENCE_STEP * self.design.system.length_unit
         for name in self.names:
             by_place, by_displacement = np.zeros(3), np.zeros(3)
             for axis in range(3):
                 shift = step * np.eye(3)[axis]
                 by_place[axis], by_displacement[axis] = (
                     (
-                        self.function(*_shifted(rest, moved, which, name, shift))
-                        - self.function(*_shifted(rest, moved, which, name, -shift))
+                        self.function(*_shifted_probe(rest, moved, which, name, shift))
+                        - self.function(*_shifted_probe(rest, moved, which, name, -shift))
                     )
                     / (2 * step)
                     for which in (0, 1)
@@ -401,13 +402,13 @@ class PlacesMeasure(Measure):
         return Slopes(self.function(rest, moved), self.design.system.by_unknowns(by_w).copy(), 0.0, by_X)
 
 
-def _shifted(
+def _shifted_probe(
     rest: dict[str, Array], moved: dict[str, Array], which: int, name: str, shift: Array
 ) -> tuple[dict[str, Array], dict[str, Array]]:
     """Return the places and displacements with one probe's place (0) or displacement (1) shifted."""
-    found = [dict(rest), dict(moved)]
-    found[which][name] = found[which][name] + shift
-    return found[0], found[1]
+    sides = [dict(rest), dict(moved)]
+    sides[which][name] = sides[which][name] + shift
+    return sides[0], sides[1]
 
 
 def _probe(design: DesignedBody, name: str) -> str:
@@ -550,9 +551,9 @@ def _moved_role(design: DesignedBody, role: str) -> fem.Function:
     """Return the dofs of a unit motion of a role along the lift, zero elsewhere."""
     system = design.system
     component = int(np.argmax(system.body.skew @ in_section(system.body.actuator.lift, system.body.actuator.dimension)))
-    dimension, found = system.body.entities[role]
+    dimension, facets = system.body.entities[role]
     along = fem.Function(system.space)
-    along.x.array[fem.locate_dofs_topological(system.vectors.sub(component), dimension, found)] = 1.0
+    along.x.array[fem.locate_dofs_topological(system.vectors.sub(component), dimension, facets)] = 1.0
     return along
 
 
@@ -707,9 +708,8 @@ class PressedMeasure(Measure):
         return Slopes(self.value(state), system.by_unknowns(by_w).copy(), 0.0, by_X)
 
     def by_history(self, histories: Sequence[sensitivity.HistoryDirection]) -> float:
-        own = next(
-            (one for one in histories if isinstance(one, sensitivity.FrictionDirection) and one.term is self.term), None
-        )
+        directions = (history for history in histories if isinstance(history, sensitivity.FrictionDirection))
+        own = next((direction for direction in directions if direction.term is self.term), None)
         return 0.0 if own is None else self.design.system.stress_unit * float(own.at_nodes().sum(axis=0) @ self.along)
 
 
@@ -807,7 +807,7 @@ class OfFace(DesignQuantity):
         return FormMeasure(design, [value * body.hoop * area for value in values], combine)
 
     @abc.abstractmethod
-    def integrands(self, along: Expr, one: Expr, X: Expr, x: Expr) -> list[Expr]:
+    def integrands(self, along: Expr, unit: Expr, X: Expr, x: Expr) -> list[Expr]:
         """Return what is integrated: of the axis, 1, and the undeformed and deformed places."""
 
 
@@ -835,8 +835,12 @@ class FacePlace(OfFace):
 
     def measure(self, design: DesignedBody) -> Measure:
         way, body, unit = _direction(self.axis, f"{self.name}: axis"), design.system.body, design.system.length_unit
-        across = [plane for plane in body.actuator.cut_planes if abs(float(np.dot(way, plane.normal))) > SQUARE]
-        if across or (body.axisymmetric and abs(way[2]) < 1 - SQUARE):
+        across = [
+            plane
+            for plane in body.actuator.cut_planes
+            if abs(float(np.dot(way, plane.normal))) > PERPENDICULAR_TOLERANCE
+        ]
+        if across or (body.axisymmetric and abs(way[2]) < 1 - PERPENDICULAR_TOLERANCE):
             raise ValueError(f"{self.title}: by symmetry it does not move along {self.axis}; use another axis")
 
         def mean(values: Array) -> tuple[float, Array]:
@@ -845,8 +849,8 @@ class FacePlace(OfFace):
 
         return self.integrated(design, way, mean)
 
-    def integrands(self, along: Expr, one: Expr, X: Expr, x: Expr) -> list[Expr]:
-        return [ufl.dot(along, x), one]
+    def integrands(self, along: Expr, unit: Expr, X: Expr, x: Expr) -> list[Expr]:
+        return [ufl.dot(along, x), unit]
 
 
 @register_quantity
@@ -865,17 +869,21 @@ class Turn(OfFace):
 
     def measure(self, design: DesignedBody) -> Measure:
         way, body = _direction(self.axis, f"{self.name}: axis"), design.system.body
-        across = [plane for plane in body.actuator.cut_planes if abs(float(np.dot(way, plane.normal))) < 1 - SQUARE]
+        across = [
+            plane
+            for plane in body.actuator.cut_planes
+            if abs(float(np.dot(way, plane.normal))) < 1 - PERPENDICULAR_TOLERANCE
+        ]
         if across or body.axisymmetric:
             raise ValueError(f"{self.name}: by symmetry nothing turns about {self.axis}; use {body.actuator.fuller}")
         return self.integrated(design, way, lambda values: _turn(way, values))
 
-    def integrands(self, along: Expr, one: Expr, X: Expr, x: Expr) -> list[Expr]:
+    def integrands(self, along: Expr, unit: Expr, X: Expr, x: Expr) -> list[Expr]:
         square = ufl.dot(X, x) - ufl.dot(along, X) * ufl.dot(along, x)
-        return [ufl.dot(along, ufl.cross(X, x)), square, one, *(X[i] for i in range(3)), *(x[i] for i in range(3))]
+        return [ufl.dot(along, ufl.cross(X, x)), square, unit, *(X[i] for i in range(3)), *(x[i] for i in range(3))]
 
 
-SQUARE = 1e-9
+PERPENDICULAR_TOLERANCE = 1e-9
 """Largest scalar product of unit vectors that count as perpendicular."""
 
 
@@ -964,13 +972,13 @@ class DesignedBody:
         b, x = self._vectors
         b.array_w[:] = force
         bordered.solve(b, x)
-        found = np.array(x.array_r)
+        solution = np.array(x.array_r)
         if not bordered.inverse.exact:  # iterations have converged, with the state's own tangent
-            return found
+            return solution
         K.mult(x, b)
         b.array_w[:] = force - b.array_r
         bordered.solve(b, x)
-        return found + x.array_r
+        return solution + x.array_r
 
     def release(self) -> None:
         """Release the PETSc and MPI objects."""

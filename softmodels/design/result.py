@@ -22,8 +22,8 @@ from softmodels.common.arrays import Array
 from softmodels.common.lazy import scipy
 from softmodels.design import extremes, trials
 from softmodels.design.problem import (
-    INSIDE,
-    SURE,
+    NORMAL_QUANTILE,
+    SAFETY_MARGIN,
     ConstraintRow,
     DesignProblem,
     Formulation,
@@ -37,7 +37,7 @@ from softmodels.design.trials import Trial
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class DesignResult(cards.Shown):
+class DesignResult(cards.ResultCard):
     """The outcome of an optimisation: the best end of all starts and what holds it back, all trials, where each start ended,
     how much finer the fresh mesh was, the folder if there is one, and with each choice of whole numbers a sentence."""
 
@@ -45,7 +45,7 @@ class DesignResult(cards.Shown):
     end: StartEnd
     trials: tuple[Trial, ...]
     ends: tuple[StartEnd, ...]
-    holding: Holding
+    holding: ActiveLimits
     finer: float = 1.0
     stopped: bool = False
     folder: Path | None = None
@@ -85,7 +85,7 @@ class DesignResult(cards.Shown):
     @property
     def parameters(self) -> dict[str, float]:
         """Free parameters of the best design, SI units."""
-        return {one.name: value for one, value in zip(self.problem.free, self.best.theta, strict=False)}
+        return {free.name: value for free, value in zip(self.problem.free, self.best.theta, strict=False)}
 
     @property
     def device(self) -> Actuator:
@@ -114,8 +114,8 @@ class DesignResult(cards.Shown):
 
     def _figures(self) -> cards.Table:
         return [
-            (one["name"], f"{one['before']:.4g} to {one['after']:.4g} {one['unit']}".strip())
-            for one in parameters_told(self)
+            (record["name"], f"{record['before']:.4g} to {record['after']:.4g} {record['unit']}".strip())
+            for record in parameters_told(self)
         ]
 
     def _remarks(self) -> list[str]:
@@ -156,16 +156,16 @@ class DesignResult(cards.Shown):
                 f"limits satisfied in the search are violated by up to {self.end.passed:.2%} on "
                 f"the fresh mesh, within the mesh error; use smaller cells, or set stricter limits"
             )
-            return [passed, *(one.sentence for one in holders)]
+            return [passed, *(holder.sentence for holder in holders)]
         if self.feasible:
             if not holders and self.holding.balanced:
                 return ["no limit is active: this is a local optimum"]
-            return [one.sentence for one in holders]
+            return [holder.sentence for holder in holders]
         if self.end.why:
             return [
                 f"no design so far satisfies all limits (the search ended {self.end.why}); continue with more evaluations"
             ]
-        held = [one.words for one in holders]
+        held = [holder.words for holder in holders]
         what = (
             f"{' and '.join(held)} are incompatible"
             if len(held) > 1
@@ -177,22 +177,23 @@ class DesignResult(cards.Shown):
             told.append(
                 f"{failed} neighbouring designs have no state at the requested pressures, which also limits the result"
             )
-        return told + [one.sentence for one in holders if one.sentence and one.sentence != one.words]
+        return told + [holder.sentence for holder in holders if holder.sentence and holder.sentence != holder.words]
 
     @property
     def agreement(self) -> str:
         """Whether the starts agree; empty for a single one."""
-        judged = [one for one in self.ends if one.best is not None]
+        judged = [end for end in self.ends if end.best is not None]
         if len(self.ends) < 2:
             return ""
         if len(judged) < 2:
             return f"only one of {len(self.ends)} starts succeeded"
-        same = sum(self._same(one) for one in judged)
+        same = sum(self._same(judged_end) for judged_end in judged)
         if same == len(judged):
             return f"the {len(judged)} starts agree"
         values = ", ".join(
-            in_words(self.problem.terms[0].quantity, one.objective) + ("" if one.feasible else " (limits violated)")
-            for one in judged
+            in_words(self.problem.terms[0].quantity, judged_end.objective)
+            + ("" if judged_end.feasible else " (limits violated)")
+            for judged_end in judged
         )
         return f"{same} of {len(judged)} starts agree with the best; they ended at {values}"
 
@@ -215,19 +216,19 @@ class DesignResult(cards.Shown):
             ]:
                 if key not in self.best.values:
                     continue
-                found, fresh = self.best.values[key], self.confirmed[key]
-                share = abs(fresh - found) / max(abs(fresh), 1e-300)
+                in_search, fresh = self.best.values[key], self.confirmed[key]
+                share = abs(fresh - in_search) / max(abs(fresh), 1e-300)
                 if share < 1e-9:  # depends only on the geometry
                     continue
                 words = label(asked, self.problem.case.cm) if key == asked.key else key
                 told.append(
-                    f"{words}: {in_words(asked, fresh, 5)} on the fresh mesh, {in_words(asked, found, 5)} in the search "
-                    f"({share:.2%} apart{', more than ' + format(FRESH, '.0%') if share > FRESH else ''})"
+                    f"{words}: {in_words(asked, fresh, 5)} on the fresh mesh, {in_words(asked, in_search, 5)} in the search "
+                    f"({share:.2%} apart{', more than ' + format(MESH_TOLERANCE, '.0%') if share > MESH_TOLERANCE else ''})"
                 )
         return told
 
     @property
-    def recovered(self) -> Told | None:
+    def recovered(self) -> ParameterIntervals | None:
         """The parameters determined by a target; None without a target or errors."""
         return recovered(self.form, self.best)
 
@@ -241,8 +242,8 @@ class DesignResult(cards.Shown):
         for row, taken in zip(self.form.rows, allowances, strict=True):
             asked, value = row.keep.quantity, self.values[row.key]
             told.append(
-                f"{row.text}: {in_words(asked, value)} +- {in_words(asked, taken / SURE, 2)} (one standard deviation), so with "
-                f"95 % {'below' if row.sign > 0 else 'above'} {in_words(asked, value + row.sign * taken)}"
+                f"{row.text}: {in_words(asked, value)} +- {in_words(asked, taken / NORMAL_QUANTILE, 2)} (one standard "
+                f"deviation), so with 95 % {'below' if row.sign > 0 else 'above'} {in_words(asked, value + row.sign * taken)}"
             )
         return told
 
@@ -258,11 +259,11 @@ class DesignResult(cards.Shown):
 
 AT_BOUND = 1e-6
 """Tolerance relative to the range within which a parameter is at a bound."""
-WIDE = 0.5
+WEAK_INTERVAL = 0.5
 """Half width of a 95 % interval, relative to the range, above which a combination is weakly determined."""
-SHARE = 0.1
+MIN_NAMED_COMPONENT = 0.1
 """Minimum component, relative to the largest, for naming a parameter in a combination."""
-SHOWN = 0.1
+SHOWN_CHANGE = 0.1
 """Change of the largest component of a combination in its description, relative to its range."""
 
 
@@ -281,19 +282,19 @@ class Interval:
     @property
     def sentence(self) -> str:
         """The interval in words."""
-        one = self.parameter
+        free = self.parameter
         if self.at_bound:
-            return f"{one.name} {one.text(self.value)}: at its bound, so the target does not determine it further"
+            return f"{free.name} {free.text(self.value)}: at its bound, so the target does not determine it further"
         if not math.isfinite(self.error):
-            return f"{one.name} {one.text(self.value)}: not determined by the target"
+            return f"{free.name} {free.text(self.value)}: not determined by the target"
         return (
-            f"{one.name} {one.text(self.value, 5)} +- {one.text(self.error, 2)} (one standard error), with 95 % between "
-            f"{one.text(self.low, 5)} and {one.text(self.high, 5)}"
+            f"{free.name} {free.text(self.value, 5)} +- {free.text(self.error, 2)} (one standard error), with 95 % between "
+            f"{free.text(self.low, 5)} and {free.text(self.high, 5)}"
         )
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Told:
+class ParameterIntervals:
     """Device parameters determined by a target: the interval of each, the covariance of those that are not at a bound in SI
     units, the weakest combination (a sentence, empty with fewer than two parameters), and a clause on the source of the
     residuals' standard error."""
@@ -309,21 +310,21 @@ class Told:
     @property
     def sentences(self) -> list[str]:
         """All intervals in words."""
-        return [*(one.sentence for one in self.intervals), *filter(None, [self.weakest]), self.source]
+        return [*(interval.sentence for interval in self.intervals), *filter(None, [self.weakest]), self.source]
 
 
-def recovered(form: Formulation, trial: Trial) -> Told | None:
+def recovered(form: Formulation, trial: Trial) -> ParameterIntervals | None:
     """Return the parameters determined by a problem's targets at a trial; None without a target or
     errors."""
     problem = form.problem
-    found = [(term.quantity, trial.squares.get(term.quantity.key)) for term in problem.terms]
-    if problem.objective != "follow" or any(squares is None for _, squares in found):
+    terms = [(term.quantity, trial.squares.get(term.quantity.key)) for term in problem.terms]
+    if problem.objective != "follow" or any(squares is None for _, squares in terms):
         return None
     count = len(problem.free)
     theta = np.array(trial.theta[:count])
     x = form.x(np.array(trial.theta))
     inside = (x > AT_BOUND) & (x < 1.0 - AT_BOUND)
-    parts = [squares for _, squares in found if squares is not None]
+    parts = [squares for _, squares in terms if squares is not None]
     counted = sum(squares.count / squares.run for squares in parts)
     freedom = counted - int(inside.sum())
     known = all(squares.sigma > 0.0 for squares in parts)
@@ -346,8 +347,10 @@ def recovered(form: Formulation, trial: Trial) -> Told | None:
     errors = np.zeros(count)
     errors[inside] = np.sqrt(np.diag(scaled)) * form.width[inside]
     intervals = tuple(
-        Interval(one, value, error, value - quantile * error, value + quantile * error, not free)
-        for one, value, error, free in zip(problem.free, theta.tolist(), errors.tolist(), inside.tolist(), strict=True)
+        Interval(parameter, value, error, value - quantile * error, value + quantile * error, not free)
+        for parameter, value, error, free in zip(
+            problem.free, theta.tolist(), errors.tolist(), inside.tolist(), strict=True
+        )
     )
     asked = problem.terms[0].quantity
     if known:
@@ -355,9 +358,9 @@ def recovered(form: Formulation, trial: Trial) -> Told | None:
     else:
         source = f"errors from the final residuals, {in_words(asked, math.sqrt(variance), 3)} per value"
     source += f"; {counted:.0f} independent values"
-    free = [one for one, is_free in zip(problem.free, inside, strict=True) if is_free]
-    weakest = _weakest(form, trial, free, vectors[-1], quantile * inverse[-1]) if len(free) > 1 else ""
-    return Told(intervals, scaled * np.outer(form.width[inside], form.width[inside]), weakest, source)
+    free = [parameter for parameter, is_free in zip(problem.free, inside, strict=True) if is_free]
+    weakest = _weakest_combination(form, trial, free, vectors[-1], quantile * inverse[-1]) if len(free) > 1 else ""
+    return ParameterIntervals(intervals, scaled * np.outer(form.width[inside], form.width[inside]), weakest, source)
 
 
 def _covariance(vectors: Array, inverse: Array) -> Array:
@@ -370,20 +373,20 @@ def _covariance(vectors: Array, inverse: Array) -> Array:
     return np.asarray(covariance)
 
 
-def _weakest(form: Formulation, trial: Trial, free: list[Free], vector: Array, half: float) -> str:
+def _weakest_combination(form: Formulation, trial: Trial, free: list[Free], vector: Array, half: float) -> str:
     """Return the least determined combination, in words."""
     vector = vector / vector[np.argmax(np.abs(vector))]
     parts = []
     changes = {}
-    for one, share in zip(free, vector, strict=True):
-        step = SHOWN * share * one.width
-        changes[one.name] = step
-        if abs(share) >= SHARE:
-            unit = trials.shown_unit(one.unit) or "1"
-            shown = step / trials.factor(unit, one.unit or "1")
-            parts.append(f"{one.name} {shown:+.2g}{'' if unit == '1' else ' ' + unit}")
+    for parameter, share in zip(free, vector, strict=True):
+        step = SHOWN_CHANGE * share * parameter.width
+        changes[parameter.name] = step
+        if abs(share) >= MIN_NAMED_COMPONENT:
+            unit = trials.shown_unit(parameter.unit) or "1"
+            shown = step / trials.factor(unit, parameter.unit or "1")
+            parts.append(f"{parameter.name} {shown:+.2g}{'' if unit == '1' else ' ' + unit}")
     asked = form.problem.terms[0].quantity
-    steps = np.array([changes.get(one.name, 0.0) for one in form.problem.free])
+    steps = np.array([changes.get(parameter.name, 0.0) for parameter in form.problem.free])
     moved = 0.0
     for term in form.problem.terms:
         squares = trial.squares[term.quantity.key]
@@ -393,7 +396,7 @@ def _weakest(form: Formulation, trial: Trial, free: list[Free], vector: Array, h
     words = (
         f"{', '.join(parts)} {together}would move the device by {in_words(asked, math.sqrt(moved), 2)} from the target"
     )
-    if half > WIDE:
+    if half > WEAK_INTERVAL:
         return f"one combination of the parameters is weakly determined: {words}"
     return f"least determined: {words}"
 
@@ -406,16 +409,16 @@ def _weakest(form: Formulation, trial: Trial, free: list[Free], vector: Array, h
 # of the search.
 
 
-MET = 5e-3
+ACTIVE_TOLERANCE = 5e-3
 """Fraction of a limit above which it is active."""
-LEAST = 1e-3
+MIN_MULTIPLIER = 1e-3
 """Multipliers below this fraction of the largest count as zero."""
-BALANCED = 0.2
+MAX_GRADIENT_REMAINDER = 0.2
 """Maximum relative remainder of the objective's gradient at an optimum."""
 
 
 @dataclasses.dataclass(frozen=True)
-class Holder:
+class ActiveLimit:
     """An active limit (``row``) or bound in words, and in a sentence what it costs. The multiplier is the gain in scaled
     objectives per scaled limit; of a request that cannot be met, its share in what excludes each other."""
 
@@ -426,20 +429,20 @@ class Holder:
 
 
 @dataclasses.dataclass(frozen=True)
-class Holding:
+class ActiveLimits:
     """Active limits and bounds of a design, the largest multiplier first. Where they are balanced, they explain the
     objective's slope, and the design is an optimum."""
 
-    holders: tuple[Holder, ...]
+    holders: tuple[ActiveLimit, ...]
     balanced: bool
 
 
-def holding(form: Formulation, trial: Trial) -> Holding:
+def holding(form: Formulation, trial: Trial) -> ActiveLimits:
     """Return the active limits and bounds of a design, from its gradients."""
     scaled = form.scaled(trial, form.allowances(trial))
-    violations = scaled.c - INSIDE
+    violations = scaled.c - SAFETY_MARGIN
     infeasible = bool(violations.max(initial=-1.0) > 1e-9)
-    met = violations.max() - MET if infeasible else -MET
+    met = violations.max() - ACTIVE_TOLERANCE if infeasible else -ACTIVE_TOLERANCE
     rows = [k for k in range(len(form.rows)) if violations[k] >= met]
     x = form.x(np.array(trial.theta))
     bounds = [(k, -1.0) for k in range(len(x)) if x[k] <= AT_BOUND] + [
@@ -447,26 +450,26 @@ def holding(form: Formulation, trial: Trial) -> Holding:
     ]
     columns = [scaled.dc[k] for k in rows] + [sign * np.eye(len(x))[k] for k, sign in bounds]
     if not columns:
-        return Holding((), not scaled.df.any())
+        return ActiveLimits((), not scaled.df.any())
     A, wanted = np.array(columns).T, -scaled.df
     if infeasible:  # sum of slopes zero, shares of the limits one
         share = np.array([1.0] * len(rows) + [0.0] * len(bounds))
         A, wanted = np.vstack([A, share]), np.append(np.zeros(len(x)), 1.0)
     multipliers, rest = scipy.optimize.nnls(A, wanted)
     size = float(np.linalg.norm(wanted)) or 1.0
-    found = []
+    limits = []
     for place in np.argsort(-multipliers):
-        if multipliers[place] <= LEAST * multipliers.max():
+        if multipliers[place] <= MIN_MULTIPLIER * multipliers.max():
             continue
         if place < len(rows):
             row = form.rows[rows[place]]
             sentence = "" if infeasible else _limit_sentence(form, row, float(multipliers[place]))
-            found.append(Holder(row.text, float(multipliers[place]), sentence, row))
+            limits.append(ActiveLimit(row.text, float(multipliers[place]), sentence, row))
         else:
-            found.append(_bound(form, bounds[place - len(rows)], float(multipliers[place]), infeasible))
+            limits.append(_bound(form, bounds[place - len(rows)], float(multipliers[place]), infeasible))
     if infeasible:
-        found = _trades(found)
-    return Holding(tuple(found), rest <= BALANCED * size)
+        limits = _trades(limits)
+    return ActiveLimits(tuple(limits), rest <= MAX_GRADIENT_REMAINDER * size)
 
 
 def _round(value: float) -> float:
@@ -488,29 +491,31 @@ def _limit_sentence(form: Formulation, row: ConstraintRow, multiplier: float) ->
     asked, per_unit = row.keep.quantity, form.size * multiplier / row.scale
     step = _round(0.05 * row.scale / shown_factor(asked)) * shown_factor(asked)
     objective = form.problem.terms[0].quantity
-    one = _round(0.05 * form.size / shown_factor(objective)) * shown_factor(objective)
+    change = _round(0.05 * form.size / shown_factor(objective)) * shown_factor(objective)
     return (
         f"{row.text}: relaxing this limit by {in_words(asked, step)} gains "
-        f"{_gain(form, per_unit * step)}; {_gain(form, one)} costs about {in_words(asked, one / per_unit, 2)} of it"
+        f"{_gain(form, per_unit * step)}; {_gain(form, change)} costs about {in_words(asked, change / per_unit, 2)} of it"
     )
 
 
-def _bound(form: Formulation, bound: tuple[int, float], multiplier: float, infeasible: bool) -> Holder:
-    one, sign = form.problem.free[bound[0]], bound[1]
-    end = one.text(one.high if sign > 0 else one.low)
+def _bound(form: Formulation, bound: tuple[int, float], multiplier: float, infeasible: bool) -> ActiveLimit:
+    parameter, sign = form.problem.free[bound[0]], bound[1]
+    end = parameter.text(parameter.high if sign > 0 else parameter.low)
     if infeasible:
-        return Holder(f"{one.name} {'at most' if sign > 0 else 'at least'} {end} (its bound)", multiplier, "")
-    words = f"{one.name} is at its {'upper' if sign > 0 else 'lower'} bound, {end}"
-    shown, unit = trials.shown_unit(one.unit) or "1", one.unit or "1"
-    step = _round(0.1 * one.width / trials.factor(shown, unit)) * trials.factor(shown, unit)
-    gain = _gain(form, form.size * multiplier * step / one.width)
+        return ActiveLimit(
+            f"{parameter.name} {'at most' if sign > 0 else 'at least'} {end} (its bound)", multiplier, ""
+        )
+    words = f"{parameter.name} is at its {'upper' if sign > 0 else 'lower'} bound, {end}"
+    shown, unit = trials.shown_unit(parameter.unit) or "1", parameter.unit or "1"
+    step = _round(0.1 * parameter.width / trials.factor(shown, unit)) * trials.factor(shown, unit)
+    gain = _gain(form, form.size * multiplier * step / parameter.width)
     more = "more" if sign > 0 else "less"
-    return Holder(words, multiplier, f"{words}: {trials.text(step, shown, unit)} {more} gains about {gain}")
+    return ActiveLimit(words, multiplier, f"{words}: {trials.text(step, shown, unit)} {more} gains about {gain}")
 
 
-def _trades(holders: list[Holder]) -> list[Holder]:
+def _trades(holders: list[ActiveLimit]) -> list[ActiveLimit]:
     """Yield, for conflicting limits, the cost of the first in terms of each other one."""
-    limits = [one for one in holders if one.row is not None]
+    limits = [holder for holder in holders if holder.row is not None]
     if not limits:
         return holders
     first = limits[0]
@@ -518,17 +523,17 @@ def _trades(holders: list[Holder]) -> list[Holder]:
     asked = first.row.keep.quantity
     step = _round(0.05 * first.row.scale / shown_factor(asked)) * shown_factor(asked)
     traded = []
-    for one in holders:
-        if one.row is None or one is first:
-            traded.append(one)
+    for holder in holders:
+        if holder.row is None or holder is first:
+            traded.append(holder)
             continue
-        other = one.row.keep.quantity
-        cost = step * (first.multiplier / first.row.scale) / (one.multiplier / one.row.scale)
+        other = holder.row.keep.quantity
+        cost = step * (first.multiplier / first.row.scale) / (holder.multiplier / holder.row.scale)
         sentence = (
             f"{in_words(asked, step)} {'less' if first.row.sign > 0 else 'more'} {first.row.words} costs about "
-            f"{in_words(other, cost, 2)} of {one.row.words}"
+            f"{in_words(other, cost, 2)} of {holder.row.words}"
         )
-        traded.append(dataclasses.replace(one, sentence=sentence))
+        traded.append(dataclasses.replace(holder, sentence=sentence))
     return traded
 
 
@@ -536,13 +541,13 @@ def _trades(holders: list[Holder]) -> list[Holder]:
 # Cases of evaluated designs.
 
 
-KEPT = ("material", "load")
+KEPT_TABLES = ("material", "load")
 """Tables that a design does not change, written as by the user."""
 
 
 def case_of(problem: DesignProblem, trial: Trial) -> Case:
     """Return the case of a trial's device; GeometryError or CaseError if it is none."""
-    values = dict(zip((one.name for one in problem.free), trial.theta, strict=False))
+    values = dict(zip((free.name for free in problem.free), trial.theta, strict=False))
     return dataclasses.replace(case.varied(problem.case, values), name=problem.name)
 
 
@@ -553,8 +558,8 @@ def case_text(problem: DesignProblem, case: Case) -> str:
     What would not be read as the same case elsewhere, such as a material's file, is written in numbers.
     """
     exact = case.to_toml()
-    changed = {one.name.partition(".")[0] for one in problem.free if "." in one.name}
-    own = {name: problem.written[name] for name in KEPT if name in problem.written and name not in changed}
+    changed = {free.name.partition(".")[0] for free in problem.free if "." in free.name}
+    own = {name: problem.written[name] for name in KEPT_TABLES if name in problem.written and name not in changed}
     text = tomli_w.dumps({**tomllib.loads(exact), **own})
     with contextlib.suppress(*entries.INPUT_ERRORS):
         if Case.from_toml(text) == case:
@@ -566,7 +571,7 @@ SAME_VALUE, SAME_PLACE = 0.01, 0.05
 """Starts agree if their results differ by less than these fractions of the objective, or of each parameter's range."""
 FRESH_LIMIT = 2e-3
 """Relative violation of a limit allowed on the fresh mesh; the search itself keeps a margin."""
-FRESH = 0.02
+MESH_TOLERANCE = 0.02
 """Relative difference of a value on the fresh mesh above which a warning is given."""
 
 
@@ -623,10 +628,10 @@ def _overlaps(row: ConstraintRow, values: Mapping[str, float]) -> bool:
 # Summary of a result as plain numbers and sentences in ``design.json``, for pictures and report.
 
 
-FILE = "design.json"
+DESIGN_FILE = "design.json"
 
 
-class ParameterTold(TypedDict):
+class ParameterRecord(TypedDict):
     """A free parameter: its bounds and values, in its display unit."""
 
     name: str
@@ -637,7 +642,7 @@ class ParameterTold(TypedDict):
     after: float
 
 
-class ObjectiveTold(TypedDict):
+class ObjectiveRecord(TypedDict):
     """The objective over all trials, in its display unit; None for failed trials."""
 
     words: str
@@ -646,14 +651,14 @@ class ObjectiveTold(TypedDict):
     values: list[float | None]
 
 
-class LimitTold(TypedDict):
+class LimitRecord(TypedDict):
     """A limit, and its relative violation by each trial; None for failed trials."""
 
     words: str
     passed: list[float | None]
 
 
-class TrialTold(TypedDict):
+class TrialRecord(TypedDict):
     """A trial."""
 
     number: int
@@ -664,7 +669,7 @@ class TrialTold(TypedDict):
     seconds: float
 
 
-class DesignTold(TypedDict):
+class DesignRecord(TypedDict):
     """Content of ``design.json``."""
 
     name: str
@@ -681,30 +686,30 @@ class DesignTold(TypedDict):
     margins: list[str]
     recovered: list[str]
     notes: list[str]
-    parameters: list[ParameterTold]
-    objective: ObjectiveTold
-    limits: list[LimitTold]
-    trials: list[TrialTold]
+    parameters: list[ParameterRecord]
+    objective: ObjectiveRecord
+    limits: list[LimitRecord]
+    trials: list[TrialRecord]
     made: dict[str, object]
 
 
 def summary(result: DesignResult) -> str:
     """Return the text of ``design.json``."""
-    found = result.recovered
+    intervals = result.recovered
     told = {
-        "name": result.problem.name, "best": result.best.number, "recovered": found.sentences if found else [],
+        "name": result.problem.name, "best": result.best.number, "recovered": intervals.sentences if intervals else [],
         "notes": notes(result), "parameters": parameters_told(result), "objective": _objective(result),
         "limits": _limits(result), "made": commands.Provenance.now().table(),
-        "trials": [{name: getattr(trial, name) for name in TrialTold.__annotations__} for trial in result.trials],
+        "trials": [{name: getattr(trial, name) for name in TrialRecord.__annotations__} for trial in result.trials],
     }  # fmt: skip
-    names = DesignTold.__annotations__
+    names = DesignRecord.__annotations__
     return json.dumps({name: told[name] if name in told else getattr(result, name) for name in names}, indent=1)
 
 
 def notes(result: DesignResult) -> list[str]:
     """Return the remarks on the result."""
     told = [*result.variants, *result.problem.notes, *result.best.notes]
-    told += [f"start {one.start} ended {one.why}" for one in result.ends if one.why and not one.stopped]
+    told += [f"start {end.start} ended {end.why}" for end in result.ends if end.why and not end.stopped]
     unfinished = result.feasible and not result.holding.balanced and not result.stopped
     if unfinished and result.problem.objective != "follow":  # the distance from a target that is met has no slope
         told.append("the search ended before it converged; more evaluations (--evaluations) may find a better design")
@@ -716,22 +721,22 @@ def notes(result: DesignResult) -> list[str]:
     return told
 
 
-def parameters_told(result: DesignResult) -> list[ParameterTold]:
+def parameters_told(result: DesignResult) -> list[ParameterRecord]:
     """Return the free parameters with their bounds, before and after."""
     told = []
-    for k, one in enumerate(result.problem.free):
-        unit = trials.shown_unit(one.unit)
-        per = trials.factor(unit or "1", one.unit or "1")
+    for k, parameter in enumerate(result.problem.free):
+        unit = trials.shown_unit(parameter.unit)
+        per = trials.factor(unit or "1", parameter.unit or "1")
         told.append(
-            ParameterTold(
-                name=one.name, unit=unit, low=one.low / per, high=one.high / per, before=one.start / per,
-                after=result.best.theta[k] / per,
+            ParameterRecord(
+                name=parameter.name, unit=unit, low=parameter.low / per, high=parameter.high / per,
+                before=parameter.start / per, after=result.best.theta[k] / per,
             )
         )  # fmt: skip
     return told
 
 
-def _objective(result: DesignResult) -> ObjectiveTold:
+def _objective(result: DesignResult) -> ObjectiveRecord:
     """Return the objective over all trials; None for failed trials."""
     form, asked = result.form, result.problem.terms[0].quantity
     words = label(asked, result.problem.case.cm) if len(result.problem.terms) == 1 else f"mean {asked.title}"
@@ -741,12 +746,12 @@ def _objective(result: DesignResult) -> ObjectiveTold:
     }  # fmt: skip
 
 
-def _limits(result: DesignResult) -> list[LimitTold]:
+def _limits(result: DesignResult) -> list[LimitRecord]:
     """Return each limit with its relative violation over all trials."""
     form = result.form
     violations = [None if trial.failed else form.violations(trial) for trial in result.trials]
     return [
-        {"words": row.text, "passed": [None if found is None else float(found[k]) for found in violations]}
+        {"words": row.text, "passed": [None if violation is None else float(violation[k]) for violation in violations]}
         for k, row in enumerate(form.rows)
     ]
 

@@ -34,22 +34,22 @@ class WorkingStates:
     def __init__(
         self,
         design: quantities.DesignedBody,
-        loads: Sequence[trials.JudgedLoad],
+        loads: Sequence[trials.EvaluatedLoad],
         highest: float = 0.0,
         bifurcations: Bifurcations | None = None,
     ):
         self.design, self.system, self.solver = design, design.system, design.solver
         self.loads, self.highest = tuple(loads), highest
-        self.states: dict[trials.JudgedLoad, State] = {}
+        self.states: dict[trials.EvaluatedLoad, State] = {}
         self.limit: stability.Point | None = None
         self.bifurcation: Bifurcation | None = None
         self._bifurcations = bifurcations
         self.newton = 0
         self.carried = False
         self._rest_volume = 0.0
-        self.followed: dict[trials.JudgedLoad, PathDependence] = {}
+        self.followed: dict[trials.EvaluatedLoad, PathDependence] = {}
         """Of states that depend on their path."""
-        self._steps = STEPS
+        self._steps = PRESSURE_STEPS
         self.depend_on_path = any(
             isinstance(term, assembly.HistoryTerm) for term in self.system.potential.terms.values()
         )
@@ -97,11 +97,11 @@ class WorkingStates:
                 before, here = here, self.solver.solve(control, guess, float(P))
                 self.newton += here.iterations
                 checkpoint, histories = potential.checkpoint(), rates.save()
-                found = rates.step(here, control)[1] if rates.names else {}
+                rates_of_memory = rates.step(here, control)[1] if rates.names else {}
                 potential.commit(here.w)
-            self.states[load], self.followed[load] = here, PathDependence(checkpoint, found, histories)
+            self.states[load], self.followed[load] = here, PathDependence(checkpoint, rates_of_memory, histories)
 
-    def restore_friction(self, load: trials.JudgedLoad) -> None:
+    def restore_friction(self, load: trials.EvaluatedLoad) -> None:
         """Restore friction to what it was where the step to a load began."""
         if self.depend_on_path:
             self.followed[load].checkpoint.restore()
@@ -120,7 +120,7 @@ class WorkingStates:
         except schedule.PreloadFailure as end:
             raise trials.DesignFailure(end.sentence) from end
 
-    def _trace_pressures(self, loads: Sequence[trials.JudgedLoad], start: State | None) -> None:
+    def _trace_pressures(self, loads: Sequence[trials.EvaluatedLoad], start: State | None) -> None:
         wanted = [self.design.direction * load.value / self.system.stress_unit for load in loads]
         wanted += self._top(wanted)
         if not wanted:
@@ -175,7 +175,7 @@ class WorkingStates:
             end = failure
         return met, limit, forked, end
 
-    def _trace_volumes(self, loads: Sequence[trials.JudgedLoad], start: State | None) -> None:
+    def _trace_volumes(self, loads: Sequence[trials.EvaluatedLoad], start: State | None) -> None:
         wanted = [self.design.direction * load.value / self.system.volume_unit for load in loads]
         met: list[State] = []
         try:
@@ -201,12 +201,12 @@ class WorkingStates:
         """Solve all states for the device of the current mesh, from those of the last design or a guess. NoConvergence, with
         nothing changed, if one was not found from there, or may lie behind a limit point."""
         guess, rest = guess or self.save(), self.design.volume_at_rest()
-        found = {load: self._solve(load, state, rest) for load, state in guess.states.items()}
-        for load, state in found.items():
+        states = {load: self._solve(load, state, rest) for load, state in guess.states.items()}
+        for load, state in states.items():
             grown, before = state.V - rest, guess.states[load].V - guess.rest
-            if before > NOTHING * abs(rest) and grown > LARGEST_JUMP * before:
+            if before > MIN_VOLUME_SHARE * abs(rest) and grown > LARGEST_JUMP * before:
                 raise newton.NoConvergence("the cavity has grown as if the device had snapped through")
-        by_pressure = [found[load] for load in _in_order(found, trials.PRESSURE)]
+        by_pressure = [states[load] for load in _in_order(states, trials.PRESSURE)]
         limit = None
         if top := self._top([state.P for state in by_pressure]):
             _, limit, _, end = self._climb(
@@ -217,10 +217,10 @@ class WorkingStates:
         forked = guess.bifurcation
         if forked is not None and self._bifurcations is not None:
             forked = self._bifurcations.near(forked.states[0], forked.V - guess.rest + rest, forked.mode, rest)
-        self.restore(DesignStates(rest, found, limit, forked))
+        self.restore(DesignStates(rest, states, limit, forked))
         self.carried = True
 
-    def _solve(self, load: trials.JudgedLoad, guess: State, rest: float) -> State:
+    def _solve(self, load: trials.EvaluatedLoad, guess: State, rest: float) -> State:
         system, value = self.system, self.design.direction * load.value
         if load.kind == trials.PRESSURE:
             state = self.solver.solve(controls.pressure_control(value / system.stress_unit), guess.w, guess.P)
@@ -238,11 +238,10 @@ Numbers = npt.NDArray[np.int64]
 
 EDGES = {2: ((0, 1), (1, 2), (0, 2)), 3: ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))}
 """Corners of each mid-edge node, in VTK's order, by dimension."""
-NEAREST = 24
-"""Number of nearest cells in which a point is searched."""
-ITERATIONS = 6
+NEAREST_CELLS = 24
+MAX_NEWTON_STEPS = 6
 """Iterations of Newton's method for the position in a curved cell."""
-OUTSIDE = 0.1
+MAX_OUTSIDE_DISTANCE = 0.1
 """Maximum distance of a point outside its cell, in barycentric coordinates, because meshes of a curved wall differ."""
 
 
@@ -254,7 +253,7 @@ class Places:
         self.cells, d = cells, nodes.shape[1]
         self.edges = EDGES[d]
         corners = nodes[cells[:, : d + 1]]
-        count = min(NEAREST, len(cells))
+        count = min(NEAREST_CELLS, len(cells))
         _, near = scipy.spatial.cKDTree(corners.mean(axis=1)).query(points, count)
         near = near.reshape(len(points), count)
         frames = np.linalg.inv(np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2))
@@ -269,25 +268,25 @@ class Places:
             share = self._curved(nodes[cells[chosen]], points, straight)
             better = share.min(axis=1) > self.share.min(axis=1)
             self.cell, self.share = np.where(better, chosen, self.cell), np.where(better[:, None], share, self.share)
-        inside = np.maximum(self.share, -OUTSIDE)
+        inside = np.maximum(self.share, -MAX_OUTSIDE_DISTANCE)
         self.share = inside / inside.sum(axis=1, keepdims=True)
 
     def _curved(self, nodes: Array, points: Array, share: Array) -> Array:
         """Return the barycentric coordinates in curved cells, from those in straight ones; the straight ones if Newton's
         method diverges."""
-        found = np.clip(share, -0.5, 1.5)
-        found = found / found.sum(axis=1, keepdims=True)
-        start = found
-        for _ in range(ITERATIONS):
-            gap = points - np.einsum("mn,mni->mi", self._shapes(found), nodes)
-            slopes = np.einsum("mnk,mni->mik", self._slopes(found), nodes)  # by each coordinate as if independent
+        coordinates = np.clip(share, -0.5, 1.5)
+        coordinates = coordinates / coordinates.sum(axis=1, keepdims=True)
+        start = coordinates
+        for _ in range(MAX_NEWTON_STEPS):
+            gap = points - np.einsum("mn,mni->mi", self._shapes(coordinates), nodes)
+            slopes = np.einsum("mnk,mni->mik", self._slopes(coordinates), nodes)  # by each coordinate as if independent
             jacobian = slopes[:, :, 1:] - slopes[:, :, :1]
             regular = np.abs(np.linalg.det(jacobian)) > 1e-12 * np.abs(jacobian).max(axis=(1, 2)) ** jacobian.shape[1]
             jacobian[~regular] = np.eye(jacobian.shape[1])
             step = np.clip(np.linalg.solve(jacobian, gap[..., None])[..., 0], -0.5, 0.5)
-            found = found + np.concatenate([-step.sum(axis=1, keepdims=True), step], axis=1)
-        astray = ~(np.abs(found - start).max(axis=1) < 1.0)
-        return np.where(astray[:, None], start, found)
+            coordinates = coordinates + np.concatenate([-step.sum(axis=1, keepdims=True), step], axis=1)
+        astray = ~(np.abs(coordinates - start).max(axis=1) < 1.0)
+        return np.where(astray[:, None], start, coordinates)
 
     def _shapes(self, share: Array) -> Array:
         """Return the nodes' shape functions, shape (m, nodes)."""
@@ -299,12 +298,12 @@ class Places:
     def _slopes(self, share: Array) -> Array:
         """Return their slopes by the barycentric coordinates, shape (m, nodes, d + 1)."""
         corners = share.shape[1]
-        found = np.zeros((len(share), corners + len(self.edges), corners))
+        slopes = np.zeros((len(share), corners + len(self.edges), corners))
         for k in range(corners):
-            found[:, k, k] = 4.0 * share[:, k] - 1.0
-        for number, (one, other) in zip(itertools.count(corners), self.edges, strict=False):
-            found[:, number, one], found[:, number, other] = 4.0 * share[:, other], 4.0 * share[:, one]
-        return found
+            slopes[:, k, k] = 4.0 * share[:, k] - 1.0
+        for number, (first, other) in zip(itertools.count(corners), self.edges, strict=False):
+            slopes[:, number, first], slopes[:, number, other] = 4.0 * share[:, other], 4.0 * share[:, first]
+        return slopes
 
     def interpolated(self, values: Array, linear: bool = False) -> Array:
         """Return the values at the points, shape (m, k), of those at the nodes, shape (n, k); ``linear`` takes the corners'
@@ -356,8 +355,8 @@ class Transfer:
     def _carried(self, values: Array, linear: bool) -> Array:
         """Return the values of owned nodes of the new mesh of those of the old one, shapes (owned, k)."""
         everywhere = self._from.collect(values)
-        found = None if everywhere is None else self._places[0].interpolated(everywhere, linear)
-        return self._to.distribute(found)
+        unknowns = None if everywhere is None else self._places[0].interpolated(everywhere, linear)
+        return self._to.distribute(unknowns)
 
     def volume(self, V: float, rest: float) -> float:
         """Return a dimensionless volume on the new mesh, of one on the old mesh whose volume at rest is ``rest``."""
@@ -374,7 +373,7 @@ class DesignStates:
     bulge may grow elsewhere on the next design."""
 
     rest: float
-    states: dict[trials.JudgedLoad, State]
+    states: dict[trials.EvaluatedLoad, State]
     limit: stability.Point | None
     bifurcation: Bifurcation | None
 
@@ -407,16 +406,16 @@ class DesignStates:
 LARGEST_JUMP = 3.0
 """Growth of the added volume from one design to the next above which the state may be one behind a limit point: a shorter step
 is taken, and at last the whole path."""
-NOTHING = 1e-3
+MIN_VOLUME_SHARE = 1e-3
 """Added volume relative to the cavity's below which its growth says nothing."""
 
 
-def _in_order(loads: Iterable[trials.JudgedLoad], kind: str) -> list[trials.JudgedLoad]:
+def _in_order(loads: Iterable[trials.EvaluatedLoad], kind: str) -> list[trials.EvaluatedLoad]:
     """Return the loads of a kind in the order in which a path meets them."""
     return sorted((load for load in loads if load.kind == kind), key=lambda load: abs(load.value))
 
 
-STEPS = 12
+PRESSURE_STEPS = 12
 """Steps of the pressure up to the highest load where states depend on the path. They are the same for every design, so that
 values are smooth; where Newton's method fails there are twice as many from then on."""
 MOST_STEPS = 96
@@ -446,7 +445,7 @@ class PathDependence:
 # and dP/dtheta = (v . dR/dtheta) / (v . q).
 
 
-STEP = 1e-5
+DIFFERENCE_STEP = 1e-5
 """Relative step of the differences by material parameters at fixed unknowns."""
 CENTRAL = {1.0: 0.5, -1.0: -0.5}
 BACKWARD = {0.0: 1.5, -1.0: -2.0, -2.0: 0.5}
@@ -496,17 +495,17 @@ class Adjoint:
         """Return lambda . dR/dX over the mesh's nodes at the loaded state."""
         self._set(lam)
         system, motion = self.system, self.design.motion
-        found = sum((motion.assembled(form) for form in self._forces), np.zeros(motion.entries))
+        covector = sum((motion.assembled(form) for form in self._forces), np.zeros(motion.entries))
         drives = system.pressures[len(system.pressures) - len(self._loads) :]
         for drive, forms, own in zip(drives, self._loads, self.sensitivity.measured, strict=True):
             for form in forms:
-                found -= drive * motion.assembled(form)
-            for one in own:
-                found -= drive * one.covector(self._works)
+                covector -= drive * motion.assembled(form)
+            for part in own:
+                covector -= drive * part.covector(self._works)
         if system.assembled.slack:
             nodes = len(system.body.mesh.geometry.x)
-            found += motion.by_nodes(system.assembled.by_places(system.w.x.array, self._lambda.x.array, nodes))
-        return found
+            covector += motion.by_nodes(system.assembled.by_places(system.w.x.array, self._lambda.x.array, nodes))
+        return covector
 
     def _works(self, forms: list[ufl.Form]) -> list[fem.Form]:
         """Return the compiled work of linear forms on lambda."""
@@ -575,34 +574,34 @@ class Adjoint:
         """Return the whole derivative of a quantity at the prepared state by a parameter, without the partial one at fixed
         unknowns, from the state's rate and that of what friction remembered where its step began."""
         system, motion, rate = self.system, self.design.motion, followed.rates[name]
-        found = 0.0
+        along_path = 0.0
         if slopes.w is not None:
-            found += mpi.total(system.comm, float(slopes.w @ system.unknowns.project(rate.w)))
+            along_path += mpi.total(system.comm, float(slopes.w @ system.unknowns.project(rate.w)))
         if slopes.P:
             stress = 0.0 if rate.X is not None else self.sensitivity.force(name).stress
-            found += slopes.P * (rate.P - self._state.P * stress) / system.stress_unit
+            along_path += slopes.P * (rate.P - self._state.P * stress) / system.stress_unit
         if slopes.X is not None and rate.X is not None:
             owned = slice(0, motion.owned_entries)
-            found += mpi.total(system.comm, float(slopes.X[owned] @ rate.X.ravel()[owned]))
-        for one, values in zip(self.sensitivity.histories, followed.histories[name], strict=True):
-            one.begin(rate.w, values)
-        found += measure.by_history(self.sensitivity.histories)
-        for one in self.sensitivity.histories:
-            one.rest()
-        return found
+            along_path += mpi.total(system.comm, float(slopes.X[owned] @ rate.X.ravel()[owned]))
+        for history, values in zip(self.sensitivity.histories, followed.histories[name], strict=True):
+            history.begin(rate.w, values)
+        along_path += measure.by_history(self.sensitivity.histories)
+        for history in self.sensitivity.histories:
+            history.rest()
+        return along_path
 
     def by_material(self, measure: quantities.Measure, names: Sequence[str]) -> dict[str, float]:
         """Return the partial derivatives of a quantity by parameters that are no lengths at the loaded unknowns, by
         central differences."""
-        found = {}
+        by_material = {}
         for name in names:
-            own, step = name.rpartition(".")[2], STEP * self.sensitivity.scale(name)
+            own, step = name.rpartition(".")[2], DIFFERENCE_STEP * self.sensitivity.scale(name)
             weights = BACKWARD if own == "poisson" else CENTRAL  # which must not exceed 0.5
-            found[name] = 0.0
+            by_material[name] = 0.0
             for shift, weight in weights.items():
                 with self.sensitivity.shifted(name, shift * step):
-                    found[name] += weight / step * measure.value(self._state)
-        return found
+                    by_material[name] += weight / step * measure.value(self._state)
+        return by_material
 
     def stress_by(self, name: str) -> float:
         """Return the derivative of the shear modulus by a parameter that is no length."""
@@ -637,10 +636,10 @@ class Adjoint:
 # because it is stationary.
 
 
-SPREADS = np.array([-0.06, -0.025, 0.025, 0.06])
+BIFURCATION_OFFSETS = np.array([-0.06, -0.025, 0.025, 0.06])
 """Positions of the states around the expected bifurcation, relative to the volume added up to it. Nearer ones would show an
 imperfect mesh's eigenvalue (see `softmodels.path.continuation.EIGENVALUE_SAMPLE_POSITIONS`)."""
-NEAR = 0.01
+BIFURCATION_TOLERANCE = 0.01
 """Maximum relative distance of the bifurcation from the expected place; otherwise the states are recomputed around it."""
 MOST_TRIES = 6
 
@@ -682,35 +681,35 @@ class Bifurcations:
         for _ in range(MOST_TRIES):
             added = V - rest
             states, modes, values = [], [], []
-            for spread in SPREADS:
-                found = self.solver.solve(controls.volume_control(V + spread * added), state.w, state.P)
+            for spread in BIFURCATION_OFFSETS:
+                fork_state = self.solver.solve(controls.volume_control(V + spread * added), state.w, state.P)
                 quantities.check_apart(self.design, "bifurcation")
-                state = found
-                value, shape = Stability.of(self.solver).like(found, mode)
-                states.append(found)
+                state = fork_state
+                value, shape = Stability.of(self.solver).like(fork_state, mode)
+                states.append(fork_state)
                 modes.append(shape / stability.Mode(Stability.of(self.solver).mass, shape).length)
                 values.append(value)
-            cubic = Cubic([found.V for found in states])
+            cubic = Cubic([fork_state.V for fork_state in states])
             root = cubic.root(np.array(values), V)
-            if abs(root - V) < NEAR * added:
-                P = float(cubic.weights(root)[0] @ np.array([found.P for found in states]))
+            if abs(root - V) < BIFURCATION_TOLERANCE * added:
+                P = float(cubic.weights(root)[0] @ np.array([fork_state.P for fork_state in states]))
                 return Bifurcation(root, P, tuple(states), tuple(modes), np.array(values))
             V = root
         raise newton.NoConvergence("the bifurcation is not near that of the last design")
 
     def gradient(
-        self, found: Bifurcation, velocities: Mapping[str, Array], materials: Sequence[str] = ()
+        self, bifurcation: Bifurcation, velocities: Mapping[str, Array], materials: Sequence[str] = ()
     ) -> tuple[dict[str, float], dict[str, float]]:
         """Return the derivatives in Pa of its pressure, by the lengths and by the material parameters; see
         `Adjoint.gradient`."""
         unit = self.design.direction * self.design.system.stress_unit
-        cubic = Cubic([state.V for state in found.states])
-        weights, slopes = cubic.weights(found.V)
-        steepness = float(slopes @ found.eigenvalues)
-        rise = float(slopes @ np.array([state.P for state in found.states]))
+        cubic = Cubic([state.V for state in bifurcation.states])
+        weights, slopes = cubic.weights(bifurcation.V)
+        steepness = float(slopes @ bifurcation.eigenvalues)
+        rise = float(slopes @ np.array([state.P for state in bifurcation.states]))
         lengths = dict.fromkeys(velocities, 0.0)
         numbers = dict.fromkeys(materials, 0.0)
-        for state, mode, weight in zip(found.states, found.modes, weights, strict=True):
+        for state, mode, weight in zip(bifurcation.states, bifurcation.modes, weights, strict=True):
             self.adjoint.prepare(state)
             self._mode.x.array[:] = mode[: len(self._mode.x.array)]
             direct = self.adjoint.by_material(self._eigenvalue, materials)

@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 __all__ = ["Indices", "Input", "Study", "StudyError", "StudyPlan", "Surrogate", "study"]
 
 
-class Study(cards.Shown):
+class Study(cards.ResultCard):
     """Results of a study.
 
     Attributes:
@@ -64,12 +64,12 @@ class Study(cards.Shown):
         return f"{self.plan.name}: {len(self.plan.points)} samples, {len(self.failures)} without a result"
 
     def _figures(self) -> cards.Table:
-        found = []
+        figures = []
         for name in self.responses:
             values, unit = self.values(name), table.split(name)[1]
             low, middle, high = np.nanpercentile(values, (5, 50, 95))
-            found.append((name, f"{low:.4g} {unit} (5 %), {middle:.4g} {unit} (50 %), {high:.4g} {unit} (95 %)"))
-        return found
+            figures.append((name, f"{low:.4g} {unit} (5 %), {middle:.4g} {unit} (50 %), {high:.4g} {unit} (95 %)"))
+        return figures
 
     def _remarks(self) -> list[str]:
         return [f"sample {k}: {text}" for k, text in list(self.failures.items())[:5]]
@@ -77,8 +77,12 @@ class Study(cards.Shown):
     @property
     def responses(self) -> tuple[str, ...]:
         """The columns that are analysed."""
-        inputs = [one.key for one in self.plan.inputs]
-        numbers = [name for name, one in self.dataset.data_vars.items() if one.dtype.kind == "f" and name not in inputs]
+        inputs = [variable.key for variable in self.plan.inputs]
+        numbers = [
+            name
+            for name, variable in self.dataset.data_vars.items()
+            if variable.dtype.kind == "f" and name not in inputs
+        ]
         return self.plan.columns_analysed(list(map(str, numbers)))
 
     @property
@@ -140,7 +144,7 @@ EXTRA = "study"
 """The extra of this project that brings the libraries of this file."""
 
 
-class StudyError(errors.Spoken, ValueError):
+class StudyError(errors.OptionMessage, ValueError):
     """A study that cannot be made, or results that cannot be analysed; the message is a sentence."""
 
 
@@ -169,14 +173,14 @@ class Input:
         )
         with contextlib.suppress(units.UnitError):
             listed = units.plain(given)
-            each = [units.plain(one) for one in listed] if isinstance(listed, list | tuple) else []
-            if each and all(isinstance(one, str | int | float) for one in each):
+            each = [units.plain(text) for text in listed] if isinstance(listed, list | tuple) else []
+            if each and all(isinstance(text, str | int | float) for text in each):
                 return cls._listed(key, each)
         if not isinstance(given, str):
             raise StudyError(how)
         try:
-            if found := re.fullmatch(r"(.+?)(?:\+/?-|±)(.+)", given):
-                return cls._normal(key, found[1].strip(), found[2].strip())
+            if match := re.fullmatch(r"(.+?)(?:\+/?-|±)(.+)", given):
+                return cls._normal(key, match[1].strip(), match[2].strip())
             *ends, last = given.split(":")
             top, unit = units.number_and_unit(last)
             numbers = [*map(units.number, ends), top]
@@ -213,7 +217,10 @@ class Input:
     def _listed(cls, key: str, given: Sequence[str | float]) -> Input:
         """Return an input of listed values: numbers with one unit, plain numbers, or texts."""
         try:
-            pairs = [units.number_and_unit(one) if isinstance(one, str) else (units.number(one), "") for one in given]
+            pairs = [
+                units.number_and_unit(number) if isinstance(number, str) else (units.number(number), "")
+                for number in given
+            ]
         except units.UnitError:
             pairs = []
         if pairs and len({unit for _, unit in pairs}) == 1:
@@ -251,8 +258,7 @@ SAMPLINGS = ("latin-hypercube", "sobol", "saltelli", "grid")
 ANSWERS = ("path", "limit")
 FIT = "fit"
 """What ``material`` is varied by: the covariance of the fit that is the case's band."""
-MOST = 100_000
-"""Maximum number of samples."""
+MAX_SAMPLES = 100_000
 
 
 @dataclasses.dataclass(frozen=True)
@@ -301,12 +307,12 @@ class StudyPlan:
             raise StudyError(str(error)) from None
         numbers = {key: table[key] for key in ("samples", "seed") if key in table}
         for key, value in numbers.items():
-            if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= MOST:
-                raise StudyError(f"{path}: {key} is {value!r}; it must be a whole number up to {MOST}")
+            if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= MAX_SAMPLES:
+                raise StudyError(f"{path}: {key} is {value!r}; it must be a whole number up to {MAX_SAMPLES}")
         if why := names.unusable_name(table.get("name", "study")):
             raise StudyError(f"{path}: {why}")
         responses = table.get("responses", [])
-        if not isinstance(responses, list) or not all(isinstance(one, str) for one in responses):
+        if not isinstance(responses, list) or not all(isinstance(response, str) for response in responses):
             raise StudyError(f"{path}: responses is {responses!r}; it must be a list of columns of path.csv")
         try:
             return cls(
@@ -322,34 +328,40 @@ class StudyPlan:
             if value not in values:
                 raise StudyError(f"{what} is {value!r}; it must be one of {', '.join(values)}")
         if self.sampling == "grid":
-            if unlisted := [one.key for one in self.inputs if not one.values]:
+            if unlisted := [variable.key for variable in self.inputs if not variable.values]:
                 raise StudyError(f"a grid needs steps: write {unlisted[0]} as from:to:step, or as a list of values")
         elif self.samples < 1:
             raise StudyError(f"samples is {self.samples}; it must be 1 or more")
         if self.sampling in ("sobol", "saltelli") and self.samples & (self.samples - 1):
             raise StudyError(f"samples is {self.samples}; a Sobol sequence needs a power of two, such as 32 or 64")
-        if len(self.points) > MOST:
+        if len(self.points) > MAX_SAMPLES:
             raise StudyError(
-                f"the study has {len(self.points)} samples; at most {MOST} are solved, so take fewer or larger steps"
+                f"the study has {len(self.points)} samples; at most {MAX_SAMPLES} are solved, so take fewer or larger steps"
             )
 
     @functools.cached_property
     def points(self) -> Array:
         """The samples, see `Input.ppf`, shape (samples, inputs)."""
         if self.sampling == "grid":
-            return np.array(list(itertools.product(*(range(len(one.values)) for one in self.inputs))), dtype=float)
+            return np.array(
+                list(itertools.product(*(range(len(variable.values)) for variable in self.inputs))), dtype=float
+            )
         shares = unit_points(self.sampling, len(self.inputs), self.samples, self.seed)
-        return np.column_stack([one.ppf(column) for one, column in zip(self.inputs, shares.T, strict=True)])
+        return np.column_stack([variable.ppf(column) for variable, column in zip(self.inputs, shares.T, strict=True)])
 
     def case_at(self, point: Array) -> Case:
         """Return the case of a sample; CaseError if its fields make none."""
         tables = copy.deepcopy(self._tables)
-        steps = {one.key: x for one, x in zip(self.inputs, point, strict=True) if one.key.startswith(f"{FIT}.")}
+        steps = {
+            variable.key: x
+            for variable, x in zip(self.inputs, point, strict=True)
+            if variable.key.startswith(f"{FIT}.")
+        }
         if steps:
-            tables["material"] = materials.to_table(_drawn(self.case, np.array(list(steps.values()))))
-        for one, x in zip(self.inputs, point, strict=True):
-            if one.key not in steps:
-                _set(tables, one.key, one.text(float(x)))
+            tables["material"] = materials.to_table(_drawn_material(self.case, np.array(list(steps.values()))))
+        for variable, x in zip(self.inputs, point, strict=True):
+            if variable.key not in steps:
+                _set(tables, variable.key, variable.text(float(x)))
         made = Case.from_toml(tomli_w.dumps(tables))
         return dataclasses.replace(made, name=self.case.name)
 
@@ -397,7 +409,7 @@ def _inputs(varied: Mapping[str, object], case: Case) -> Iterator[Input]:
             yield Input.parse(key, given)
 
 
-def _drawn(case: Case, steps: Array) -> Material:
+def _drawn_material(case: Case, steps: Array) -> Material:
     """Return the material some standard deviations away, along the independent directions of its errors."""
     assert isinstance(case.band, materials.MaterialErrors)
     material = case.material
@@ -452,12 +464,12 @@ def solved(task: tuple[Case, str]) -> dict[str, object]:
     case, answer = task
     materials.import_own_modules()
     if answer == "limit":
-        found = analyses.limit_of(case)
+        limit = analyses.limit_of(case)
         row = {
-            "limit_Pa": found.pressure, "added_volume_ml": found.added_volume * 1e6, "max_stretch": found.stretch,
-            **{f"{name}_mm": rise * 1e3 for name, rise in found.rises.items()},
+            "limit_Pa": limit.pressure, "added_volume_ml": limit.added_volume * 1e6, "max_stretch": limit.stretch,
+            **{f"{name}_mm": rise * 1e3 for name, rise in limit.rises.items()},
         }  # fmt: skip
-        return {"rows": [row], "ended": found.why, "kind": found.kind}
+        return {"rows": [row], "ended": limit.why, "kind": limit.kind}
     comm, rows, ended = mpi.start(), table.PathTable(), ""
     simulation = Simulation(case, comm)
     try:
@@ -480,13 +492,13 @@ def solved(task: tuple[Case, str]) -> dict[str, object]:
     return {"rows": asked, "ended": ended, "limit_Pa": limits[0]["pressure"] if limits else math.nan}
 
 
-_BESIDE = threading.local()
+_SOLVER_PROCESS = threading.local()
 """The process beside this one that solves for a thread, on a machine of a cluster."""
 
 
 def solved_beside(task: tuple[Case, str]) -> processes.Answer:
     """Return the answer for a sample of a process beside this one: what a worker of dask calls."""
-    worker: processes.Worker = _BESIDE.__dict__.setdefault("worker", processes.Worker(__name__))
+    worker: processes.Worker = _SOLVER_PROCESS.__dict__.setdefault("worker", processes.Worker(__name__))
     return worker.answer(solved.__name__, task)
 
 
@@ -581,20 +593,20 @@ class StudyFolder:
             self.own.leave()
 
 
-def _line(one: tuple[int, dict[str, object]]) -> str:
-    return json.dumps({"sample": one[0], **one[1]}) + "\n"
+def _line(sample: tuple[int, dict[str, object]]) -> str:
+    return json.dumps({"sample": sample[0], **sample[1]}) + "\n"
 
 
 def _read(file: Path) -> dict[int, dict[str, object]]:
     """Return the answers in a file by their samples; half a line at its end is not one."""
-    found = {}
+    answers = {}
     for line in files.read_text(file).splitlines() if file.exists() else ():
         try:
             answer = files.parse_json(line)
-            found[int(answer.pop("sample"))] = answer
+            answers[int(answer.pop("sample"))] = answer
         except (ValueError, KeyError, AttributeError):
             continue
-    return found
+    return answers
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -675,26 +687,26 @@ def solve_into(
     tasks = {k: (case, plan.answer) for k, case in cases.items() if k not in kept.answers}
     count = len(plan.points)
     beside = processes.answers(__name__, solved.__name__, tasks, jobs or processes.cores())
-    found = _by_cluster(scheduler, tasks) if scheduler and tasks else beside
-    for k, (done, value) in found:
+    solve_sample = _by_cluster(scheduler, tasks) if scheduler and tasks else beside
+    for k, (done, value) in solve_sample:
         kept.add(k, value if done else {"failure": str(value)})
         if progress is not None:
-            failed = sum("failure" in one for one in kept.answers.values())
+            failed = sum("failure" in answer for answer in kept.answers.values())
             progress(f"{len(kept.answers)} of {count} samples" + (f", {failed} failed" if failed else ""))
-    if all("failure" in one for one in kept.answers.values()):
+    if all("failure" in answer for answer in kept.answers.values()):
         raise StudyError(f"no sample was solved; the first: {kept.answers[min(kept.answers)]['failure']}")
     return Study(plan, dataset_of(plan, kept.answers))
 
 
-def dataset_of(plan: StudyPlan, found: Mapping[int, Mapping[str, object]]) -> xarray.Dataset:
+def dataset_of(plan: StudyPlan, answers: Mapping[int, Mapping[str, object]]) -> xarray.Dataset:
     """Return the results of all samples as one dataset, with the unit of each variable."""
     library = errors.required("xarray", EXTRA)
     order = range(len(plan.points))
     variables: dict[str, tuple[object, ...]] = {}
-    for one, column in zip(plan.inputs, plan.points.T, strict=True):
-        about = {"units": one.unit, "long_name": f"input {one.key}"}
-        variables[one.key] = ("sample", [one.value(x) for x in column], about)
-    rows = {k: list(found[k].get("rows", ())) for k in order}  # type: ignore[call-overload]
+    for variable, column in zip(plan.inputs, plan.points.T, strict=True):
+        about = {"units": variable.unit, "long_name": f"input {variable.key}"}
+        variables[variable.key] = ("sample", [variable.value(x) for x in column], about)
+    rows = {k: list(answers[k].get("rows", ())) for k in order}  # type: ignore[call-overload]
     states = max(map(len, rows.values()))
     names = dict.fromkeys(name for own in rows.values() for row in own for name in row)
     for name in names:
@@ -706,13 +718,13 @@ def dataset_of(plan: StudyPlan, found: Mapping[int, Mapping[str, object]]) -> xa
         shaped = values if plan.answer == "path" else values[:, 0]
         variables[name] = (dims, shaped, {"units": unit, "long_name": label.replace("_", " ")})
     if plan.answer == "path":
-        limits = [float(found[k].get("limit_Pa", math.nan)) for k in order]  # type: ignore[arg-type]
+        limits = [float(answers[k].get("limit_Pa", math.nan)) for k in order]  # type: ignore[arg-type]
         variables["limit_Pa"] = ("sample", limits, {"units": "Pa", "long_name": "limit pressure"})
     else:
-        kinds = [str(found[k].get("kind", "")) for k in order]
+        kinds = [str(answers[k].get("kind", "")) for k in order]
         variables["kind"] = ("sample", kinds, {"long_name": "kind of the limit"})
     for name, words in (("failure", "why there is no result"), ("ended", "why the path ends early")):
-        variables[name] = ("sample", [str(found[k].get(name, "")) for k in order], {"long_name": words})
+        variables[name] = ("sample", [str(answers[k].get(name, "")) for k in order], {"long_name": words})
     made: xarray.Dataset = library.Dataset(
         variables,
         coords={"sample": list(order), "state": list(range(states))} if plan.answer == "path" else {"sample": list(order)},
@@ -725,15 +737,13 @@ def dataset_of(plan: StudyPlan, found: Mapping[int, Mapping[str, object]]) -> xa
 # What a study shows: the dataset, surrogates, Sobol indices.
 
 
-FOLDS = 10
+FOLD_COUNT = 10
 """Parts of the samples; each is predicted by a surrogate of the others."""
-FEWEST = 8
-"""Minimum number of samples of a surrogate."""
-DRAWS = 2**12
+MIN_SURROGATE_SAMPLES = 8
+BASE_SAMPLES = 2**12
 """Base samples of a surrogate's indices."""
-RESAMPLED = 100
-"""Bootstrap samples of the indices' intervals."""
-DEVIATIONS = 1.96
+BOOTSTRAP_SAMPLES = 100
+NORMAL_QUANTILE = 1.96
 """Half width of a 95 % interval in standard deviations."""
 
 
@@ -772,7 +782,7 @@ class Indices:
         wrong = [
             f"{key} ({first:.3f} of {total:.3f})"
             for key, first, total in pairs
-            if first < -SCATTER or first > total + SCATTER
+            if first < -INDEX_TOLERANCE or first > total + INDEX_TOLERANCE
         ]
         if not wrong:
             return ""
@@ -782,21 +792,21 @@ class Indices:
         )
 
 
-SCATTER = 0.01
+INDEX_TOLERANCE = 0.01
 """Share of the variance by which an index may contradict another without a word."""
 
 
 def features(inputs: Sequence[Input], points: Array) -> Array:
     """Return points as numbers of size one: shares of each input's range; of texts a column for each."""
     columns = []
-    for one, x in zip(inputs, np.atleast_2d(points).T, strict=True):
-        if one.named:
-            columns += [(x == k).astype(float) for k in range(len(one.values))]
-        elif one.values:
-            listed = np.array(one.values, dtype=float)
+    for variable, x in zip(inputs, np.atleast_2d(points).T, strict=True):
+        if variable.named:
+            columns += [(x == k).astype(float) for k in range(len(variable.values))]
+        elif variable.values:
+            listed = np.array(variable.values, dtype=float)
             columns.append((listed[x.astype(int)] - listed.min()) / (np.ptp(listed) or 1.0))
         else:
-            columns.append((x - one.low) / (one.high - one.low))
+            columns.append((x - variable.low) / (variable.high - variable.low))
     return np.column_stack(columns)
 
 
@@ -809,8 +819,8 @@ def surrogate_of(inputs: tuple[Input, ...], points: Array, values: Array) -> Sur
     from sklearn.model_selection import KFold, cross_val_predict
 
     known = np.isfinite(values)
-    if known.sum() < FEWEST:
-        raise StudyError(f"{known.sum()} samples have a result; a surrogate needs at least {FEWEST}")
+    if known.sum() < MIN_SURROGATE_SAMPLES:
+        raise StudyError(f"{known.sum()} samples have a result; a surrogate needs at least {MIN_SURROGATE_SAMPLES}")
     X, y = features(inputs, points[known]), values[known]
     spread = float(y.std())
     if spread <= 1e-12 * float(np.abs(y).max()):
@@ -820,16 +830,18 @@ def surrogate_of(inputs: tuple[Input, ...], points: Array, values: Array) -> Sur
     with warnings.catch_warnings(action="ignore"):
         process = GaussianProcessRegressor(kernel, normalize_y=True, random_state=0).fit(X, y)
     again = GaussianProcessRegressor(process.kernel_, optimizer=None, normalize_y=True)
-    folds = KFold(min(FOLDS, len(y)), shuffle=True, random_state=0)
+    folds = KFold(min(FOLD_COUNT, len(y)), shuffle=True, random_state=0)
     error = float(np.sqrt(np.mean((cross_val_predict(again, X, y, cv=folds) - y) ** 2)))
     return Surrogate(inputs, error, spread, process.predict)
 
 
-def indices_of(inputs: tuple[Input, ...], response: Callable[[Array], Array] | Array, draws: int = DRAWS) -> Indices:
+def indices_of(
+    inputs: tuple[Input, ...], response: Callable[[Array], Array] | Array, draws: int = BASE_SAMPLES
+) -> Indices:
     """Return the Sobol indices of a function of points (n, inputs), or of values at the points of ``"saltelli"``."""
     if callable(response):
         shares = unit_points("saltelli", len(inputs), draws, 0)
-        response = response(np.column_stack([one.ppf(x) for one, x in zip(inputs, shares.T, strict=True)]))
+        response = response(np.column_stack([variable.ppf(x) for variable, x in zip(inputs, shares.T, strict=True)]))
     if len(inputs) == 1:  # by definition all of the variance; SciPy's estimate takes no single input
         share = (float(np.ptp(response) > 0.0),)
         return Indices((inputs[0].key,), share, share, (0.0,), (0.0,))
@@ -838,11 +850,11 @@ def indices_of(inputs: tuple[Input, ...], response: Callable[[Array], Array] | A
     def estimated(chosen: npt.NDArray[np.int64]) -> Array:
         own = parts[:, chosen]
         values = {"f_A": own[:1], "f_B": own[1:2], "f_AB": own[2:, None]}
-        found = stats.sobol_indices(func=values, n=own.shape[1])
-        return np.vstack([np.ravel(found.first_order), np.ravel(found.total_order)])
+        sobol = stats.sobol_indices(func=values, n=own.shape[1])
+        return np.vstack([np.ravel(sobol.first_order), np.ravel(sobol.total_order)])
 
     count, rng = parts.shape[1], np.random.default_rng(0)
-    found = estimated(np.arange(count))
-    again = np.array([estimated(rng.integers(0, count, size=(count,))) for _ in range(RESAMPLED)])
-    first, total, first_half, total_half = map(tuple, np.vstack([found, DEVIATIONS * again.std(axis=0)]).tolist())
-    return Indices(tuple(one.key for one in inputs), first, total, first_half, total_half)
+    sobol = estimated(np.arange(count))
+    again = np.array([estimated(rng.integers(0, count, size=(count,))) for _ in range(BOOTSTRAP_SAMPLES)])
+    first, total, first_half, total_half = map(tuple, np.vstack([sobol, NORMAL_QUANTILE * again.std(axis=0)]).tolist())
+    return Indices(tuple(variable.key for variable in inputs), first, total, first_half, total_half)

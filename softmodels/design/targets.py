@@ -50,22 +50,22 @@ class MovedSilhouette(shapes.Silhouette):
         on_places = covector.copy()
         on_places[0, 0] -= covector.sum(axis=(0, 1))  # heights and distances count from the undeformed top
         axes = system.length_unit * self._axes
-        by_w = _added(system.space, self._dofs, self._of_edges(covector) @ axes @ system.body.skew_inverse)
+        by_w = _summed_at_dofs(system.space, self._dofs, self._of_edges(covector) @ axes @ system.body.skew_inverse)
         at_nodes = np.einsum("sk,msd->mkd", self._mix, self._of_edges(on_places) @ axes)
         components = motion.dimension * self._blocks[..., None] + np.arange(motion.dimension)
-        return system.by_unknowns(by_w[: system.n]).copy(), _added(motion.space, components, at_nodes)
+        return system.by_unknowns(by_w[: system.n]).copy(), _summed_at_dofs(motion.space, components, at_nodes)
 
     def _of_edges(self, values: Array) -> Array:
         """Return the transpose of gathering and arranging: values on the chain to this rank's edges, (m, 3, 2)."""
         back = values.copy()
         back[self._turned] = back[self._turned][:, [1, 0, 2]]
         comm, count = self.system.comm, len(self._dofs)
-        found = np.zeros((len(mpi.everywhere(comm, np.zeros(count))), 3, 2))
-        found[self._order] = back
-        return mpi.scattered(comm, found if mpi.is_root(comm) else None, count)
+        forces = np.zeros((len(mpi.everywhere(comm, np.zeros(count))), 3, 2))
+        forces[self._order] = back
+        return mpi.scattered(comm, forces if mpi.is_root(comm) else None, count)
 
 
-def _added(space: object, dofs: npt.NDArray[np.integer], values: Array) -> Array:
+def _summed_at_dofs(space: object, dofs: npt.NDArray[np.integer], values: Array) -> Array:
     """Return the values added up at dofs, shape (local dofs,), complete on their owners."""
     b = fem.Function(space).x
     np.add.at(b.array, dofs, values)
@@ -73,7 +73,7 @@ def _added(space: object, dofs: npt.NDArray[np.integer], values: Array) -> Array
     return np.array(b.array)
 
 
-FEWEST = 3
+MIN_TARGET_ROWS = 3
 ONE_SIDED = 0.1
 """Fraction of its width within which the top of a one-sided outline lies, from the axis outwards."""
 
@@ -103,20 +103,24 @@ class OutlineMeasure(quantities.TargetMeasure):
         nodes."""
         curve: grid.QuadraticCurve = self.silhouette.curve(state)
         if not self.silhouette.round:
-            found = curve.closest(self.points)
-            return found, found.piece, found.weights
+            closest = curve.closest(self.points)
+            return closest, closest.piece, closest.weights
         shadow = shapes.shadow_of(curve)
-        found = shadow.curve.closest(self.points)
-        return found, shadow.source[found.piece], np.einsum("ka,kab->kb", found.weights, shadow.weights[found.piece])
+        closest = shadow.curve.closest(self.points)
+        return (
+            closest,
+            shadow.source[closest.piece],
+            np.einsum("ka,kab->kb", closest.weights, shadow.weights[closest.piece]),
+        )
 
     def slopes(self, state: State | None) -> quantities.Slopes:
         assert state is not None
-        found, piece, weights = self._closest(state)
-        left = found.distance
+        distances, piece, weights = self._closest(state)
+        left = distances.distance
         value = float(np.sqrt(left @ left / len(left)))
         rates = left / (len(left) * value) if value else np.zeros(len(left))
         covector = np.zeros((*self.silhouette.points.shape[:2], 2))
-        np.add.at(covector, piece, -rates[:, None, None] * weights[..., None] * found.normal[:, None, :])
+        np.add.at(covector, piece, -rates[:, None, None] * weights[..., None] * distances.normal[:, None, :])
         by_w, by_X = self.silhouette.transposed(covector)
         return quantities.Slopes(value, by_w, 0.0, by_X, self._note())
 
@@ -130,8 +134,8 @@ class OutlineMeasure(quantities.TargetMeasure):
         return self._closest(state)[0].distance
 
     def moved(self, state: State, w: Array, X: Array) -> Array:
-        found, piece, weights = self._closest(state)
-        return -np.einsum("kb,kbi,ki->k", weights, self.silhouette.moved(w, X)[piece], found.normal)
+        distances, piece, weights = self._closest(state)
+        return -np.einsum("kb,kbi,ki->k", weights, self.silhouette.moved(w, X)[piece], distances.normal)
 
 
 @quantities.register_quantity
@@ -160,7 +164,7 @@ class Outline(quantities.DesignQuantity):
             raise ValueError("an outline needs either a file of points or the points themselves")
         object.__setattr__(self, "sigma", quantities.length("sigma", self.sigma))
         if self.file:
-            points, run = _measured(Path(self.file))
+            points, run = _outline_points(Path(self.file))
             object.__setattr__(self, "run", run)
         else:
             try:
@@ -171,8 +175,8 @@ class Outline(quantities.DesignQuantity):
                 raise ValueError(
                     "the points of an outline are pairs: distance from the axis and height, in m"
                 ) from None
-        if len(points) < FEWEST or not np.isfinite(points).all():
-            raise ValueError(f"an outline needs at least {FEWEST} points, all finite")
+        if len(points) < MIN_TARGET_ROWS or not np.isfinite(points).all():
+            raise ValueError(f"an outline needs at least {MIN_TARGET_ROWS} points, all finite")
         object.__setattr__(self, "points", tuple(map(tuple, points.tolist())))
 
     @property
@@ -185,7 +189,7 @@ class Outline(quantities.DesignQuantity):
         return made
 
 
-def _measured(file: Path) -> tuple[Array, float]:
+def _outline_points(file: Path) -> tuple[Array, float]:
     """Return the risen points of a measured outline, and the correlation length of their residuals in points. ValueError if
     there is no outline, it is not trusted, or nothing rises."""
     (outline,) = shapes.read_outlines([file])
@@ -274,7 +278,7 @@ class TipPath(CompositeQuantity):
     @property
     def _wanted(self) -> list[tuple[quantities.Place, float]]:
         return [
-            (quantities.Place(at=trials.JudgedLoad.of(row[0]), of=self.of, axis=axis), row[1 + i])
+            (quantities.Place(at=trials.EvaluatedLoad.of(row[0]), of=self.of, axis=axis), row[1 + i])
             for row in self.target
             for i, axis in enumerate(actuator.AXES)
             if not np.isnan(row[1 + i])
@@ -382,10 +386,10 @@ class Pose(CompositeQuantity):
 
 def _in_unit(what: str, value: float | str, unit: str) -> float:
     """Return a number, or a text with a unit, in a unit; ValueError if it is none."""
-    found = units.quantity(value, unit) if isinstance(value, str) else float(value)
-    if not np.isfinite(found):
+    number = units.quantity(value, unit) if isinstance(value, str) else float(value)
+    if not np.isfinite(number):
         raise ValueError(f"{what} is {value!r}; it must be a finite number")
-    return found
+    return number
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -394,7 +398,7 @@ def _in_unit(what: str, value: float | str, unit: str) -> float:
 
 Row = tuple[float, float, float, float]
 
-ENOUGH = 3
+MIN_REQUESTED_ROWS = 3
 """Minimum number of rows at requested pressures; with fewer, all rows are used."""
 PRESSURE = re.compile(r"pressure[_ ]*[\[(]?([A-Za-z]+)[\])]?")
 PLACE = re.compile(r"(?:(?!max_stretch)(\w+?)[_ ])?([xyz])[_ ]*[\[(]?([a-z]+)[\])]?")
@@ -424,7 +428,7 @@ def read_tip_path(file: Path, of: str, cm: float = 0.0) -> tuple[tuple[Row, ...]
         except (units.UnitError, TypeError) as error:
             raise ValueError(f"{file}, {sheet.place(line)}: {error}") from None
         table.append([at, *place])
-    kept = _rising(np.array(table), _asked([row for _, row in rows]))
+    kept = _rising_rows(np.array(table), _requested_rows([row for _, row in rows]))
     if not len(kept):
         raise ValueError(f"{file} has no row at a pressure above zero; a tip path needs at least one")
     return tuple((float(p), float(x), float(y), float(z)) for p, x, y, z in kept), of
@@ -463,11 +467,11 @@ def _table(rows: Sequence[tables.Line]) -> Sequence[tables.Line] | None:
 
 
 def _pressure_column(file: Path, names: Sequence[str], cm: float) -> tuple[str, str]:
-    found = {match[1]: name for name in names if (match := PRESSURE.fullmatch(name))}
-    for unit in ("Pa", *found):
-        if unit in found and (unit != "cm" or cm):
-            return found[unit], unit
-    if "cm" in found:
+    units_by_name = {match[1]: name for name in names if (match := PRESSURE.fullmatch(name))}
+    for unit in ("Pa", *units_by_name):
+        if unit in units_by_name and (unit != "cm" or cm):
+            return units_by_name[unit], unit
+    if "cm" in units_by_name:
         raise ValueError(f"{file} gives the pressure in cm of an unknown liquid; use pressure_Pa or pressure_kPa")
     raise ValueError(
         f"{file} has no column of pressures with its unit, such as pressure_kPa; it has {', '.join(names)}"
@@ -497,14 +501,14 @@ def _value(text: str, unit: str, wanted: str, cm: float) -> float:
     return units.quantity(f"{units.number(text)!r} {unit}", wanted)
 
 
-def _asked(rows: Sequence[Mapping[str, str]]) -> npt.NDArray[np.bool_]:
+def _requested_rows(rows: Sequence[Mapping[str, str]]) -> npt.NDArray[np.bool_]:
     """Return the rows at the requested pressures of a run; all rows of other tables."""
     return np.array([row.get("requested", "1") not in ("0", "0.0", "False") for row in rows])
 
 
-def _rising(table: Array, asked: npt.NDArray[np.bool_]) -> Array:
+def _rising_rows(table: Array, asked: npt.NDArray[np.bool_]) -> Array:
     """Return the rows above zero up to the highest pressure, each pressure once."""
     last = int(np.argmax(table[:, 0])) + 1
     kept = np.arange(len(table)) < last
     kept &= (table[:, 0] > 0.0) & (table[:, 0] > np.r_[0.0, np.maximum.accumulate(table[:, 0])[:-1]])
-    return table[kept & asked] if (kept & asked).sum() >= ENOUGH else table[kept]
+    return table[kept & asked] if (kept & asked).sum() >= MIN_REQUESTED_ROWS else table[kept]

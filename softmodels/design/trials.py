@@ -45,7 +45,7 @@ class Trial:
 
     def to_json(self) -> str:
         """Return the trial as JSON, with exact numbers."""
-        squares = {key: found.to_table() for key, found in self.squares.items()}
+        squares = {key: residual.to_table() for key, residual in self.squares.items()}
         return json.dumps({**dataclasses.asdict(self), "squares": squares}, indent=1)
 
     @classmethod
@@ -97,7 +97,7 @@ PRESSURE, VOLUME = "pressure", "volume"
 
 
 @dataclasses.dataclass(frozen=True, order=True)
-class JudgedLoad:
+class EvaluatedLoad:
     """A state of a device by its load: "pressure" (the first state at it, Pa) or "volume" (added to the cavity of the whole
     device, m3), and how the user wrote it, such as "30 kPa" or "177 cm"; empty where it was a number."""
 
@@ -110,9 +110,9 @@ class JudgedLoad:
             raise ValueError(f"load {self.kind!r} is not one of {PRESSURE}, {VOLUME}")
 
     @classmethod
-    def of(cls, value: float | JudgedLoad) -> JudgedLoad:
+    def of(cls, value: float | EvaluatedLoad) -> EvaluatedLoad:
         """Return a load unchanged; a number is a pressure in Pa."""
-        return value if isinstance(value, JudgedLoad) else cls(PRESSURE, float(value))
+        return value if isinstance(value, EvaluatedLoad) else cls(PRESSURE, float(value))
 
     def __str__(self) -> str:
         return units.readable(self.value, "Pa") if self.kind == PRESSURE else f"{self.value * 1e6:.6g} ml"
@@ -134,13 +134,13 @@ class DesignStopped(Exception):
 # Units of quantities: reading limits and showing values.
 
 
-SPELLED = {"1": "", "tolerances": "", "m2": "m^2", "m3": "m^3", "deg": "degree", "kg/m3": "kg/m^3"}
+UNIT_SPELLINGS = {"1": "", "tolerances": "", "m2": "m^2", "m3": "m^3", "deg": "degree", "kg/m3": "kg/m^3"}
 """Units in Pint's spelling, where it differs."""
 
 
 def spelled(unit: str) -> str:
     """Return a unit as `softmodels.common.units.quantity` takes it."""
-    return SPELLED.get(unit, unit)
+    return UNIT_SPELLINGS.get(unit, unit)
 
 
 def read(what: str, value: object, unit: str, bare: bool = True) -> float:

@@ -45,16 +45,16 @@ class Comparison:
 errors.call("material all", 'material="all"')
 
 
-UNDECIDED = 2.0
+EQUIVALENT_AICC = 2.0
 """Laws whose criteria differ by less than this are equivalent (Burnham & Anderson 2002, section 2.6)."""
 CURVE_VALUES = 10.0
 """Number of independent values per measured curve, for any number of points: errors of a test (cross-section, grips,
 crosshead strain) are correlated over about a tenth of it."""
-EQUAL = 1.3
+EQUAL_MISFIT_RATIO = 1.3
 """Misfits are equal within the error if one mean square is less than 1.7 times the other."""
 MOST_RATIO = 2.5
 """A law whose rms misfit is this many times another's is not preferred, even if it is simpler."""
-SAME = 1e-3
+EQUAL_MISFIT_TOLERANCE = 1e-3
 """Misfits below this fraction of the common error are equivalent: measurements cannot distinguish them."""
 
 
@@ -81,8 +81,8 @@ def compare(
     whatever errors they are fitted with: `on_yardstick` fits each law again at the same stretches for every sampling, with
     what a test can tell, a share of the stress, as its error. Each curve counts as `CURVE_VALUES` values, however densely it
     is sampled. A further parameter then pays where it takes a tenth off the mean square misfit, or off what a test can tell
-    where the misfit is below that. A simpler law is preferred only where its misfit on that yardstick is less than `EQUAL`
-    times the closest law's.
+    where the misfit is below that. A simpler law is preferred only if its misfit is below `EQUAL_MISFIT_RATIO` times
+    the closest law's.
 
     Which of two indistinguishable laws is ahead may change with the noise of a few readings. So it does not count: the one
     with fewer parameters is preferred, and of two with the same number the one that comes first in a fixed order.
@@ -96,8 +96,8 @@ def compare(
     if judged:
         sums = [sum(_means(fit).values()) / len(fit.summaries) for fit in judged]
         values, closest = CURVE_VALUES * len(judged[0].summaries), min(sums)
-        misfits = [values * one / max(closest, 1.0) for one in sums]
-        even = [one <= EQUAL**2 * max(closest, SAME**2) for one in sums]
+        misfits = [values * law_sum / max(closest, 1.0) for law_sum in sums]
+        even = [law_sum <= EQUAL_MISFIT_RATIO**2 * max(closest, EQUAL_MISFIT_TOLERANCE**2) for law_sum in sums]
     else:
         misfits, values = _on_residuals(fits)
     ratios = _ratios(fits)
@@ -107,9 +107,9 @@ def compare(
         aicc = misfit + 2 * m + 2 * m * (m + 1) / max(fit.count - m - 1, 1)
         made.append(Ranked(fit, aicc, misfit + m * math.log(max(values, 1.0)), ratio, equal and ratio <= MOST_RATIO))
     # A fit that did not converge, or is much worse than another, is not ranked.
-    made.sort(key=lambda one: (not one.fit.converged, not one.near, one.aicc))
-    least, lowest = made[0].aicc, min(one.bic for one in made)
-    ranked = tuple(dataclasses.replace(one, aicc=one.aicc - least, bic=one.bic - lowest) for one in made)
+    made.sort(key=lambda fitted: (not fitted.fit.converged, not fitted.near, fitted.aicc))
+    least, lowest = made[0].aicc, min(fitted.bic for fitted in made)
+    ranked = tuple(dataclasses.replace(fitted, aicc=fitted.aicc - least, bic=fitted.bic - lowest) for fitted in made)
     return Comparison(ranked, *_judgement(ranked))
 
 
@@ -152,15 +152,15 @@ def _ratios(fits: Sequence[least_squares.LeastSquaresFit]) -> list[float]:
     hidden = {label: math.sqrt(float(np.mean(values**2))) for label, values in away.items()}
     misfits = [{k: math.hypot(v.rms, hidden.get(k, 0.0)) for k, v in fit.summaries.items()} for fit in fits]
     least = {
-        name: max(min(one[name] for one in misfits), SAME * float(sizes[labels == name].mean()))
+        name: max(min(law[name] for law in misfits), EQUAL_MISFIT_TOLERANCE * float(sizes[labels == name].mean()))
         for name in fits[0].summaries
     }
-    sums = [sum((one[name] / least[name]) ** 2 for name in least) for one in misfits]
+    sums = [sum((law[name] / least[name]) ** 2 for name in least) for law in misfits]
     smallest = max(min(sums), len(least))
-    return [math.sqrt(max(one / smallest, 1.0)) for one in sums]
+    return [math.sqrt(max(law / smallest, 1.0)) for law in sums]
 
 
-def _simplicity(fit: least_squares.LeastSquaresFit) -> tuple[int, int, str]:
+def _simplicity_key(fit: least_squares.LeastSquaresFit) -> tuple[int, int, str]:
     """Return the sorting key by simplicity: free parameters, then the order of `all_laws`; independent of
     noise."""
     order = problem.all_laws()
@@ -172,16 +172,20 @@ def _judgement(ranked: tuple[Ranked, ...]) -> tuple[least_squares.LeastSquaresFi
     first = best.label
     if len(ranked) == 1:
         return best, f"only {first} was fitted; use --material all to compare laws"
-    rivals = [one for one in ranked[1:] if one.aicc < UNDECIDED and one.fit.converged and one.near]
+    rivals = [
+        ranked_law
+        for ranked_law in ranked[1:]
+        if ranked_law.aicc < EQUIVALENT_AICC and ranked_law.fit.converged and ranked_law.near
+    ]
     if rivals:
-        simplest, *more = sorted((ranked[0].fit, *(one.fit for one in rivals)), key=_simplicity)
-        others = ", ".join(one.fit.label for one in rivals)
-        alike = [one.label for one in more if len(one.free) == len(simplest.free)]
+        simplest, *more = sorted((ranked[0].fit, *(rival.fit for rival in rivals)), key=_simplicity_key)
+        others = ", ".join(rival.fit.label for rival in rivals)
+        alike = [ranked_law.label for ranked_law in more if len(ranked_law.free) == len(simplest.free)]
         why = f", as simple as {' and '.join(alike)} and before it in the order of laws" if alike else ", the simplest"
         return simplest, f"the data do not distinguish {first} and {others}; use {simplest.label}{why}"
     second = ranked[1]
     times = f"a misfit {second.ratio / ranked[0].ratio:.3g} times as large"
-    if not second.near or second.aicc < UNDECIDED:
+    if not second.near or second.aicc < EQUIVALENT_AICC:
         return best, f"the data prefer {first}: the next, {second.fit.label}, leaves {times}"
     joint = "and leaves" if second.ratio >= ranked[0].ratio else "although it leaves"
     said = f"the next, {second.fit.label}, is {second.aicc:.3g} worse in AICc (significant above 2) {joint} {times}"
@@ -202,7 +206,7 @@ class DeviceMisfit:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class FittedLaw(cards.Shown):
+class FittedLaw(cards.ResultCard):
     """A law with its fit and its warnings.
 
     Attributes:
@@ -218,7 +222,7 @@ class FittedLaw(cards.Shown):
     material: Material
     verdict: specimens.Verdict
     profiles: dict[str, least_squares.Profile]
-    judgement: least_squares.Judgement = least_squares.NOTHING
+    judgement: least_squares.Judgement = least_squares.NO_JUDGEMENT
     devices: tuple[DeviceMisfit, ...] = ()
 
     def _line(self) -> str:
@@ -241,8 +245,8 @@ class FittedLaw(cards.Shown):
     def warnings(self) -> tuple[str, ...]:
         """All warnings on the fit."""
         profiles = (p.trouble for p in self.profiles.values() if p.trouble)
-        found = (*self.objections, *self.fit.troubles, *self.verdict.flags, *self.judgement.warnings, *profiles)
-        return tuple(dict.fromkeys(map(errors.spoken, found)))
+        sentences = (*self.objections, *self.fit.troubles, *self.verdict.flags, *self.judgement.warnings, *profiles)
+        return tuple(dict.fromkeys(map(errors.spoken, sentences)))
 
     @functools.cached_property
     def objections(self) -> tuple[str, ...]:
@@ -258,9 +262,9 @@ class FittedLaw(cards.Shown):
         kept = [i for i, p in enumerate(self.fit.free) if p.name in known]
         rows = self.fit.covariance[np.ix_(kept, kept)].tolist()
         names = tuple(self.fit.free[i].name for i in kept)
-        found = materials.MaterialErrors(names, tuple(map(tuple, rows)), "covariance of the fit", self.material)
-        found.check(self.material)
-        return found
+        errors = materials.MaterialErrors(names, tuple(map(tuple, rows)), "covariance of the fit", self.material)
+        errors.check(self.material)
+        return errors
 
     @property
     def sound(self) -> bool:
@@ -306,11 +310,11 @@ def _plain(value: float, error: float) -> str:
 
 TEST_ERROR = 0.02
 """Relative error of the stress in a test of one cast: cross-section, load cell, crosshead strain."""
-BEYOND = 3.0
+CONTRADICTION_ERRORS = 3.0
 """Curves that differ by this many standard errors contradict each other."""
-TOE = 0.05
+TOE_STRETCH = 0.05
 """Stretches this close to 1 are skipped, because of slack in the grips."""
-SAMPLES = 50
+CURVE_SAMPLES = 50
 
 
 @dataclasses.dataclass(frozen=True)
@@ -350,29 +354,29 @@ def contradictions(curves: Sequence[TensileCurve], gauge_error: float = 0.0) -> 
 
     No law is needed for that, so a law that follows neither cannot hide it, nor one that follows both poorly feign it.
     """
-    found = []
-    allowed = BEYOND * math.sqrt(2) * max(TEST_ERROR, gauge_error)
+    contradictions = []
+    allowed = CONTRADICTION_ERRORS * math.sqrt(2) * max(TEST_ERROR, gauge_error)
     for (i, a), (j, b) in itertools.combinations(enumerate(curves), 2):
         if a.mode != b.mode:
             continue
         low, high = max(a.stretch[0], b.stretch[0]), min(a.stretch[-1], b.stretch[-1])
-        stretch = np.linspace(low, high, SAMPLES)
-        stretch = stretch[np.abs(stretch - 1) > TOE]
-        if high <= low or len(stretch) < SAMPLES // 4:
+        stretch = np.linspace(low, high, CURVE_SAMPLES)
+        stretch = stretch[np.abs(stretch - 1) > TOE_STRETCH]
+        if high <= low or len(stretch) < CURVE_SAMPLES // 4:
             continue
-        one, other = (np.interp(stretch, c.stretch, c.stress) for c in (a, b))
-        mean = (one + other) / 2
-        difference = float(np.sqrt(np.mean((one - other) ** 2) / np.mean(mean**2)))
+        stress, other = (np.interp(stretch, c.stretch, c.stress) for c in (a, b))
+        mean = (stress + other) / 2
+        difference = float(np.sqrt(np.mean((stress - other) ** 2) / np.mean(mean**2)))
         if difference <= allowed:
             continue
-        ratio = float(one @ other / (one @ one))
+        ratio = float(stress @ other / (stress @ stress))
         pair = (i, j) if ratio >= 1.0 else (j, i)
         names = (curves[pair[0]].name, curves[pair[1]].name)
-        ratio = float(one @ other / ((one @ one) if ratio >= 1.0 else (other @ other)))
-        found.append(
+        ratio = float(stress @ other / ((stress @ stress) if ratio >= 1.0 else (other @ other)))
+        contradictions.append(
             CurveContradiction(*pair, names, ratio, difference, allowed, (float(stretch[0]), float(stretch[-1])))
         )
-    return found
+    return contradictions
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -387,14 +391,15 @@ class SeparateFits:
     def sentences(self) -> list[str]:
         """Report the contradictions, the separate material of each curve, and their spread."""
         lines = [pair.sentence for pair in self.pairs]
-        for curve, one in zip(self.curves, self.own, strict=True):
+        for curve, ranking in zip(self.curves, self.own, strict=True):
             values = ", ".join(
-                f"{p.name} {' '.join(units.with_prefix(one.fit.values[p.name], p.unit))}" for p in one.fit.parameters
+                f"{p.name} {' '.join(units.with_prefix(ranking.fit.values[p.name], p.unit))}"
+                for p in ranking.fit.parameters
             )
-            rms = next(iter(one.fit.summaries.values())).rms / 1e3
-            modulus = " ".join(units.with_prefix(one.material.shear_modulus_0, "Pa"))
+            rms = next(iter(ranking.fit.summaries.values())).rms / 1e3
+            modulus = " ".join(units.with_prefix(ranking.material.shear_modulus_0, "Pa"))
             lines.append(
-                f"only {curve.name}: {one.choice.name} with {values}, shear modulus {modulus}, rms {rms:.3g} kPa: "
+                f"only {curve.name}: {ranking.choice.name} with {values}, shear modulus {modulus}, rms {rms:.3g} kPa: "
                 f"{separate_file(self, curve)}"
             )
         return [*lines, self.spread]
@@ -430,7 +435,7 @@ def separate_file(separate: SeparateFits, curve: TensileCurve) -> str:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class FitReport(cards.Shown):
+class FitReport(cards.ResultCard):
     """All fitted laws, best first, with curves and options.
 
     Attributes:
@@ -463,8 +468,8 @@ class FitReport(cards.Shown):
     @property
     def chosen(self) -> FittedLaw:
         """The preferred law; if rejected, the best accepted one; if all are rejected, the preferred one."""
-        preferred = next(one for one in self.laws if one.fit is self.comparison.preferred)
-        return next((one for one in (preferred, *self.laws) if one.sound), preferred)
+        preferred = next(law for law in self.laws if law.fit is self.comparison.preferred)
+        return next((candidate for candidate in (preferred, *self.laws) if candidate.sound), preferred)
 
     @property
     def material(self) -> Material:
@@ -488,10 +493,10 @@ class FitReport(cards.Shown):
         preferred = self.comparison.preferred
         if self.chosen.fit is preferred:
             return self.comparison.sentence
-        one = next(one for one in self.laws if one.fit is preferred)
-        reason = "is not stable within the range" if one.verdict.flags else "was rejected"
+        fitted = next(law for law in self.laws if law.fit is preferred)
+        reason = "is not stable within the range" if fitted.verdict.flags else "was rejected"
         reason = reason if preferred.converged else "did not converge"
-        ratio = {one.fit.label: one.ratio for one in self.comparison.ranked}
+        ratio = {rank.fit.label: rank.ratio for rank in self.comparison.ranked}
         times = ratio[self.chosen.fit.label] / ratio[preferred.label]
         return (
             f"{self.comparison.sentence}; but {preferred.label} {reason}, so {self.chosen.choice.name} is used, with "
@@ -500,22 +505,22 @@ class FitReport(cards.Shown):
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Plausibility of a fitted law: compare it with published values, because a common wrong factor of all pressures shows nowhere
+# Plausibility of a fitted law: compare it with published values, because a scale error common to all pressures shows nowhere
 # else.
 
 
-CASTABLE = (5e3, 1.5e6)
+CASTABLE_MODULI = (5e3, 1.5e6)
 """Range of secant shear moduli in Pa of casting silicones, from Ecoflex 00-10 (7 kPa) to hard PDMS (1 MPa)."""
 ANY = "any"
 """Instead of a silicone's name: any casting silicone."""
-STRETCH = 1.5
+REFERENCE_STRETCH = 1.5
 """Uniaxial stretch at which moduli are compared, or the largest fitted one."""
-ROOM = (1.05, 1.25)
+SEVERAL_SOURCES = (1.05, 1.25)
 """Accepted factors below and above the published values of a product measured by several laboratories; parts stiffen with
 age."""
-ALONE = (1.7, 1.7)
+ONE_SOURCE = (1.7, 1.7)
 """The same for a product with one published curve: laboratories differ by up to a factor two."""
-GUESS = (4.0, 4.0)
+OWN_LAW = (4.0, 4.0)
 """The same for a case's own law that is not a named silicone."""
 FACTORS = (
     (0.1, "a tenth of the expected: were mm listed as cm, cm of water as mm, or kPa as cm of water?"),
@@ -540,7 +545,7 @@ class Expected:
     def range(self, stretch: float) -> tuple[float, float]:
         """Return the lowest and highest plausible secant shear modulus in Pa at a stretch."""
         if not self.curves:
-            return CASTABLE
+            return CASTABLE_MODULI
         moduli = [specimens.secant_modulus(curve, stretch) for curve in self.curves]
         return min(moduli) / self.room[0], max(moduli) * self.room[1]
 
@@ -553,24 +558,24 @@ def expected(silicone: str | None, material: Material | None = None) -> Expected
         return Expected("casting silicones", (), (1.0, 1.0), silicone == ANY)
     if name is None:
         assert material is not None
-        return Expected("the case's own material", (material,), GUESS, False)
+        return Expected("the case's own material", (material,), OWN_LAW, False)
     curves = published(name)
     if not curves:
         raise FitError(
             f"silicone {units.brief(name)} is unknown; {errors.known_are(name, silicones.PRODUCTS, ', and any')}"
         )
-    return Expected(f"published curves of {name}", curves, ROOM if len(curves) > 1 else ALONE, True)
+    return Expected(f"published curves of {name}", curves, SEVERAL_SOURCES if len(curves) > 1 else ONE_SOURCE, True)
 
 
 def published(name: str) -> tuple[Material, ...]:
     """Return the laws of all tension sources of the product of a name, for any source in the name."""
     sources = silicones.PRODUCTS.get(silicones.product_of(name), ()) if silicones.silicone_called(name) else ()
-    return tuple(one.material for one in sources if one.pulled)
+    return tuple(source.material for source in sources if source.pulled)
 
 
 def objection(material: Material, largest: float, known: Expected) -> str:
     """Return a sentence if a law fitted up to a largest stretch is implausible for its silicone; else ""."""
-    stretch = min(STRETCH, max(largest, 1.05))
+    stretch = min(REFERENCE_STRETCH, max(largest, 1.05))
     modulus, (low, high) = specimens.secant_modulus(material, stretch), known.range(stretch)
     if low <= modulus <= high:
         return ""
@@ -612,7 +617,7 @@ def shifted(
     change[: fit.count] = np.concatenate(moved) - fit.residuals[: fit.count]
     size = np.linalg.norm(fit.jacobian, axis=0)
     size[size == 0.0] = 1.0
-    steps = np.linalg.lstsq(fit.jacobian / size, -change, rcond=least_squares.BLIND)[0] / size
+    steps = np.linalg.lstsq(fit.jacobian / size, -change, rcond=least_squares.MIN_SINGULAR_VALUE)[0] / size
     return values | {p.name: fit.values[p.name] + step for p, step in zip(fit.free, steps.tolist(), strict=True)}
 
 
@@ -621,9 +626,9 @@ def with_rubber(
 ) -> least_squares.Judgement:
     """Return a judgement with a note on every parameter of the law that would change by more than its standard error with the
     Poisson's ratio of rubber, see `shifted`."""
-    if choice.poisson == laws.RUBBER or any(p.name == "poisson" for p in fit.free):
+    if choice.poisson == laws.DEFAULT_POISSON_RATIO or any(p.name == "poisson" for p in fit.free):
         return judgement
-    values, said = shifted(fit, choice, {"poisson": laws.RUBBER}), []
+    values, said = shifted(fit, choice, {"poisson": laws.DEFAULT_POISSON_RATIO}), []
     for p in fit.free:
         if p.name in choice.names and p.name in values:
             error, now, then = fit.error(p.name), fit.values[p.name], values[p.name]
@@ -633,8 +638,8 @@ def with_rubber(
     if not said:
         return judgement
     note = (
-        f"the answer depends on Poisson's ratio, given as {choice.poisson:g}: with {laws.RUBBER:g}, as of rubber (--poisson "
-        f"{laws.RUBBER:g}), {', '.join(said)}"
+        f"the answer depends on Poisson's ratio, given as {choice.poisson:g}: with {laws.DEFAULT_POISSON_RATIO:g}, as of "
+        f"rubber (--poisson {laws.DEFAULT_POISSON_RATIO:g}), {', '.join(said)}"
     )
     return dataclasses.replace(judgement, notes=(*judgement.notes, note))
 
@@ -649,7 +654,7 @@ def caution(known: Expected) -> str:
     if known.known:
         return ""
     return (
-        "the silicone is not given, so a common wrong factor of all pressures (such as the level of only "
+        "the silicone is not given, so a scale error common to all pressures (such as the level of only "
         "one tube) cannot be detected; name it with --silicone"
     )
 
@@ -692,8 +697,8 @@ def as_text(report: FitReport) -> str:
         for name, rms, mean, largest, run in residual_rows(law):
             lines.append(f"  {name}: rms {rms}, mean {mean}, largest {largest}; residual correlation length: {run}")
         lines += [
-            f"  {one.device}: chi squared {one.chi2:.4g} of {one.count} values ({one.chi2 / one.count:.3g} per value)"
-            for one in law.devices
+            f"  {fit.device}: chi squared {fit.chi2:.4g} of {fit.count} values ({fit.chi2 / fit.count:.3g} per value)"
+            for fit in law.devices
         ]
         lines += [f"  {text}" for text in (law.material.remark,) if text]
         lines += [f"  {'rejected' if text in law.objections else 'warning'}: {text}" for text in law.warnings]
@@ -771,7 +776,7 @@ def _law_json(law: FittedLaw, report: FitReport) -> dict[str, object]:
         "free": [fit.free[i].name for i in shown],
         "covariance": [[_finite(v) for v in row] for row in fit.covariance[np.ix_(shown, shown)]],
         "correlations": [[_finite(v) for v in row] for row in fit.correlations[np.ix_(shown, shown)]],
-        "devices": [{"name": one.device, "chi2": one.chi2, "values": one.count} for one in law.devices],
+        "devices": [{"name": device.device, "chi2": device.chi2, "values": device.count} for device in law.devices],
         "singular_values": least_squares.singular_values(fit)[0].tolist(),
         "residuals": {name: dataclasses.asdict(group) for name, group in fit.summaries.items()},
         "profiles": {

@@ -28,7 +28,7 @@ from softmodels.path.supply import GASES, Reservoir
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Leak(cards.Shown):
+class Leak(cards.ResultCard):
     """A fitted leak.
 
     Attributes:
@@ -102,14 +102,14 @@ USUAL_LENGTH = 0.01
 """Length in m of a laminar leak where the supply has none."""
 SMALLEST_BORE = 1e-5
 """In m, of a case."""
-DECISIVE = 6.0
+DECISIVE_AICC = 6.0
 """Difference of two kinds' AICc above which the readings tell them apart: the wrong one is ahead by that much at most once in
 exp(6 / 2) = 20 times."""
-GRID = 4001
+INTEGRAL_POINTS = 4001
 """Number of pressures at which the integral G is known."""
 LARGEST_CAVITY = 1.0
 """In m3."""
-REACH = (0.2, 1.2)
+INTEGRAL_RANGE = (0.2, 1.2)
 """They go from this share of the lowest reading to this multiple of the highest."""
 
 
@@ -125,8 +125,8 @@ class LeakResiduals:
 
     def __init__(self, times: Array, pressures: Array, errors: Array, supply: Reservoir, cavity: Array):
         self.times, self.pressures, self.errors = times - times[0], pressures, errors
-        P = np.geomspace(REACH[0] * pressures.min(), REACH[1] * pressures.max(), GRID)
-        V, slope = np.full(GRID, cavity[0, 1]), np.zeros(GRID)
+        P = np.geomspace(INTEGRAL_RANGE[0] * pressures.min(), INTEGRAL_RANGE[1] * pressures.max(), INTEGRAL_POINTS)
+        V, slope = np.full(INTEGRAL_POINTS, cavity[0, 1]), np.zeros(INTEGRAL_POINTS)
         if len(cavity) > 1:
             course = PchipInterpolator(*cavity.T)
             V, slope = course(P), course.derivative()(P)
@@ -181,21 +181,22 @@ def fit_leak(
         raise FitError(
             f"the error of a reading is {units.brief(error)}, in Pa; it must be above 0, or None for that of the scatter"
         )
-    made = [_fitted(kind, t, P, known, supply, error) for kind in KINDS]
-    best, other = sorted(made, key=lambda one: one.fit.aicc)
+    made = [_fit_of_kind(kind, t, P, known, supply, error) for kind in KINDS]
+    best, other = sorted(made, key=lambda candidate: candidate.fit.aicc)
     behind = other.fit.aicc - best.fit.aicc
-    if behind >= DECISIVE:
+    if behind >= DECISIVE_AICC:
         said = f"the readings are those of {best.words}: {other.words} is {behind:.3g} worse in AICc"
-        return dataclasses.replace(best, sentence=f"{said} (decisive above {DECISIVE:g})")
+        return dataclasses.replace(best, sentence=f"{said} (decisive above {DECISIVE_AICC:g})")
     ends = (min(best.flow[1], other.flow[1]), max(best.flow[2], other.flow[2]))
     said = (
-        f"the readings do not tell {best.words} from {other.words} ({behind:.2g} worse in AICc; decisive above {DECISIVE:g}): "
-        "the interval of the flow contains both; readings over a longer time, down to a tenth of the first, tell them apart"
+        f"the readings do not tell {best.words} from {other.words} ({behind:.2g} worse in AICc; decisive above "
+        f"{DECISIVE_AICC:g}): the interval of the flow contains both; readings over a longer time, down to a tenth of "
+        "the first, tell them apart"
     )
     return dataclasses.replace(best, flow=(best.flow[0], *ends), sentence=said)
 
 
-def _fitted(kind: str, t: Array, P: Array, cavity: Array, supply: Reservoir, error: float | None) -> Leak:
+def _fit_of_kind(kind: str, t: Array, P: Array, cavity: Array, supply: Reservoir, error: float | None) -> Leak:
     """Return the fit of one kind of leak, without a sentence."""
     unit, fields = KINDS[kind]
     length = supply.leak_length or USUAL_LENGTH
@@ -219,24 +220,24 @@ def _fitted(kind: str, t: Array, P: Array, cavity: Array, supply: Reservoir, err
     ends = (max(size * flow - reach * (size - low), 0.0), size * flow + reach * (high - size))
     least, most = low, high
     if kind == ORIFICE:
-        found = dataclasses.replace(whole, leak_conductance=size)
+        leaking = dataclasses.replace(whole, leak_conductance=size)
     else:
         size, least, most = (value**0.25 for value in (size, low, high))
         tight = dataclasses.replace(supply, leak_conductance=0.0, leak_length=0.0)
-        found = tight if size < SMALLEST_BORE else dataclasses.replace(whole, leak_bore=size)
-    return Leak(kind, size, (least, most), (fit.values[SIZE] * flow, *ends), found, fit, "")
+        leaking = tight if size < SMALLEST_BORE else dataclasses.replace(whole, leak_bore=size)
+    return Leak(kind, size, (least, most), (fit.values[SIZE] * flow, *ends), leaking, fit, "")
 
 
 def _numbers(name: str, given: object) -> Array:
     try:
-        found = np.asarray(units.plain(given), dtype=float)
+        numbers = np.asarray(units.plain(given), dtype=float)
     except units.UnitError as error:
         raise FitError(f"{name}: {error}") from None
     except (TypeError, ValueError, OverflowError):
-        found = np.array(np.nan)
-    if isinstance(given, bool | str | bytes) or not found.size or not np.isfinite(found).all():
+        numbers = np.array(np.nan)
+    if isinstance(given, bool | str | bytes) or not numbers.size or not np.isfinite(numbers).all():
         raise FitError(f"{name} {units.brief(given)} must be numbers in SI units")
-    return found
+    return numbers
 
 
 def _check(t: Array, P: Array, cavity: Array) -> None:

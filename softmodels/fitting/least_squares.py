@@ -94,13 +94,13 @@ class LeastSquaresFit:
     @functools.cached_property
     def at_bounds(self) -> dict[str, float]:
         """Free parameters that ended at a bound, and which bound."""
-        found = {}
+        at_bounds = {}
         for p in self.free:
             x = p.inward(self.values[p.name])
             for end in (p.lower, p.upper):
                 if math.isfinite(end) and abs(x - p.inward(end)) <= 1e-6 * max(1.0, abs(x)):
-                    found[p.name] = end
-        return found
+                    at_bounds[p.name] = end
+        return at_bounds
 
     # -- scatter ------------------------------------------------------------------------------------------------------
 
@@ -155,7 +155,7 @@ class LeastSquaresFit:
             return names.read_only(np.zeros((len(self.free), len(self.free))))
         inside = [p.name not in self.at_bounds for p in self.free]
         J = self.jacobian[: self.count] * inside
-        moved = np.linalg.pinv(J, rcond=BLIND) @ self.shared
+        moved = np.linalg.pinv(J, rcond=MIN_SINGULAR_VALUE) @ self.shared
         return names.read_only(np.asarray(moved @ moved.T))
 
     def _sandwich(self, J: Array) -> Array:
@@ -163,7 +163,7 @@ class LeastSquaresFit:
         size[size == 0.0] = 1.0
         bread, meat = self.information(J / size)
         eigenvalues, vectors = np.linalg.eigh(bread)
-        seen = eigenvalues > BLIND**2 * max(eigenvalues[-1], 1e-300)
+        seen = eigenvalues > MIN_SINGULAR_VALUE**2 * max(eigenvalues[-1], 1e-300)
         inverse = (vectors[:, seen] / eigenvalues[seen]) @ vectors[:, seen].T
         covariance = inverse @ meat @ inverse
         blind = (np.abs(vectors[:, ~seen]) > 1e-6).any(axis=1)
@@ -185,7 +185,7 @@ class LeastSquaresFit:
         bread = slope * data.T @ data + known
         spread = np.array([self.runs[name] for name in self.rows.groups])
         if self.errors == "unknown":
-            inverse = np.linalg.pinv(bread, rcond=BLIND**2, hermitian=True)
+            inverse = np.linalg.pinv(bread, rcond=MIN_SINGULAR_VALUE**2, hermitian=True)
             leverage = slope * np.einsum("ij,jk,ik->i", data, inverse, data)
             spread = spread * (psi / np.maximum(1 - leverage, LEAST_FREEDOM)) ** 2
         else:
@@ -204,18 +204,18 @@ class LeastSquaresFit:
         psi, _ = self.influence
         gradient = J.T @ np.concatenate([psi, self.residuals[self.count :]])
         bread, _ = self.information(J)
-        step = np.linalg.pinv(bread, rcond=BLIND, hermitian=True) @ gradient
+        step = np.linalg.pinv(bread, rcond=MIN_SINGULAR_VALUE, hermitian=True) @ gradient
         # Data matched to rounding have no meaningful standard error.
         model = self.jacobian[: self.count] @ np.array([self.values[p.name] for p in self.free])
-        rounding = EXACT**2 * float(np.mean(model**2))
+        rounding = ROUNDING_TOLERANCE**2 * float(np.mean(model**2))
         return math.sqrt(max(float(gradient @ step), 0.0) / max(self.dispersion, rounding, 1e-300))
 
     @property
     def quantile(self) -> float:
         """Half a 95 % interval in standard errors: Student's if the errors are estimated from the scatter."""
         if self.errors == "stated" and self.dispersion == 1.0:
-            return float(ndtri((1 + LEVEL) / 2))
-        return float(stdtrit(max(self.independent - len(self.free), 1.0), (1 + LEVEL) / 2))
+            return float(ndtri((1 + CONFIDENCE_LEVEL) / 2))
+        return float(stdtrit(max(self.independent - len(self.free), 1.0), (1 + CONFIDENCE_LEVEL) / 2))
 
     def error(self, name: str) -> float:
         """Return the standard error of a parameter in its unit; 0 if it is fixed, nan at a bound."""
@@ -239,7 +239,7 @@ class LeastSquaresFit:
             return 0.0
         considered = float(self.considered[names.index(name)][names.index(name)])
         own = max(self.error(name) ** 2 - considered, 0.0) if math.isfinite(self.error(name)) else self.error(name)
-        return math.sqrt(self.quantile**2 * own + ndtri((1 + LEVEL) / 2) ** 2 * considered)
+        return math.sqrt(self.quantile**2 * own + ndtri((1 + CONFIDENCE_LEVEL) / 2) ** 2 * considered)
 
     @functools.cached_property
     def correlations(self) -> Array:
@@ -266,7 +266,7 @@ class LeastSquaresFit:
 
     @functools.cached_property
     def excess(self) -> dict[str, float]:
-        """Groups whose root mean square residual is more than `MANY` times the error of the measurement, and how many times:
+        """Groups whose root mean square residual exceeds `MAX_RMS_RESIDUAL` errors of the measurement, and by what factor:
         the stated error, or the usual one of its source. Groups without either are left out."""
         sizes, usual = np.array(self.rows.sizes), np.array(self.rows.usual)
         if self.errors == "stated":
@@ -274,7 +274,7 @@ class LeastSquaresFit:
         squares = (self.residuals[: self.count] * sizes / usual) ** 2
         losses, labels = loss_of(self.loss, squares, 0)[0], np.array(self.rows.groups)
         times = {name: math.sqrt(float(losses[labels == name].mean())) for name in self.runs}
-        return {name: value for name, value in times.items() if value > MANY}
+        return {name: value for name, value in times.items() if value > MAX_RMS_RESIDUAL}
 
     @property
     def aicc(self) -> float:
@@ -294,14 +294,14 @@ class LeastSquaresFit:
         return self.count * math.log(max(self.deviance, 1e-300) / self.count)
 
 
-LEVEL = 0.95
-BLIND = 1e-8
+CONFIDENCE_LEVEL = 0.95
+MIN_SINGULAR_VALUE = 1e-8
 """Relative singular value of the scaled Jacobian below which a direction is undetermined."""
 LEAST_FREEDOM = 0.2
 """Minimum freedom of a residual, 1 - leverage."""
-MANY = 3.0
+MAX_RMS_RESIDUAL = 3.0
 """Root mean square residual in errors of the measurement above which the model does not follow the data."""
-EXACT = 1e-6
+ROUNDING_TOLERANCE = 1e-6
 """Residuals below this fraction of the model count as rounding."""
 
 
@@ -322,9 +322,9 @@ LOSSES = ("linear", "soft_l1")
 ERRORS = ("stated", "unknown")
 SAME_DEVIANCE = 1e-4
 """Starts whose deviances differ by less than this (plus the same fraction) ended in the same minimum."""
-TOLERANCE = 1e-10
+START_TOLERANCE = 1e-10
 """At which a start ends: relative, on the sum of squares, on the parameters and on the gradient."""
-FAR = 0.1
+MAX_NEWTON_STEP = 0.1
 """Newton step in standard errors above which a fit has not converged."""
 
 
@@ -360,19 +360,21 @@ def fit_parameters(
             first = problem.residuals(x)
             if not np.isfinite(first).all():
                 raise CannotEvaluate("the model has no finite value there")
-            found = problem.solve(x, TOLERANCE, evaluations)
+            optimum = problem.solve(x, START_TOLERANCE, evaluations)
         except CannotEvaluate as error:
             runs.append(StartResult(problem.values(x), math.inf, str(error)))
             continue
         runs.append(
-            StartResult(problem.values(found.x), 2 * float(found.cost), "" if found.status > 0 else found.message)
+            StartResult(
+                problem.values(optimum.x), 2 * float(optimum.cost), "" if optimum.status > 0 else optimum.message
+            )
         )
-        if best is None or found.cost < best.cost:
-            best = found
+        if best is None or optimum.cost < best.cost:
+            best = optimum
     if best is None:
         raise FitError(f"the fit cannot start: {runs[0].trouble if runs else 'no starting values are given'}")
     try:
-        return _judge(problem, best, runs, errors, label)
+        return _with_warnings(problem, best, runs, errors, label)
     except CannotEvaluate as error:
         raise FitError(f"the fit ended where its model cannot be evaluated: {error}") from None
 
@@ -383,12 +385,12 @@ def settled(fit: LeastSquaresFit) -> LeastSquaresFit:
     return dataclasses.replace(fit, values={**fit.values, **ends}) if ends else fit
 
 
-def _judge(
-    problem: Problem, found: OptimizeResult, runs: list[StartResult], errors: str, label: str
+def _with_warnings(
+    problem: Problem, optimum: OptimizeResult, runs: list[StartResult], errors: str, label: str
 ) -> LeastSquaresFit:
     """Return the result with all warnings."""
-    values = problem.values(found.x)
-    residuals = problem.residuals(found.x)
+    values = problem.values(optimum.x)
+    residuals = problem.residuals(optimum.x)
     J, rows = problem.slopes(values)
     if len(residuals) < len(problem.free):
         few = f"{len(residuals)} numbers cannot determine {len(problem.free)} parameters"
@@ -396,13 +398,13 @@ def _judge(
     result = LeastSquaresFit(
         label=label or ", ".join(source.label for source in problem.sources), parameters=problem.parameters,
         values=values, residuals=residuals, jacobian=J, rows=rows,
-        deviance=2 * float(found.cost), loss=problem.loss, errors=errors, evaluations=problem.evaluations,
+        deviance=2 * float(optimum.cost), loss=problem.loss, errors=errors, evaluations=problem.evaluations,
         starts=tuple(runs), problem=problem, troubles=(),
     )  # fmt: skip
     troubles, step = [], result.newton_step
-    if found.status <= 0:
-        troubles.append(f"the fit did not converge within {found.nfev} evaluations; do not use its values")
-    elif step > FAR:
+    if optimum.status <= 0:
+        troubles.append(f"the fit did not converge within {optimum.nfev} evaluations; do not use its values")
+    elif step > MAX_NEWTON_STEP:
         troubles.append(
             f"the fit stopped where a further step would still move it by {step:.2g} standard "
             "errors; do not use its values"
@@ -427,7 +429,7 @@ def _disagreement(runs: list[StartResult], result: LeastSquaresFit) -> list[str]
     rivals = [
         run
         for run in runs
-        if math.isfinite(run.deviance) and run.deviance - result.deviance <= likely and _apart(run, result)
+        if math.isfinite(run.deviance) and run.deviance - result.deviance <= likely and _is_other_minimum(run, result)
     ]
     if rivals:
         other = ", ".join(f"{p.name} {rivals[0].values[p.name]:.4g}" for p in result.free if not p.hidden)
@@ -441,7 +443,7 @@ def _disagreement(runs: list[StartResult], result: LeastSquaresFit) -> list[str]
     return said
 
 
-def _apart(run: StartResult, result: LeastSquaresFit) -> bool:
+def _is_other_minimum(run: StartResult, result: LeastSquaresFit) -> bool:
     """Return whether a start ended further from the result than the result's own intervals reach. Terms that have changed
     places (Ogden's) are the same result."""
     here, there = (sorted(values[p.name] for p in result.free) for values in (result.values, run.values))
@@ -461,8 +463,11 @@ def _starting_points(free: Sequence[Parameter], starts: int | Sequence[Mapping[s
     origin = np.array([p.inward(p.start) for p in free], dtype=float)
     if not isinstance(starts, int):
         chosen = [[start.get(p.name, p.start) for p in free] for start in starts]
-        held = [[v if p.lower <= v <= p.upper else p.start for p, v in zip(free, one, strict=True)] for one in chosen]
-        return [np.array([p.inward(v) for p, v in zip(free, one, strict=True)], dtype=float) for one in held]
+        held = [
+            [v if p.lower <= v <= p.upper else p.start for p, v in zip(free, chosen_start, strict=True)]
+            for chosen_start in chosen
+        ]
+        return [np.array([p.inward(v) for p, v in zip(free, name, strict=True)], dtype=float) for name in held]
     points = [origin]
     if starts > 1:
         from scipy.stats import qmc  # takes a second to load, and most fits do not need it
@@ -497,7 +502,7 @@ def _check(sources: Sequence[Residuals], parameters: Sequence[Parameter], loss: 
 # Acceptance of a fit: general objections, for any law and data.
 
 
-NORMAL = 1.96
+NORMAL_QUANTILE = 1.96
 """Half a 95 % interval in standard errors."""
 
 
@@ -511,24 +516,24 @@ class Judgement:
     notes: tuple[str, ...] = ()
 
 
-NOTHING = Judgement()
+NO_JUDGEMENT = Judgement()
 
 
 def objections(fit: LeastSquaresFit, modulus: Callable[[Mapping[str, float]], float]) -> tuple[str, ...]:
     """Return the objections to a fit, as sentences; empty if accepted. ``modulus`` gives the law's small-strain shear
     modulus in Pa at parameter values."""
-    found = [
+    objections = [
         f"{p.words} ended at its bound {f'{bound:.4g} {p.unit}'.rstrip()}, so its value and interval are meaningless"
         for p in fit.free
         if (bound := fit.at_bounds.get(p.name)) is not None and bound not in p.answers
     ]
-    found += [f"the data do not determine {p.words}: {why}" for p in fit.free if (why := _undetermined(fit, p))]
+    objections += [f"the data do not determine {p.words}: {why}" for p in fit.free if (why := _undetermined(fit, p))]
     value, error = modulus(fit.values), _modulus_error(fit, modulus)
-    if not found and not NORMAL * error < abs(value):
-        found.append(
+    if not objections and not NORMAL_QUANTILE * error < abs(value):
+        objections.append(
             f"the data do not determine the shear modulus: {value / 1e3:.4g} kPa with a standard error of {error / 1e3:.3g} kPa"
         )
-    return tuple(found)
+    return tuple(objections)
 
 
 def _undetermined(fit: LeastSquaresFit, p: Parameter) -> str:
@@ -537,7 +542,7 @@ def _undetermined(fit: LeastSquaresFit, p: Parameter) -> str:
         return ""
     if not math.isfinite(fit.error(p.name)):
         return "another parameter compensates any change of it"
-    low, high = (fit.values[p.name] + sign * NORMAL * fit.error(p.name) for sign in (-1.0, 1.0))
+    low, high = (fit.values[p.name] + sign * NORMAL_QUANTILE * fit.error(p.name) for sign in (-1.0, 1.0))
     whole = math.isfinite(p.upper - p.lower) and low <= p.lower and high >= p.upper
     return "its interval is as wide as its bounds" if whole and not p.answers else ""
 
@@ -565,7 +570,7 @@ def _modulus_error(fit: LeastSquaresFit, modulus: Callable[[Mapping[str, float]]
 # Identifiability of a fit's parameters.
 
 
-TOGETHER = 0.98
+MAX_CORRELATION = 0.98
 """Correlation above which two parameters are identifiable only jointly."""
 
 
@@ -594,7 +599,7 @@ def unseen(fit: LeastSquaresFit) -> tuple[str, ...]:
     for p in fit.free:
         if p.name in fit.at_bounds:
             continue
-        room, against = _allowed(p, fit.values[p.name])
+        room, against = _max_half_width(p, fit.values[p.name])
         if not fit.quantile * _data_error(fit, p) < room:
             rests = f"{p.words} depends on its prior: without it, its interval would be wider"
             said.append(
@@ -603,11 +608,11 @@ def unseen(fit: LeastSquaresFit) -> tuple[str, ...]:
     R = fit.correlations
     for i, a in enumerate(fit.free):
         for j in range(i):
-            if abs(R[i, j]) > TOGETHER and not (a.hidden or fit.free[j].hidden):
+            if abs(R[i, j]) > MAX_CORRELATION and not (a.hidden or fit.free[j].hidden):
                 both = f"{fit.free[j].name} and {a.name}"
                 said.append(f"the data determine {both} only jointly (correlation {R[i, j]:.3f})")
     values, vectors = singular_values(fit)
-    if np.isinf(np.diag(fit.covariance)).any() and values[-1] <= BLIND * max(values[0], 1e-300):
+    if np.isinf(np.diag(fit.covariance)).any() and values[-1] <= MIN_SINGULAR_VALUE * max(values[0], 1e-300):
         mixed = [p.words for p, share in zip(fit.free, vectors[-1], strict=True) if abs(share) > 0.1]
         said.append(f"the data do not determine one combination of {', '.join(mixed)}")
     return tuple(said)
@@ -624,7 +629,7 @@ def _data_error(fit: LeastSquaresFit, p: Parameter) -> float:
     return without.error(p.name)
 
 
-def _allowed(p: Parameter, value: float) -> tuple[float, str]:
+def _max_half_width(p: Parameter, value: float) -> tuple[float, str]:
     """Return the maximum half width of an interval for a determined parameter, and its reference."""
     if p.prior:
         return 1.96 * p.prior.error, "its prior"
@@ -637,10 +642,10 @@ def _allowed(p: Parameter, value: float) -> tuple[float, str]:
 # Profile likelihoods: the rise of the deviance with one parameter fixed away from its best value.
 
 
-REACH = 1.6
+INITIAL_PROFILE_RANGE = 1.6
 """Initial range of a profile, in half widths of the expected interval."""
-DOUBLINGS = 6
-CLOSER, STEEP = 8, 1.5
+MAX_DOUBLINGS = 6
+MAX_REFINEMENTS, MIN_STEEP_RISE = 8, 1.5
 """Maximum refinements of the interval's end, and the relative rise above which they are needed."""
 RESTART_TOLERANCE = 1e-9
 
@@ -678,7 +683,7 @@ def profile(result: LeastSquaresFit, name: str, n: int = 15) -> Profile:
     doi 10.2307/2347496).
     """
     p = next(q for q in result.free if q.name == name)
-    worth = _worth(result, name)
+    worth = _unit_rise(result, name)
     limit = result.quantile**2
     best = result.values[name]
     points = [(best, 0.0)]
@@ -686,7 +691,7 @@ def profile(result: LeastSquaresFit, name: str, n: int = 15) -> Profile:
         points += _side(result, p, sign, max(n // 2, 3), worth, limit)
     points.sort()
     values, rises = np.array(points).T
-    ends = tuple(_end(values, rises, best, limit, sign) for sign in (-1.0, 1.0))
+    ends = tuple(_crossing(values, rises, best, limit, sign) for sign in (-1.0, 1.0))
     interval = (ends[0] if ends[0] is not None else p.lower, ends[1] if ends[1] is not None else p.upper)
     better = float(rises.min())
     trouble = (
@@ -697,7 +702,7 @@ def profile(result: LeastSquaresFit, name: str, n: int = 15) -> Profile:
     return Profile(name, p.unit, values, rises, limit, interval, trouble)
 
 
-def _worth(result: LeastSquaresFit, name: str) -> float:
+def _unit_rise(result: LeastSquaresFit, name: str) -> float:
     """Return the rise of the deviance equivalent to 1: its curvature along the profile times the parameter's variance."""
     names = [p.name for p in result.free]
     slope = result.influence[1]
@@ -721,29 +726,29 @@ def _side(
     if best == bound:
         return []
     whole = result.reach(p.name)
-    reach = REACH * whole if math.isfinite(whole) and whole > 0.0 else 0.5 * (abs(best) or p.scale)
+    reach = INITIAL_PROFILE_RANGE * whole if math.isfinite(whole) and whole > 0.0 else 0.5 * (abs(best) or p.scale)
     warm = dict(result.values)
-    found: list[tuple[float, float]] = []
+    points: list[tuple[float, float]] = []
     held, step = best, reach / count
-    for i in range(count + 3 * DOUBLINGS):
+    for i in range(count + 3 * MAX_DOUBLINGS):
         if i >= count:
             step *= 1.5
-        held = best + sign * step if not found else held + sign * step
+        held = best + sign * step if not points else held + sign * step
         ended = (held - bound) * sign >= 0.0
         held = bound if ended else held
-        solved = _held(result, p.name, held, warm)
+        solved = _deviance_at(result, p.name, held, warm)
         if solved is None:  # the model cannot be evaluated there: the profile ends
-            found.append((held, math.inf))
+            points.append((held, math.inf))
             break
         rise = (solved[0] - result.deviance) / worth
         warm = solved[1]
-        found.append((held, rise))
+        points.append((held, rise))
         if ended or (rise > limit and (i + 1 >= count or rise > 4 * limit)):
             break
-    return found + _closer(result, p.name, [(best, 0.0), *found], worth, limit)
+    return points + _refined_crossing(result, p.name, [(best, 0.0), *points], worth, limit)
 
 
-def _closer(
+def _refined_crossing(
     result: LeastSquaresFit, name: str, outward: list[tuple[float, float]], worth: float, limit: float
 ) -> list[tuple[float, float]]:
     """Add points near the crossing of the limit if the steps are too large for linear interpolation."""
@@ -752,18 +757,18 @@ def _closer(
     if crossing is None:
         return more
     inner, outer = outward[crossing - 1], outward[crossing]
-    for _ in range(CLOSER):
-        if outer[1] < STEEP * limit:
+    for _ in range(MAX_REFINEMENTS):
+        if outer[1] < MIN_STEEP_RISE * limit:
             break
         middle = (inner[0] + outer[0]) / 2
-        solved = _held(result, name, middle, dict(result.values))
+        solved = _deviance_at(result, name, middle, dict(result.values))
         point = (middle, (solved[0] - result.deviance) / worth if solved else math.inf)
         more.append(point)
         inner, outer = (inner, point) if point[1] >= limit else (point, outer)
     return more
 
 
-def _held(
+def _deviance_at(
     result: LeastSquaresFit, name: str, value: float, warm: dict[str, float]
 ) -> tuple[float, dict[str, float]] | None:
     """Return the deviance and values with one parameter fixed; None if not available."""
@@ -785,13 +790,13 @@ def _held(
             return None
         if not problem.free:
             return float(loss_of(result.loss, rows**2, 0)[0].sum()) + extra, problem.values(x)
-        found = problem.solve(x, RESTART_TOLERANCE, 100)
+        optimum = problem.solve(x, RESTART_TOLERANCE, 100)
     except CannotEvaluate:
         return None
-    return 2 * float(found.cost) + extra, problem.values(found.x)
+    return 2 * float(optimum.cost) + extra, problem.values(optimum.x)
 
 
-def _end(values: Array, rises: Array, best: float, limit: float, sign: float) -> float | None:
+def _crossing(values: Array, rises: Array, best: float, limit: float, sign: float) -> float | None:
     """Return where the signed root of the rise, nearly straight in the parameter, crosses the limit."""
     outward = [(v, r) for v, r in zip(values, rises, strict=True) if (v - best) * sign >= 0.0]
     outward.sort(key=lambda point: abs(point[0] - best))

@@ -23,7 +23,7 @@ from softmodels.materials.laws import Material, MaterialError
 # Groups of residuals, such as those of one curve or photograph, and their correlation length.
 
 
-SHORTEST = 8
+MIN_GROUP_SIZE = 8
 """Minimum number of residuals of a group to estimate their correlation."""
 
 
@@ -56,7 +56,7 @@ def autocorrelation_time(r: Array) -> float:
     neighbours per independent value. It ends at the first lag whose correlation could be chance (2 / sqrt(n))."""
     n = len(r)
     power = float(np.sum(r**2))
-    if n < SHORTEST or power == 0.0:
+    if n < MIN_GROUP_SIZE or power == 0.0:
         return 1.0
     total = 1.0
     for lag in range(1, n // 2):
@@ -70,7 +70,7 @@ def autocorrelation_time(r: Array) -> float:
 Labels = Sequence[str] | npt.NDArray[np.str_]
 
 
-class FitError(errors.Spoken, ValueError):
+class FitError(errors.OptionMessage, ValueError):
     """A fit is impossible; the message is for the user."""
 
 
@@ -377,7 +377,7 @@ class FitOptions:
             is then that of equilibrium.
     """
 
-    poisson: float = laws.RUBBER
+    poisson: float = laws.DEFAULT_POISSON_RATIO
     changes: Changes = dataclasses.field(default_factory=lambda: MappingProxyType({}))
     robust: bool = False
     profiles: bool = True
@@ -409,7 +409,9 @@ class FitOptions:
             raise FitError(
                 f"silicone is {units.brief(self.silicone)}; it must be the name of one, such as 'ecoflex-00-30'"
             )
-        if not isinstance(self.changes, Mapping) or not all(isinstance(one, Mapping) for one in self.changes.values()):
+        if not isinstance(self.changes, Mapping) or not all(
+            isinstance(change, Mapping) for change in self.changes.values()
+        ):
             raise FitError(
                 f"changes is {units.brief(self.changes)}; it must be a table by parameter, such as {{'c1': {{'value': 14e3}}}}"
             )
@@ -442,7 +444,7 @@ class FitOptions:
         return {name: change for name, change in self.changes.items() if name in names}
 
 
-DEFAULTS = FitOptions()
+DEFAULT_OPTIONS = FitOptions()
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -455,7 +457,7 @@ DEFAULTS = FitOptions()
 Design = Callable[[Material, Sequence[str]], Array]
 """Slopes of all standardised stresses by the named parameters of a material, shape (n, m)."""
 
-STARTS = 6
+MAX_STARTS = 6
 """Number of starts of a law of several terms, out of all combinations of its grid."""
 
 
@@ -470,17 +472,17 @@ class LawChoice:
     poisson: float
 
     @classmethod
-    def from_text(cls, text: str, poisson: float = laws.RUBBER) -> LawChoice:
+    def from_text(cls, text: str, poisson: float = laws.DEFAULT_POISSON_RATIO) -> LawChoice:
         """Read ``"yeoh"`` or ``"ogden2"``; `FitError` for no such law, or too many terms."""
         name, _, numbers = text.partition(":")
-        found = laws.law_called(name)
-        if found is None:
+        known_law = laws.law_called(name)
+        if known_law is None:
             raise FitError(
                 f"law {text!r} is unknown; known are {known_laws()} and all{errors.meant(text, [*laws.LAWS, 'all'])}"
             )
         if numbers:
             raise FitError(f"law {text!r}: a fit finds its numbers; name only the law, {name}, and fix one by --fix")
-        law, terms = found
+        law, terms = known_law
         if not terms:
             return cls.from_law(law, poisson)
         if terms > law.most_terms:
@@ -490,7 +492,7 @@ class LawChoice:
         return cls(f"{law.name}{terms}", law, terms, poisson)
 
     @classmethod
-    def from_law(cls, law: type[Material], poisson: float = laws.RUBBER) -> LawChoice:
+    def from_law(cls, law: type[Material], poisson: float = laws.DEFAULT_POISSON_RATIO) -> LawChoice:
         """Return a law's class, with as many terms as are usual."""
         name = f"{law.name}{law.usual_terms}" if law.usual_terms else law.name
         return cls(name, law, law.usual_terms, poisson)
@@ -532,7 +534,7 @@ Laws = str | type[Material] | Sequence[str | type[Material]]
 """One law or several: names with their numbers of terms, with commas between, or classes; ``"all"`` for all."""
 
 
-def law_choices(laws: Laws, poisson: float = laws.RUBBER) -> list[LawChoice]:
+def law_choices(laws: Laws, poisson: float = laws.DEFAULT_POISSON_RATIO) -> list[LawChoice]:
     """Read ``"yeoh,ogden2"``, ``"all"``, or classes of laws; `FitError` for no such law, or one named twice."""
     if not -1.0 < poisson <= 0.5:
         raise FitError(f"poisson = {poisson:g} is outside -1 to 0.5")
@@ -591,8 +593,8 @@ def closed_starts(
         return choice.law.starting_grid(modulus, most)
     A = design(choice.material(plain), choice.names)
     size = np.linalg.norm(A, axis=0)
-    found, *_ = np.linalg.lstsq(A / size, target, rcond=None)
-    start = dict(zip(choice.names, (found / size).tolist(), strict=True))
+    weights, *_ = np.linalg.lstsq(A / size, target, rcond=None)
+    start = dict(zip(choice.names, (weights / size).tolist(), strict=True))
     for name, value in plain.items():
         low, high = choice.law.parameter_bounds(name, start)
         if not low < start[name] < high:
@@ -620,15 +622,15 @@ def _term_starts(choice: LawChoice, design: Design, target: Array, modulus: floa
     for shapes in itertools.combinations(columns, choice.terms):
         A = np.column_stack([columns[value] for value in shapes])
         size = np.linalg.norm(A, axis=0)
-        found, misfit = nnls(A / size, target)
+        weights, misfit = nnls(A / size, target)
         # A term not in the grid starts small, not at its bound.
-        sizes = np.maximum(found / size, 5e-4 * modulus / np.array([moduli[value] for value in shapes]))
+        sizes = np.maximum(weights / size, 5e-4 * modulus / np.array([moduli[value] for value in shapes]))
         tried.append((misfit, shapes, np.array([signs[value] for value in shapes]) * sizes))
-    tried.sort(key=lambda one: one[0])
+    tried.sort(key=lambda start: start[0])
     return [
         {key: value for i, pair in enumerate(zip(factors.tolist(), shapes, strict=True), 1)
          for key, value in zip((f"{factor}{i}", f"{shape}{i}"), pair, strict=True)}
-        for _, shapes, factors in tried[:STARTS]
+        for _, shapes, factors in tried[:MAX_STARTS]
     ]  # fmt: skip
 
 

@@ -35,25 +35,25 @@ from softmodels.materials import silicones, specimens
 from softmodels.materials.laws import Material
 from softmodels.mechanics import mpi
 
-WITHIN = 1.959964
+BAND_ERRORS = 1.959964
 """Half of the 95 % band of a normal error, in standard errors."""
 COLUMNS = [
     "material", "data", "values", "rms", "unit", "chi2_per_value", "chi2_measurement", "chi2_material", "coverage_95", "worst",
 ]  # fmt: skip
 """Of the table of scores."""
-BAND = 0.95
+IDENTICAL_TOLERANCE = 0.95
 """Tolerance relative to its errors for identical materials."""
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
-class Score(cards.Shown):
+class Score(cards.ResultCard):
     """One material against one measurement.
 
     ``chi2`` is the sum of what the measurement's errors, the material's errors and neither explain.
 
     Attributes:
         material: Its name as asked for.
-        data: What it was held against.
+        data: What it was checked against.
         count: Measured values.
         rms: Root mean square of predicted minus measured, in ``unit``; across the outlines, where there are some.
         unit: Pa or m.
@@ -98,7 +98,7 @@ class Score(cards.Shown):
         return min(self.chi2 - (self.chi2_material if math.isfinite(self.chi2_material) else 0.0), 1.0)
 
 
-def _explained(residuals: Array, slopes: Array, free: Array, errors: MaterialErrors) -> float:
+def _explained_deviance(residuals: Array, slopes: Array, free: Array, errors: MaterialErrors) -> float:
     """Return the largest drop of chi squared as a material varies within the 95 % region of its errors, to first order.
 
     Residuals (n,) in standard errors are at the least squares of what is free beside the material; ``slopes`` (n, p) are
@@ -111,7 +111,7 @@ def _explained(residuals: Array, slopes: Array, free: Array, errors: MaterialErr
         moves = moves - basis @ (basis.T @ moves)
     curvature, vectors = np.linalg.eigh(moves.T @ moves)
     slope = vectors.T @ (moves.T @ residuals)
-    reach = math.sqrt(chdtri(len(slope), 1 - BAND))
+    reach = math.sqrt(chdtri(len(slope), 1 - IDENTICAL_TOLERANCE))
 
     def step(shift: float) -> Array:
         return np.asarray(-slope / np.maximum(curvature + shift, 1e-300))
@@ -150,9 +150,9 @@ def score_curve(
     explained = math.nan
     if errors is not None:
         slopes = residuals.slopes_of(material, curve, errors.names) / error.of(curve)[:, None]
-        explained = _explained(sizes, slopes, np.zeros((len(off), 0)), errors) / len(off)
+        explained = _explained_deviance(sizes, slopes, np.zeros((len(off), 0)), errors) / len(off)
     return Score(
-        name, data, len(off), _rms(off), "Pa", _mean_square(sizes), _covered(sizes), worst,
+        name, data, len(off), _rms(off), "Pa", _mean_square(sizes), _covered_shares(sizes), worst,
         chi2_material=explained,
     )  # fmt: skip
 
@@ -176,15 +176,15 @@ def score_outlines(
     fit = fit_law_to_outlines(source, changes=fixed)
     matches = source.matches(fit.values)
     sizes = fit.residuals[: fit.count]
-    off = np.concatenate([one.distances for one in matches])
+    off = np.concatenate([match.distances for match in matches])
     at = int(np.argmax(np.abs(sizes)))
     group = fit.rows.groups[at]
     if group == READINGS:
-        one = matches[at - (fit.count - len(matches))]
-        told = f"{(one.pressure - one.true_pressure) / 1e3:+.3g} kPa of pressure for the outline {one.shape.source}"
+        matched = matches[at - (fit.count - len(matches))]
+        told = f"{(matched.pressure - matched.true_pressure) / 1e3:+.3g} kPa of pressure for the outline {matched.shape.source}"
     else:
-        one = next(one for one in matches if one.shape.source == group)
-        told = f"{one.distances[np.argmax(np.abs(one.distances))] * 1e3:+.3g} mm in {group}"
+        matched = next(match for match in matches if match.shape.source == group)
+        told = f"{matched.distances[np.argmax(np.abs(matched.distances))] * 1e3:+.3g} mm in {group}"
     worst = f"{told} ({sizes[at]:+.2g} standard errors)"
     label = f"{len(shapes)} outlines of {measured.name}"
     freedom = max(len(fit.residuals) - len(fit.free), 1)
@@ -194,10 +194,18 @@ def score_outlines(
         _, J, _ = source.evaluate(fit.values, True)
         assert J is not None
         slopes = np.zeros((len(fit.residuals), len(errors.names)))  # the bench's priors do not depend on the material
-        slopes[: fit.count] = J[:, [source.parameters.index(one) for one in errors.names]]
-        explained = _explained(fit.residuals, slopes, fit.jacobian, errors) / freedom
+        slopes[: fit.count] = J[:, [source.parameters.index(error_name) for error_name in errors.names]]
+        explained = _explained_deviance(fit.residuals, slopes, fit.jacobian, errors) / freedom
     return Score(
-        name, label, fit.count, _rms(off), "m", fit.deviance / freedom, _covered(sizes), worst, chi2_material=explained
+        name,
+        label,
+        fit.count,
+        _rms(off),
+        "m",
+        fit.deviance / freedom,
+        _covered_shares(sizes),
+        worst,
+        chi2_material=explained,
     )
 
 
@@ -209,8 +217,8 @@ def _mean_square(values: Array) -> float:
     return float(np.mean(values**2))
 
 
-def _covered(sizes: Array) -> float:
-    return float(np.mean(np.abs(sizes) <= WITHIN))
+def _covered_shares(sizes: Array) -> float:
+    return float(np.mean(np.abs(sizes) <= BAND_ERRORS))
 
 
 def write_scores(path: Path, scores: Sequence[Score]) -> None:
@@ -218,11 +226,11 @@ def write_scores(path: Path, scores: Sequence[Score]) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
         rows.writerow(COLUMNS)
-        for one in scores:
-            material = f"{one.chi2_material:.9g}" if math.isfinite(one.chi2_material) else ""
-            chi2 = [f"{one.chi2:.9g}", f"{one.chi2_measurement:.9g}", material]
-            numbers = [f"{one.rms:.9g}", one.unit, *chi2, f"{one.coverage:.6g}"]
-            rows.writerow([one.material, one.data, one.count, *numbers, one.worst])
+        for score in scores:
+            material = f"{score.chi2_material:.9g}" if math.isfinite(score.chi2_material) else ""
+            chi2 = [f"{score.chi2:.9g}", f"{score.chi2_measurement:.9g}", material]
+            numbers = [f"{score.rms:.9g}", score.unit, *chi2, f"{score.coverage:.6g}"]
+            rows.writerow([score.material, score.data, score.count, *numbers, score.worst])
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -272,10 +280,10 @@ def score(
         FitError: Outlines cannot be used, or the device has no such states under a material.
         MaterialError: Errors that are none, or those of another material.
     """
-    known = _named(materials)
+    known = _materials_by_name(materials)
     uncertain = _errors(errors, known)
     measured = names.several("curves", curves, (TensileCurve, Path, str), "a curve or its file")
-    remembers = any(one.memory is not None for one in known.values())
+    remembers = any(material.memory is not None for material in known.values())
     ready = fit.prepared(measured, names.span("stretch", stretch), remembers) if measured else []
     given = names.several("outlines", outlines, (Outline, Path, str), "an outline, or a file or folder of outlines")
     names.flag("untrusted", untrusted)
@@ -285,18 +293,20 @@ def score(
         raise FitError("there are no measurements; give a tensile curve, or a device with its outlines")
     error = error_of(stress_error)
     scores = [
-        score_curve(name, one, curve, error, uncertain.get(name)) for curve in ready for name, one in known.items()
+        score_curve(name, material, curve, error, uncertain.get(name))
+        for curve in ready
+        for name, material in known.items()
     ]
     if device is not None:
         scores += against_outlines(known, device, outlines_of(given, untrusted), mpi.start(), uncertain)
-    places = {data: place for place, data in enumerate(dict.fromkeys(one.data for one in scores))}
-    return sorted(scores, key=lambda one: (places[one.data], one.chi2))
+    places = {data: place for place, data in enumerate(dict.fromkeys(score.data for score in scores))}
+    return sorted(scores, key=lambda material_score: (places[material_score.data], material_score.chi2))
 
 
 def error_of(text: str) -> residuals.StressError:
     """Return the standard error of stresses; `TensileError` for none, since a score needs its absolute size."""
     if text == "auto":
-        return residuals.StressError(residuals.RELATIVE, None, True)
+        return residuals.StressError(residuals.DEFAULT_RELATIVE_ERROR, None, True)
     if text == "constant":
         raise TensileError("a score needs absolute errors: write 2%+0.5kPa, or auto")
     return residuals.StressError.from_text(text)
@@ -323,28 +333,30 @@ def against_outlines(
 def _errors(
     errors: Mapping[str, MaterialErrors | Path | str], materials: Mapping[str, Material]
 ) -> dict[str, MaterialErrors]:
-    found = {}
+    errors_by_name = {}
     for name, given in errors.items():
         if name not in materials:
             raise FitError(f"errors of {name!r} are given, but it is not scored; {known_are(name, list(materials))}")
-        found[name] = given if isinstance(given, MaterialErrors) else MaterialErrors.from_file(Path(given))
-        found[name].check(materials[name])
-    return found
+        errors_by_name[name] = given if isinstance(given, MaterialErrors) else MaterialErrors.from_file(Path(given))
+        errors_by_name[name].check(materials[name])
+    return errors_by_name
 
 
-def _named(materials: Materials) -> dict[str, Material]:
+def _materials_by_name(materials: Materials) -> dict[str, Material]:
     """Return the materials by their names in the scores; `FitError` for none, or one twice."""
     if isinstance(materials, Mapping):
-        found = {str(name): silicones.material_of(f"material {name}", one) for name, one in materials.items()}
+        materials_by_name = {
+            str(name): silicones.material_of(f"material {name}", material) for name, material in materials.items()
+        }
     else:
         wanted = "a material, or the name of a silicone"
         given = [
-            silicones.material_of("material", one)
-            for one in names.several("materials", materials, (Material, str), wanted)
+            silicones.material_of("material", named)
+            for named in names.several("materials", materials, (Material, str), wanted)
         ]
-        found = {silicones.named(one) or specimens.described(one): one for one in given}
-        if len(found) < len(given):
+        materials_by_name = {silicones.named(named) or specimens.described(named): named for named in given}
+        if len(materials_by_name) < len(given):
             raise FitError("a material is given twice")
-    if not found:
+    if not materials_by_name:
         raise FitError("there is no material; give at least one")
-    return found
+    return materials_by_name

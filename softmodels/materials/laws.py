@@ -204,13 +204,13 @@ Values = Mapping[str, Any]
 Parameters = Any
 """A law's parameters by name: a material (numbers), or UFL constants, so that new values do not recompile."""
 
-SOFTEST = 500.0
+MIN_SHEAR_MODULUS = 500.0
 """Minimum shear modulus in Pa of a silicone: of the softest gels, with a margin."""
-STIFFEST = 5e6
+MAX_SHEAR_MODULUS = 5e6
 """Maximum shear modulus in Pa of a silicone or soft rubber, with a margin; above it a wrong unit is likely."""
 
 
-class MaterialError(errors.Spoken, ValueError):
+class MaterialError(errors.OptionMessage, ValueError):
     """An invalid or unknown material; the message is for the user."""
 
 
@@ -239,7 +239,7 @@ def parameter(
 
 def poissons_ratio() -> float:
     """Return the field ``poisson``, the last one of every law."""
-    return parameter("", "Poisson's ratio at small strain, -1 to 0.5", RUBBER, bounds=(-1.0, 0.5))
+    return parameter("", "Poisson's ratio at small strain, -1 to 0.5", DEFAULT_POISSON_RATIO, bounds=(-1.0, 0.5))
 
 
 def parameter_fields(law: Material | type[Material]) -> list[dataclasses.Field[Any]]:
@@ -262,7 +262,7 @@ def _check_range(law: str, stretches: tuple[float, float] | None) -> None:
 # Interface of a law.
 
 
-RUBBER = 0.5
+DEFAULT_POISSON_RATIO = 0.5
 """Poisson's ratio where none is given: rubber's bulk modulus is some 1e5 times its shear modulus."""
 
 
@@ -467,7 +467,9 @@ class Material:
         return low, high
 
     @classmethod
-    def from_parameters(cls, values: Mapping[str, float], terms: int = 0, poisson: float = RUBBER) -> Material:
+    def from_parameters(
+        cls, values: Mapping[str, float], terms: int = 0, poisson: float = DEFAULT_POISSON_RATIO
+    ) -> Material:
         """Return a material from numbers by `parameter_names`; `MaterialError` if the law cannot take them."""
         single = {name: values[name] for name in cls.parameter_names()}
         many = {name: tuple(values[f"{name}{i + 1}"] for i in range(terms)) for name in _term_fields(cls)}
@@ -605,7 +607,7 @@ class NeoHookean(Material):
 
     @classmethod
     @checked
-    def from_young(cls, young: float, poisson: float = RUBBER) -> NeoHookean:
+    def from_young(cls, young: float, poisson: float = DEFAULT_POISSON_RATIO) -> NeoHookean:
         """From Young's modulus in Pa: mu = E / (2 (1 + nu))."""
         young, poisson = _number(cls, "young", young), _number(cls, "poisson", poisson, "")
         if poisson == -1.0:
@@ -771,7 +773,9 @@ class Ogden(Material):
 
     @classmethod
     @checked
-    def from_two_mu(cls, mu: tuple[float, ...], alpha: tuple[float, ...], poisson: float = RUBBER) -> Ogden:
+    def from_two_mu(
+        cls, mu: tuple[float, ...], alpha: tuple[float, ...], poisson: float = DEFAULT_POISSON_RATIO
+    ) -> Ogden:
         """From the convention W = sum 2 mu_i/alpha_i^2 (...), in which the shear modulus is the sum of the mu_i (Pa)."""
         try:
             mu = schema.Several(schema.Quantity("Pa")).settled("mu", mu)  # type: ignore[assignment]

@@ -56,12 +56,14 @@ class Memory:
                 f"the memory has {len(branches)} branches; at most {MOST_BRANCHES} are supported; one or two in each decade "
                 "of time follow any relaxation"
             )
-        found = cls(tuple(_branch(one) for one in branches), None if softening is None else _softening(softening))
-        if not (found.branches or found.softening):
+        silicone_memory = cls(
+            tuple(_branch(branch) for branch in branches), None if softening is None else _softening(softening)
+        )
+        if not (silicone_memory.branches or silicone_memory.softening):
             raise errors.FieldError(
                 "the memory has neither branches nor softening; give branches = [[0.2, '1 s']], or leave it out"
             )
-        return found
+        return silicone_memory
 
     @classmethod
     def from_table(cls, table: object) -> Memory:
@@ -80,7 +82,7 @@ class Memory:
         """Return the table that `from_table` takes back."""
         table: dict[str, object] = {}
         if self.branches:
-            table["branches"] = [_branch_table(one, text) for one in self.branches]
+            table["branches"] = [_branch_table(branch, text) for branch in self.branches]
         if self.softening:
             r, m, beta, recovery = dataclasses.astuple(self.softening)
             table["softening"] = [r, text(m, "Pa"), beta, *([] if math.isinf(recovery) else [text(recovery, "s")])]
@@ -89,7 +91,7 @@ class Memory:
     @property
     def shortest(self) -> float:
         """The shortest relaxation time in s; infinite without branches."""
-        return min((one.time for one in self.branches), default=math.inf)
+        return min((branch.time for branch in self.branches), default=math.inf)
 
 
 def _branch_table(branch: Branch, text: schema.Text) -> object:
@@ -120,7 +122,7 @@ def _branch(given: object) -> Branch:
     if missing := {"share", "time"} - set(table):
         raise errors.FieldError(f"branch has no {min(missing)}; write {{share = 0.2, time = '1 s'}}")
     spring = _spring(table.pop("spring", ()))
-    values = {name: _settled(name, value) for name, value in table.items()}
+    values = {name: _relaxed(name, value) for name, value in table.items()}
     share, time = values["share"], values["time"]
     if not 0.0 < share <= LARGEST_SHARE:
         raise errors.FieldError(
@@ -139,7 +141,7 @@ def _branch(given: object) -> Branch:
     return Branch(**values, spring=spring)
 
 
-def _settled(name: str, value: object) -> float:
+def _relaxed(name: str, value: object) -> float:
     if name == "onset" and value == math.inf:
         return math.inf
     return (SECONDS if name == "time" else schema.Quantity()).settled(f"{name} of a branch", value)
@@ -151,10 +153,10 @@ def _spring(given: object) -> tuple[tuple[float, float], ...]:
     if isinstance(given, str | Mapping) or not isinstance(given, Sequence):
         raise errors.FieldError(f"spring {units.brief(given)} of a branch is none of {like}")
     terms = []
-    for one in given:
-        if isinstance(one, str) or not isinstance(one, Sequence) or len(one) != 2:
-            raise errors.FieldError(f"term {units.brief(one)} of a branch's spring is none of {like}")
-        terms.append(tuple(schema.Quantity().settled("spring of a branch", value) for value in one))
+    for branch in given:
+        if isinstance(branch, str) or not isinstance(branch, Sequence) or len(branch) != 2:
+            raise errors.FieldError(f"term {units.brief(branch)} of a branch's spring is none of {like}")
+        terms.append(tuple(schema.Quantity().settled("spring of a branch", value) for value in branch))
     if terms and (min(w for w, _ in terms) <= 0.0 or not all(a for _, a in terms) or max(a for _, a in terms) <= 0.0):
         raise errors.FieldError(f"spring {units.brief(given)} of a branch is none of {like}")
     whole = sum(w for w, _ in terms)
@@ -186,9 +188,9 @@ Expression = Any
 """Values of an energy's arguments: UFL expressions (untyped), numpy arrays or numbers, real or complex, or `Dual`."""
 Six = Sequence[Expression]
 
-PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+TENSOR_ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """Rows and columns of the six entries."""
-COUNTS = (1, 1, 1, 2, 2, 2)
+ENTRY_COUNTS = (1, 1, 1, 2, 2, 2)
 """How often each of them stands in the tensor."""
 IDENTITY = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
 SECONDS = schema.Quantity("s")
@@ -321,7 +323,7 @@ class InNumpy:
 
 def six(A: Expression) -> list[Expression]:
     """Return the entries of a symmetric 3 x 3 tensor that is indexed by A[i, j]."""
-    return [A[i, j] for i, j in PLACES]
+    return [A[i, j] for i, j in TENSOR_ENTRIES]
 
 
 def cofactors(A: Six) -> list[Expression]:
@@ -339,7 +341,7 @@ def determinant(A: Six) -> Expression:
     return a * (b * c - bc**2) - ab * (ab * c - ac * bc) + ac * (ab * bc - ac * b)
 
 
-SMALL = 0.02
+SERIES_LIMIT = 0.02
 """Argument below which the two functions of `_shares` are their series, to rounding."""
 
 
@@ -348,9 +350,9 @@ def _shares(z: Expression, of: Functions) -> tuple[Expression, Expression]:
     series = [1 / math.factorial(5 + n) for n in (1, 2)]
     for k in reversed(range(5)):  # Horner's rule, because a compiled power takes as long as twenty products
         series = [1 / math.factorial(k + n) - z * term for n, term in zip((1, 2), series, strict=True)]
-    big = of.below(z, SMALL, SMALL, z)
+    big = of.below(z, SERIES_LIMIT, SERIES_LIMIT, z)
     first = (1 - of.exp(-big)) / big
-    return of.below(z, SMALL, series[0], first), of.below(z, SMALL, series[1], (1 - first) / big)
+    return of.below(z, SERIES_LIMIT, series[0], first), of.below(z, SERIES_LIMIT, series[1], (1 - first) / big)
 
 
 def growth(C: Six, Cv: Six) -> Expression:
@@ -404,11 +406,11 @@ def spring_stiffness(I1: Expression, spring: Spring) -> Expression:
 def step_stress(C: Six, H: Six, b: Expression, spring: Spring = (), shift: Expression = 0.0) -> list[Expression]:
     """Return dW/dCbar over G of a branch at the end C of a step, H and b of `step_of`: half of Cv^-1, times g of a spring of
     I1. The shift is I1e minus `step_invariant`, where the step begins."""
-    found = [entry / 2 for entry in cofactors(crept(C, H, b))]
+    step_stress = [entry / 2 for entry in cofactors(crept(C, H, b))]
     if not spring:
-        return found
+        return step_stress
     g = spring_stiffness(step_invariant(C, H, b) + shift, spring)
-    return [g * entry for entry in found]
+    return [g * entry for entry in step_stress]
 
 
 def step_stiffness(
@@ -427,12 +429,12 @@ def step_stiffness(
         g = spring_stiffness(I1, spring)
         half, third = g * half, g * third + sum(w * (a - 1) / 6 * (I1 / 3) ** (a - 2) for w, a in spring)
     less, more = [half * entry for entry in B], [third * entry for entry in B]
-    return [[more[p] * B[q] - _crossed(less, B, p, q) for q in range(p + 1)] for p in range(len(PLACES))]
+    return [[more[p] * B[q] - _crossed(less, B, p, q) for q in range(p + 1)] for p in range(len(TENSOR_ENTRIES))]
 
 
 def _crossed(A: Six, B: Six, p: int, q: int) -> Expression:
     """Return A_ik B_jl + A_il B_jk of the entries p = (i, j) and q = (k, l)."""
-    (i, j), (k, m) = PLACES[p], PLACES[q]
+    (i, j), (k, m) = TENSOR_ENTRIES[p], TENSOR_ENTRIES[q]
     return _entry(A, i, k) * _entry(B, j, m) + _entry(A, i, m) * _entry(B, j, k)
 
 
@@ -441,7 +443,10 @@ def isochoric(C: Six, stress: Six, stiffness: Sequence[Six]) -> tuple[list[Expre
     as of `step_stress` and `step_stiffness`."""
     inverse, t = cofactors(C), contracted(stress, C)
     slope = [s - t / 3 * i for s, i in zip(stress, inverse, strict=True)]
-    along = [contracted([stiffness[max(p, q)][min(p, q)] for q in range(len(PLACES))], C) for p in range(len(PLACES))]
+    along = [
+        contracted([stiffness[max(p, q)][min(p, q)] for q in range(len(TENSOR_ENTRIES))], C)
+        for p in range(len(TENSOR_ENTRIES))
+    ]
     less = (contracted(along, C) - t) / 18
     u = [(a + s) / 3 - less * i for a, s, i in zip(along, slope, inverse, strict=True)]
     sixth = [t / 6 * i for i in inverse]

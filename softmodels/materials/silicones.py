@@ -137,32 +137,32 @@ PNEUNETS = Origin(
 
 def _marechal(c1: float, c2: float, elongation: float, top: float = 3.0, c3: float = 0.0) -> Silicone:
     """Return the least squares on the nominal stress (Pa), c2 and c3 not below zero so that the law stays stable."""
-    return Silicone(Yeoh(c1, c2, c3, laws.RUBBER), (1.02, top), MARECHAL, elongation)
+    return Silicone(Yeoh(c1, c2, c3, laws.DEFAULT_POISSON_RATIO), (1.02, top), MARECHAL, elongation)
 
 
 def _data_sheet(psi: float) -> Silicone:
     """From the nominal stress at stretch 2: S = 2 c1 (2 - 1/4)."""
-    return Silicone(Yeoh(round(psi * PSI / 3.5, 1), 0.0, 0.0, laws.RUBBER), (1.0, 2.0), SMOOTH_ON)
+    return Silicone(Yeoh(round(psi * PSI / 3.5, 1), 0.0, 0.0, laws.DEFAULT_POISSON_RATIO), (1.0, 2.0), SMOOTH_ON)
 
 
 def _compressed(modulus: float, alpha: float) -> Silicone:
-    return Silicone(Ogden.from_two_mu((modulus,), (alpha,), laws.RUBBER), (0.75, 1.0), SPARKS)
+    return Silicone(Ogden.from_two_mu((modulus,), (alpha,), laws.DEFAULT_POISSON_RATIO), (0.75, 1.0), SPARKS)
 
 
 def _sorotoki(c1: float, c2: float) -> Silicone:
-    return Silicone(Yeoh(c1, c2, 0.0, laws.RUBBER), None, SOROTOKI)
+    return Silicone(Yeoh(c1, c2, 0.0, laws.DEFAULT_POISSON_RATIO), None, SOROTOKI)
 
 
 def _johnston(young: float, cure: str) -> Silicone:
     origin = dataclasses.replace(JOHNSTON, key=f"johnston-2014-{cure}", history=f"cured at {cure.upper()[:-1]} C")
-    return Silicone(Yeoh(young / 6, 0.0, 0.0, laws.RUBBER), (1.0, 1.4), origin)
+    return Silicone(Yeoh(young / 6, 0.0, 0.0, laws.DEFAULT_POISSON_RATIO), (1.0, 1.4), origin)
 
 
 PRODUCTS: dict[str, tuple[Silicone, ...]] = {
     "ecoflex-00-10": (_marechal(3670.0, 126.0, 17.09), _compressed(12605.0, 4.32), _data_sheet(8.0)),
     "ecoflex-00-30": (
         _marechal(7859.0, 94.3, 16.07),
-        Silicone(Yeoh(13892.0, 61.2, 29.5, laws.RUBBER), (1.0, 3.01), LIAO),
+        Silicone(Yeoh(13892.0, 61.2, 29.5, laws.DEFAULT_POISSON_RATIO), (1.0, 3.01), LIAO),
         _compressed(22081.0, 0.825),
         _sorotoki(8400.0, 100.0),
         _data_sheet(10.0),
@@ -184,7 +184,7 @@ PRODUCTS: dict[str, tuple[Silicone, ...]] = {
     "rebound-25": (_marechal(48694.0, 4434.5, 6.27, 2.0),),
     "soloplast-150318": (_marechal(33279.0, 2054.3, 7.39, 2.0),),
     "wagnersil-20-nf": (_marechal(55737.0, 9028.0, 3.27, 2.0),),
-    "elastosil-m4601": (Silicone(Yeoh(110e3, 20e3, 0.0, laws.RUBBER), None, PNEUNETS),),
+    "elastosil-m4601": (Silicone(Yeoh(110e3, 20e3, 0.0, laws.DEFAULT_POISSON_RATIO), None, PNEUNETS),),
     "sylgard-184": (_johnston(1.32e6, "25c"), _johnston(2.97e6, "200c")),
 }
 """Every source of every product. The strain of Marechal's curves is the crosshead's: the first few percent are less sure."""
@@ -198,8 +198,8 @@ def working_modulus(material: Material) -> float:
 def in_tension(many: Sequence[Silicone]) -> list[Silicone]:
     """Return the tension sources, from the softest to the stiffest by `working_modulus`; compression ones only if there are no
     others."""
-    pulled = [one for one in many if one.pulled] or list(many)
-    return sorted(pulled, key=lambda one: working_modulus(one.material))
+    pulled = [silicone for silicone in many if silicone.pulled] or list(many)
+    return sorted(pulled, key=lambda silicone: working_modulus(silicone.material))
 
 
 def middle(many: Sequence[Silicone]) -> Silicone:
@@ -213,9 +213,9 @@ def middle(many: Sequence[Silicone]) -> Silicone:
 
 
 SILICONES: dict[str, Silicone] = {
-    product if one is middle(many) else f"{product}/{one.origin.key}": one
+    product if silicone is middle(many) else f"{product}/{silicone.origin.key}": silicone
     for product, many in PRODUCTS.items()
-    for one in many
+    for silicone in many
 }
 """By name: only the product for its `middle` source, ``product/source`` for the others."""
 
@@ -256,8 +256,8 @@ def stretches_of(material: Material) -> tuple[float, float] | None:
 
 def publications(material: Material) -> list[str]:
     """Return the sources of a material's law and, if it is a named silicone, of its numbers."""
-    found, name = [f"law: {material.source}"] if material.source else [], named(material)
-    return [*found, f"material: {name}, {SILICONES[name].source}"] if name else found
+    origins, name = [f"law: {material.source}"] if material.source else [], named(material)
+    return [*origins, f"material: {name}, {SILICONES[name].source}"] if name else origins
 
 
 def extrapolated(material: Material, stretch: float) -> str:
@@ -279,20 +279,20 @@ def stretches_at_break(material: Material) -> list[tuple[float, str]]:
     if name is None:
         return []
     product = product_of(name)
-    found = [
-        (1.0 + one.elongation_at_break, f"{one.origin.key}, one specimen")
-        for one in PRODUCTS[product]
-        if one.elongation_at_break is not None
+    breaks = [
+        (1.0 + silicone.elongation_at_break, f"{silicone.origin.key}, one specimen")
+        for silicone in PRODUCTS[product]
+        if silicone.elongation_at_break is not None
     ]
     if product in MAKERS_ELONGATION:
-        found.append((1.0 + MAKERS_ELONGATION[product][0], "maker's sheet"))
-    return sorted(found)
+        breaks.append((1.0 + MAKERS_ELONGATION[product][0], "maker's sheet"))
+    return sorted(breaks)
 
 
 def stretch_at_break(material: Material) -> float | None:
     """Return the least of `stretches_at_break`; None if unknown."""
-    found = stretches_at_break(material)
-    return found[0][0] if found else None
+    stretches = stretches_at_break(material)
+    return stretches[0][0] if stretches else None
 
 
 def break_words(material: Material) -> str:
@@ -326,13 +326,13 @@ def silicone(name: str) -> Material:
     Raises:
         MaterialError: There is none of that name.
     """
-    found = silicone_called(name)
-    if found is None:
+    silicone = silicone_called(name)
+    if silicone is None:
         raise MaterialError(
             f"silicone {units.brief(name)} is unknown; "
             f"{errors.known_are(name, PRODUCTS, ', and their sources (softmodels silicones)')}"
         )
-    return found.material
+    return silicone.material
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -364,7 +364,7 @@ def spanning(product: str) -> list[Silicone]:
 def source_names(name: str) -> list[str]:
     """Return the names of all sources in tension of a named silicone's product, from the softest to the stiffest."""
     product = product_of(name)
-    return [name_of(product, one) for one in in_tension(PRODUCTS[product])]
+    return [name_of(product, silicone) for silicone in in_tension(PRODUCTS[product])]
 
 
 def factor(product: str) -> float | None:
@@ -376,8 +376,8 @@ def factor(product: str) -> float | None:
 
 def usual_factors() -> tuple[float, float, float]:
     """Return the least, median and largest `factor` of the products that have several sources."""
-    found = [f for f in map(factor, PRODUCTS) if f is not None]
-    return min(found), statistics.median(found), max(found)
+    factors = [f for f in map(factor, PRODUCTS) if f is not None]
+    return min(factors), statistics.median(factors), max(factors)
 
 
 def spread_sentence(name: str) -> str:

@@ -29,7 +29,7 @@ from softmodels.materials.laws import Material, MaterialError
 # the law's parameters (Pa); beyond the locking stretch of a law (Gent) they are nan.
 
 
-_STEP = 1e-30  # so small that its square vanishes relative to 1: no truncation error
+_COMPLEX_STEP = 1e-30  # so small that its square vanishes relative to 1: no truncation error
 
 MODES: dict[str, tuple[tuple[float, float, float], int]] = {
     "uniaxial": ((1.0, -0.5, -0.5), 1),
@@ -48,8 +48,8 @@ def _slope(
 ) -> memory.Expression:
     """Return `Material.derivative`; nan where the law has no energy. The logarithm of a negative number is that only for
     reals: of complex stretches it would count as a stress."""
-    found = law.derivative(stretches, change, compressible)
-    return np.where(np.isfinite(found.value), found.slope, np.nan)
+    slope = law.derivative(stretches, change, compressible)
+    return np.where(np.isfinite(slope.value), slope.slope, np.nan)
 
 
 def nominal_stress(material: Material, stretch: npt.ArrayLike, mode: str = "uniaxial") -> Array:
@@ -74,11 +74,11 @@ def _check(mode: str) -> None:
 
 
 def _incompressible_stress(law: Material, stretch: memory.Expression, mode: str) -> memory.Expression:
-    found = _pulled(law, stretch, mode)
-    return np.where(np.isfinite(found.value), found.slope, np.nan)
+    stress_and_slope = _specimen_stress(law, stretch, mode)
+    return np.where(np.isfinite(stress_and_slope.value), stress_and_slope.slope, np.nan)
 
 
-def _pulled(law: Material, stretch: memory.Expression, mode: str) -> laws.Dual:
+def _specimen_stress(law: Material, stretch: memory.Expression, mode: str) -> laws.Dual:
     """Return the energy of an incompressible specimen with its nominal stress as the slope."""
     powers, sides = MODES[mode]
     stretches = [stretch**power for power in powers]
@@ -117,8 +117,8 @@ def balloon_limit(material: Material, thickness_over_radius: float, most: float 
 
     def rise(stretch: Array | float) -> Array:
         with np.errstate(all="ignore"):
-            found = _incompressible(material, np.asarray(stretch), "equibiaxial", ())
-        return (found.tangent - 2 * found.stress / stretch) / material.shear_modulus_0
+            response = _incompressible(material, np.asarray(stretch), "equibiaxial", ())
+        return (response.tangent - 2 * response.stress / stretch) / material.shear_modulus_0
 
     scan = np.linspace(1.0, most, 2000)
     falls = np.flatnonzero(rise(scan) < 0.0)
@@ -163,7 +163,7 @@ def _wall_pressure(
     return np.vectorize(pressure, otypes=[float])(np.asarray(inner_stretch, dtype=float))
 
 
-_NEWTON = 60
+_MAX_NEWTON_STEPS = 60
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -229,11 +229,11 @@ def nudged(material: Material, name: str, by: complex) -> Material:
 def _nudged_memory(given: memory.Memory, name: str, by: complex) -> memory.Memory:
     branches = tuple(
         dataclasses.replace(
-            one,
-            share=one.share + by * (name == f"share{k}"),  # type: ignore[arg-type]
-            time=one.time + by * (name == f"time{k}"),  # type: ignore[arg-type]
+            branch,
+            share=branch.share + by * (name == f"share{k}"),  # type: ignore[arg-type]
+            time=branch.time + by * (name == f"time{k}"),  # type: ignore[arg-type]
         )
-        for k, one in enumerate(given.branches, 1)
+        for k, branch in enumerate(given.branches, 1)
     )
     soft = given.softening
     if soft is not None and name in SOFTENING:
@@ -249,15 +249,15 @@ def _nudged_memory(given: memory.Memory, name: str, by: complex) -> memory.Memor
 
 def _incompressible(material: Material, stretch: Array, mode: str, parameters: Sequence[str]) -> Response:
     def by_step(law: Material, at: memory.Expression) -> Array:
-        return np.asarray(np.imag(_incompressible_stress(law, at, mode)) / _STEP + dead)
+        return np.asarray(np.imag(_incompressible_stress(law, at, mode)) / _COMPLEX_STEP + dead)
 
     stress = np.asarray(_incompressible_stress(material, stretch, mode))
     dead = 0.0 * stress  # nan where it is
     # The stretch stays real, so that only terms with the nudged parameter are complex: complex powers take most of a fit's
     # time.
-    columns = [by_step(nudged(material, name, 1j * _STEP), stretch) for name in parameters]
+    columns = [by_step(nudged(material, name, 1j * _COMPLEX_STEP), stretch) for name in parameters]
     side = stretch ** MODES[mode][0][2]
-    return Response(stress, _columns(columns, stretch), side, lambda: by_step(material, stretch + 1j * _STEP))
+    return Response(stress, _columns(columns, stretch), side, lambda: by_step(material, stretch + 1j * _COMPLEX_STEP))
 
 
 _SIDES = {
@@ -282,16 +282,20 @@ def _compressible(material: Material, stretch: Array, mode: str, parameters: Seq
     stress = slopes(material, stretch, side)[0] / sum(pulled)
     dead = 0.0 * stress
     a, s = stretch.astype(complex), side.astype(complex)
-    by_side = slopes(material, a, s + 1j * _STEP)
+    by_side = slopes(material, a, s + 1j * _COMPLEX_STEP)
 
     def follow(moved: tuple[memory.Expression, memory.Expression]) -> Array:
         """Return the total derivative, with the free side moving so that it stays stress-free."""
         drift = -np.imag(moved[1]) / np.imag(by_side[1])
-        total: Array = (np.imag(moved[0]) / _STEP + np.imag(by_side[0]) / _STEP * drift) / sum(pulled) + dead
+        total: Array = (np.imag(moved[0]) / _COMPLEX_STEP + np.imag(by_side[0]) / _COMPLEX_STEP * drift) / sum(
+            pulled
+        ) + dead
         return total
 
-    columns = [follow(slopes(nudged(material, name, 1j * _STEP), a, s)) for name in parameters]
-    return Response(stress, _columns(columns, stretch), side, lambda: follow(slopes(material, a + 1j * _STEP, s)))
+    columns = [follow(slopes(nudged(material, name, 1j * _COMPLEX_STEP), a, s)) for name in parameters]
+    return Response(
+        stress, _columns(columns, stretch), side, lambda: follow(slopes(material, a + 1j * _COMPLEX_STEP, s))
+    )
 
 
 def _free_side(material: Material, slopes: memory.Expression, stretch: Array, mode: str) -> Array:
@@ -303,10 +307,10 @@ def _free_side(material: Material, slopes: memory.Expression, stretch: Array, mo
     exact = stretch ** MODES[mode][0][2]  # what it would be at nu = 0.5
     side = exact ** (2 * nu if mode == "uniaxial" else nu / (1 - nu))  # Hooke's law in logarithms
     low, high = np.minimum(np.minimum(exact, 1.0), side) / 2, np.maximum(np.maximum(exact, 1.0), side) * 2
-    for _ in range(_NEWTON):
+    for _ in range(_MAX_NEWTON_STEPS):
         here = slopes(material, stretch, side)[1]
         low, high = np.where(here < 0.0, side, low), np.where(here > 0.0, side, high)
-        rise = np.imag(slopes(material, stretch.astype(complex), side + 1j * _STEP)[1]) / _STEP
+        rise = np.imag(slopes(material, stretch.astype(complex), side + 1j * _COMPLEX_STEP)[1]) / _COMPLEX_STEP
         step = side - here / rise
         step = np.where((step > low) & (step < high) & (rise > 0.0), step, np.sqrt(low * high))
         moved = np.abs(step - side) > 4e-16 * side
@@ -326,7 +330,7 @@ def _columns(columns: list[Array], stretch: Array) -> Array:
 
 MOST_ERROR = 1e-4
 """Largest error of integration in time, relative to the largest stress."""
-_HALVINGS = 12
+_MAX_HALVINGS = 12
 SOFTENING = ("softening", "softening_m", "softening_beta")
 """Names of the softening's parameters to differentiate by: 1/r, m in Pa, beta."""
 FLOW = ("onset", "exponent")
@@ -353,16 +357,18 @@ def branch_stress(
         Shape (n, k).
     """
     time, stretch = (np.asarray(values, dtype=float) for values in (time, stretch))
-    taus = np.array([one.time for one in branches], dtype=float)
+    taus = np.array([branch.time for branch in branches], dtype=float)
     powers, sides, flow = np.array(MODES[mode][0]), MODES[mode][1], _flow(branches)
 
     def squares(x: float) -> list[float]:
         return [*(x ** (2 * powers)).tolist(), 0.0, 0.0, 0.0]
 
     def stress(x: float, Cv: Sequence[memory.Expression]) -> Array:
-        found = np.asarray(sum(p * x ** (2 * p - 1) / v for p, v in zip(powers, Cv, strict=False)) / sides)
+        branch_sum = np.asarray(sum(p * x ** (2 * p - 1) / v for p, v in zip(powers, Cv, strict=False)) / sides)
         return (
-            found if flow is None else found * memory.spring_stiffness(3 * memory.growth(squares(x), Cv), flow.spring)
+            branch_sum
+            if flow is None
+            else branch_sum * memory.spring_stiffness(3 * memory.growth(squares(x), Cv), flow.spring)
         )
 
     def crossed(Cv: list[memory.Expression], at: int, steps: int) -> list[memory.Expression]:
@@ -380,31 +386,31 @@ def branch_stress(
 
     rest = list(memory.IDENTITY)
     allowed = 3 * error * max(float(np.abs(stress(x, rest)).max()) for x in (stretch.min(), stretch.max()))
-    Cv: list[memory.Expression] = [np.full(taus.shape, one) for one in rest]
-    found, steps = [stress(stretch[0], Cv)], 1
+    Cv: list[memory.Expression] = [np.full(taus.shape, other) for other in rest]
+    branch_sum, steps = [stress(stretch[0], Cv)], 1
     for at in range(1, len(time)):
         coarse = crossed(Cv, at, steps)
         share = np.minimum((time[at] - time[at - 1]) / taus, 1.0)
-        for _ in range(_HALVINGS):
+        for _ in range(_MAX_HALVINGS):
             fine = crossed(Cv, at, 2 * steps)
             off = np.abs(stress(stretch[at], fine) - stress(stretch[at], coarse)) - allowed * share
             if (off <= 1e-13).all():
                 break
             coarse, steps = fine, 2 * steps
         Cv, steps = fine, max(steps // 2, 1)
-        found.append(stress(stretch[at], Cv))
-    return np.array(found)
+        branch_sum.append(stress(stretch[at], Cv))
+    return np.array(branch_sum)
 
 
 def _flow(branches: Sequence[memory.Branch]) -> types.SimpleNamespace | None:
     """Return what `memory.fluidity` takes of some branches at once; None if all are linear."""
-    if all(one.linear for one in branches):
+    if all(branch.linear for branch in branches):
         return None
     names = ("onset", "exponent", "least", "growth", "growth_exponent")
-    springs = [one.spring or ((1.0, 1.0),) for one in branches]
+    springs = [branch.spring or ((1.0, 1.0),) for branch in branches]
     terms = max(map(len, springs))
-    filled = np.array([[*one, *[(0.0, 1.0)] * (terms - len(one))] for one in springs])
-    values = {name: np.array([getattr(one, name) for one in branches]) for name in names}
+    filled = np.array([[*spring, *[(0.0, 1.0)] * (terms - len(spring))] for spring in springs])
+    values = {name: np.array([getattr(branch, name) for branch in branches]) for name in names}
     return types.SimpleNamespace(**values, spring=[(filled[:, k, 0], filled[:, k, 1]) for k in range(terms)])
 
 
@@ -432,7 +438,7 @@ def stress_in_time(
     """
     stretch = np.asarray(stretch, dtype=float)
     own = material.memory or memory.Memory()
-    shares = np.array([one.share for one in own.branches])
+    shares = np.array([branch.share for branch in own.branches])
     by_flow: dict[str, Array] = {}
     if branches is None:
         branches = np.zeros((len(stretch), len(shares)))
@@ -440,8 +446,11 @@ def stress_in_time(
             flow = [name for name in parameters if name in FLOW]
             branches, by_flow = _branch_slopes(time, stretch, mode, own.branches, flow)
     with np.errstate(all="ignore"):
-        found = _pulled(material, stretch, mode)
-        stress, energy = np.where(np.isfinite(found.value), found.slope, np.nan), found.value
+        stress_and_slope = _specimen_stress(material, stretch, mode)
+        stress, energy = (
+            np.where(np.isfinite(stress_and_slope.value), stress_and_slope.slope, np.nan),
+            stress_and_slope.value,
+        )
         dead = 0.0 * stress  # nan where it is
         size, viscous = material.shear_modulus_0, branches @ shares
         slopes, energy_slopes = np.zeros((2, len(stretch), len(parameters)))
@@ -452,12 +461,14 @@ def stress_in_time(
             elif name in by_flow:
                 added[:, i] = size * by_flow[name] @ shares
             elif name not in (*SOFTENING, *FLOW):
-                moved = nudged(material, name, 1j * _STEP)
-                change = _pulled(moved, stretch, mode)
-                slopes[:, i], energy_slopes[:, i] = (np.imag(v) / _STEP + dead for v in (change.slope, change.value))
-                added[:, i] = np.imag(moved.shear_modulus_0) / _STEP * viscous
+                moved = nudged(material, name, 1j * _COMPLEX_STEP)
+                change = _specimen_stress(moved, stretch, mode)
+                slopes[:, i], energy_slopes[:, i] = (
+                    np.imag(v) / _COMPLEX_STEP + dead for v in (change.slope, change.value)
+                )
+                added[:, i] = np.imag(moved.shear_modulus_0) / _COMPLEX_STEP * viscous
         if own.softening is not None:
-            stress, slopes = _softened(own.softening, time, stress, slopes, energy, energy_slopes, parameters)
+            stress, slopes = _softened_curve(own.softening, time, stress, slopes, energy, energy_slopes, parameters)
     return stress + size * viscous, slopes + added
 
 
@@ -469,16 +480,16 @@ def _branch_slopes(
     for name in names:
         steps.append(_FLOW_STEP * getattr(branches[0], name))
         together += [
-            dataclasses.replace(one, **{name: getattr(one, name) + d})
+            dataclasses.replace(branch, **{name: getattr(branch, name) + d})
             for d in (steps[-1], -steps[-1])
-            for one in branches
+            for branch in branches
         ]
     base, *ends = np.split(branch_stress(time, stretch, mode, together), 1 + 2 * len(names), axis=1)
     pairs = zip(names, ends[::2], ends[1::2], steps, strict=True)
     return base, {name: (up - down) / (2 * step) for name, up, down, step in pairs}
 
 
-def _softened(
+def _softened_curve(
     soft: memory.Softening,
     time: npt.ArrayLike | None,
     stress: Array,
@@ -539,8 +550,11 @@ def log_strain_stiffness(material: Material, stretch: npt.ArrayLike, mode: str) 
         return [_slope(material, sides, (i * sides[0], j * sides[1], -sides[2])) for i, j in np.eye(2)]
 
     with np.errstate(all="ignore"):
-        first, second = gradient(e1 + 1j * _STEP, e2 + 0j), gradient(e1 + 0j, e2 + 1j * _STEP)
-        H = np.moveaxis(np.imag([first, second]), (0, 1), (-2, -1)) / _STEP + 0.0 * gradient(e1, e2)[0][:, None, None]
+        first, second = gradient(e1 + 1j * _COMPLEX_STEP, e2 + 0j), gradient(e1 + 0j, e2 + 1j * _COMPLEX_STEP)
+        H = (
+            np.moveaxis(np.imag([first, second]), (0, 1), (-2, -1)) / _COMPLEX_STEP
+            + 0.0 * gradient(e1, e2)[0][:, None, None]
+        )
         k = np.exp(2 * e1) + np.exp(2 * e2) + np.exp(-2 * (e1 + e2)) - 3
     return H, k
 
@@ -558,10 +572,10 @@ def strain_of(mode: str, stretch: npt.ArrayLike) -> Array:
 # it within its range makes simulations fail, however small its residuals.
 
 
-FURTHEST = 10.0
+MAX_STRETCH = 10.0
 """Range of stretch, up to this value and down to its inverse, over which a law is checked."""
-POINTS = 600
-REST = 0.01
+STRETCH_POINTS = 600
+INITIAL_STRETCH_TOLERANCE = 0.01
 """Stretch near 1 below which an instability counts as initial."""
 
 
@@ -578,32 +592,40 @@ class Instability:
         return f"{self.mode} {way} at stretch {self.stretch:.3g}"
 
 
-def instabilities(material: Material, furthest: float = FURTHEST) -> tuple[Instability, ...]:
+def instabilities(material: Material, furthest: float = MAX_STRETCH) -> tuple[Instability, ...]:
     """Return the first states along every mode, in tension and compression, that violate Drucker's criterion, the smallest
     strain first, of a law taken as incompressible; from 1/furthest to ``furthest`` of stretch."""
-    found = []
+    instabilities = []
     for mode in MODE_NAMES:
         for way in (1.0, -1.0):
             first = _first(
-                material, mode, np.exp(way * np.linspace(min(1e-3, math.log(furthest) / 2), math.log(furthest), POINTS))
+                material,
+                mode,
+                np.exp(way * np.linspace(min(1e-3, math.log(furthest) / 2), math.log(furthest), STRETCH_POINTS)),
             )
             if first:
-                found.append(first)
-    return tuple(sorted(found, key=lambda one: one.strain))
+                instabilities.append(first)
+    return tuple(sorted(instabilities, key=lambda instability: instability.strain))
 
 
 def weakest(material: Material) -> Instability | None:
-    """Return the instability at the smallest stretch in tension, over all modes; None up to `FURTHEST`."""
-    return min((one for one in instabilities(material) if one.stretch > 1), key=lambda one: one.stretch, default=None)
+    """Return the instability at the smallest stretch in tension, over all modes; None up to `MAX_STRETCH`."""
+    return min(
+        (instability for instability in instabilities(material) if instability.stretch > 1),
+        key=lambda instability: instability.stretch,
+        default=None,
+    )
 
 
 def weakness(material: Material) -> str:
     """Return at which stretch a law becomes unstable in tension, as a clause with its name; empty if stable up to
-    `FURTHEST`."""
-    found = {one.mode: one.stretch for one in instabilities(material) if one.stretch > 1}
-    if not found:
+    `MAX_STRETCH`."""
+    stretch_by_mode = {
+        instability.mode: instability.stretch for instability in instabilities(material) if instability.stretch > 1
+    }
+    if not stretch_by_mode:
         return ""
-    places = ", ".join(f"{found[mode]:.3g} ({mode})" for mode in MODE_NAMES if mode in found)
+    places = ", ".join(f"{stretch_by_mode[mode]:.3g} ({mode})" for mode in MODE_NAMES if mode in stretch_by_mode)
     return f"the law {described(material)} becomes unstable (Drucker's criterion) in tension at stretch {places}"
 
 
@@ -623,8 +645,8 @@ def described(material: Material) -> str:
 
 
 def check_rest(material: Material) -> None:
-    """Raise `MaterialError` for a law that is not stable (Drucker) within `REST` of its state of rest."""
-    if weak := instabilities(material, furthest=1 + REST):
+    """Raise `MaterialError` for a law that is not stable (Drucker) within `INITIAL_STRETCH_TOLERANCE` of its state of rest."""
+    if weak := instabilities(material, furthest=1 + INITIAL_STRETCH_TOLERANCE):
         raise MaterialError(
             f"the law {described(material)} is unstable at small strain (Drucker's criterion: {weak[0]}); check the "
             f"signs and units of its parameters, or fit another law"
@@ -672,14 +694,14 @@ def judge(material: Material, strain: float) -> Verdict:
     """Check the stability of a law up to the largest fitted (or shown) I1 - 3."""
     flags, notes = [], [material.misread] if material.misread else []
     weak = instabilities(material)
-    inside = [one for one in weak if one.strain <= strain]
+    inside = [instability for instability in weak if instability.strain <= strain]
     if inside:
         where = "; ".join(map(str, inside))
         flags.append(f"the law is unstable (Drucker) within this range: {where}")
     elif weak:
         notes.append(f"stable (Drucker) within this range; unstable beyond it in {weak[0]}")
     else:
-        notes.append(f"stable (Drucker) in every mode from stretch {1 / FURTHEST:g} to {FURTHEST:g}")
+        notes.append(f"stable (Drucker) in every mode from stretch {1 / MAX_STRETCH:g} to {MAX_STRETCH:g}")
     if math.isfinite(material.strain_limit):
         ends = ", ".join(f"{mode} {last_stretch(material, mode):.3g}" for mode in MODE_NAMES)
         notes.append(f"the chains lock at stretch: {ends}")

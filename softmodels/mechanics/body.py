@@ -334,7 +334,7 @@ def _skew(actuator: Actuator, holds: Sequence[Hold]) -> npt.NDArray[np.float64]:
     return np.array(rows)
 
 
-class BodyError(errors.Spoken, RuntimeError):
+class BodyError(errors.OptionMessage, RuntimeError):
     """An unsuitable actuator or mesh; the message is for the user."""
 
 

@@ -64,7 +64,7 @@ def compiling() -> Iterator[None]:
                 _finish(name)
 
 
-class CompilingError(errors.Spoken, RuntimeError):
+class CompilingError(errors.OptionMessage, RuntimeError):
     """The kernels could not be compiled; the message is for the user."""
 
 

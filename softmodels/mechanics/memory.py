@@ -171,7 +171,7 @@ class History:
         turned = scale * self._fixed.F.T * (self.strain.F - self._fixed.F)
         change, quadratic = memory.six(turned + turned.T), none
         for p, row in enumerate(stiffness):
-            counts = [memory.COUNTS[p] * memory.COUNTS[q] / (2 if p == q else 1) for q in range(p + 1)]
+            counts = [memory.ENTRY_COUNTS[p] * memory.ENTRY_COUNTS[q] / (2 if p == q else 1) for q in range(p + 1)]
             quadratic += change[p] * sum(n * s * c for n, s, c in zip(counts, row, change, strict=False))
         return scale * memory.contracted(stress, memory.six(self.strain.C)), quadratic
 

@@ -441,7 +441,7 @@ USABLE_MEMORY_SHARE = 0.9
 """Fraction of the free memory that a model may use; meshes, results and pictures need some too."""
 
 
-class TooLargeError(errors.Spoken, MemoryError):
+class TooLargeError(errors.OptionMessage, MemoryError):
     """The model does not fit into memory; the message is for the user."""
 
 

@@ -46,7 +46,7 @@ LEAST_TOLERANCE = 1e-8
 """The least that may be asked for: ten times the tolerance of Newton's method."""
 
 
-class StepError(errors.Spoken, ValueError):
+class StepError(errors.OptionMessage, ValueError):
     """Invalid load steps; the message is for the user."""
 
 

@@ -32,7 +32,7 @@ from softmodels.path import stability
 # `register` makes it available to case files and command lines by name.
 
 
-class SupplyError(errors.Spoken, ValueError):
+class SupplyError(errors.OptionMessage, ValueError):
     """An invalid supply; the message is for the user."""
 
 

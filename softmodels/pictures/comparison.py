@@ -24,14 +24,14 @@ from softmodels.common.lazy import scipy
 from softmodels.common.pages import Page
 from softmodels.materials import silicones
 from softmodels.pictures import curves
-from softmodels.pictures.style import LINE_COLOURS, STYLE, WIDTH, chart
+from softmodels.pictures.style import LINE_COLOURS, STYLE, WIDTH_INCHES, chart
 from softmodels.runs import columns, table
 from softmodels.runs.states import FolderStates
 from softmodels.runs.store import ResultsError
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Comparison(cards.Shown):
+class Comparison(cards.ResultCard):
     """Results side by side; the first is what the others are held against.
 
     Attributes:
@@ -41,43 +41,43 @@ class Comparison(cards.Shown):
         common: The highest load that all of them reach, in the unit in which it is shown; None without a common one.
     """
 
-    results: tuple[Compared, ...]
+    results: tuple[ComparedResult, ...]
     differences: tuple[Difference, ...]
     figures: tuple[Figures, ...]
     common: float | None
 
     def __str__(self) -> str:
         """The comparison for a terminal."""
-        names = [one.name for one in self.results]
-        cases = [["", *names], *([one.field, *one.values] for one in self.differences)]
-        told = ["cases:", *_aligned(cases)] if self.differences else ["the cases are the same"]
-        rows = [["", *names], *([one.what, *one.texts] for one in self.figures)]
-        return "\n".join([*told, "figures:", *_aligned(rows)])
+        names = [result.name for result in self.results]
+        cases = [["", *names], *([difference.field, *difference.values] for difference in self.differences)]
+        told = ["cases:", *_aligned_lines(cases)] if self.differences else ["the cases are the same"]
+        rows = [["", *names], *([figure.what, *figure.texts] for figure in self.figures)]
+        return "\n".join([*told, "figures:", *_aligned_lines(rows)])
 
     def _line(self) -> str:
         count, rows = len(self.differences), self._figures()
         first = f"; {rows[0][0]}: {rows[0][1]}" if rows else ""
-        names = " and ".join(one.name for one in self.results)
+        names = " and ".join(result.name for result in self.results)
         return f"of {names}: {count} field{'s' * (count != 1)} of the cases differ{'s' * (count == 1)}{first}"
 
     def _figures(self) -> cards.Table:
-        return [(one.what, "; ".join(one.texts)) for one in self.figures]
+        return [(figure.what, "; ".join(figure.texts)) for figure in self.figures]
 
     def _remarks(self) -> list[str]:
-        return [f"{one.field}: {'; '.join(one.values)}" for one in self.differences]
+        return [f"{difference.field}: {'; '.join(difference.values)}" for difference in self.differences]
 
     @matplotlib.rc_context(STYLE)
     def plot(self) -> Figure:
         """Plot the paths over each other: the rise of the gauge over the load."""
-        figure, axes = chart(4.6, 0.6 * WIDTH)
-        for one, colour in zip(self.results, itertools.cycle(LINE_COLOURS), strict=False):
-            over = curves.over_of(one.case)[0]
-            path = np.column_stack([one.loads, one.rows.shown(one.gauge)])
-            axes.plot(*curves.smooth(path).T, color=colour, label=one.name)
+        figure, axes = chart(4.6, 0.6 * WIDTH_INCHES)
+        for result, colour in zip(self.results, itertools.cycle(LINE_COLOURS), strict=False):
+            over = curves.over_of(result.case)[0]
+            path = np.column_stack([result.loads, result.rows.shown(result.gauge)])
+            axes.plot(*curves.smooth(path).T, color=colour, label=result.name)
             axes.plot(*path.T, "o", color=colour, markersize=3.5)
-            for row in curves.limits(one.rows):
-                axes.plot(row.shown(over), row.shown(one.gauge), "D", color=colour, markersize=8)
-        gauges = dict.fromkeys(f"rise of the {one.case.actuator.gauge}" for one in self.results)
+            for row in curves.limits(result.rows):
+                axes.plot(row.shown(over), row.shown(result.gauge), "D", color=colour, markersize=8)
+        gauges = dict.fromkeys(f"rise of the {result.case.actuator.gauge}" for result in self.results)
         axes.set(xlabel=curves.over_of(self.results[0].case)[1], ylabel=f"{' and '.join(gauges)} in mm")
         axes.set_title("Paths; a diamond is a limit point")
         axes.legend(loc="best")
@@ -86,19 +86,19 @@ class Comparison(cards.Shown):
     @matplotlib.rc_context(STYLE)
     def outlines(self) -> Figure | None:
         """Plot the outlines at rest and at the highest load that all have a state at; None where there is none."""
-        steps = [None if self.common is None else _step_at(one, abs(self.common)) for one in self.results]
-        if not all(one.case.actuator.on_profile(one.points).any() for one in self.results):
+        steps = [None if self.common is None else _step_at(result, abs(self.common)) for result in self.results]
+        if not all(result.case.actuator.on_profile(result.points).any() for result in self.results):
             return None
-        figure, axes = chart(4.6, 0.6 * WIDTH)
-        for one, step, colour in zip(self.results, steps, itertools.cycle(LINE_COLOURS), strict=False):
+        figure, axes = chart(4.6, 0.6 * WIDTH_INCHES)
+        for result, step, colour in zip(self.results, steps, itertools.cycle(LINE_COLOURS), strict=False):
             if step is None:
                 return None
-            states = ((np.zeros_like(one.points), ":", ", undeformed"), (one.displacement(step), "-", ""))
+            states = ((np.zeros_like(result.points), ":", ", undeformed"), (result.displacement(step), "-", ""))
             for moved, style, label in states:
-                line = curves.profile(one.points, moved, one.case.actuator) * 1e3
-                axes.plot(*line.T, style, color=colour, label=f"{one.name}{label}")
+                line = curves.profile(result.points, moved, result.case.actuator) * 1e3
+                axes.plot(*line.T, style, color=colour, label=f"{result.name}{label}")
         axes.margins(0.05)
-        if np.ptp(axes.get_ylim()) > FLAT * np.ptp(axes.get_xlim()):
+        if np.ptp(axes.get_ylim()) > MAX_FLAT_RATIO * np.ptp(axes.get_xlim()):
             axes.set_aspect("equal")
         axes.set(xlabel="distance in mm", ylabel="height in mm")
         figure.legend(loc="outside lower center", ncols=2, fontsize=10)
@@ -106,29 +106,33 @@ class Comparison(cards.Shown):
 
     def html(self) -> str:
         """Return the report as one self-contained page."""
-        names, first = [one.name for one in self.results], self.results[0]
+        names, first = [result.name for result in self.results], self.results[0]
         outlines = self.outlines()
         drawings = [("paths.svg", curves.drawing(self.plot(), first.case.cm))]
         drawings += [("outlines.svg", curves.drawing(outlines, first.case.cm))] if outlines else []
         same: list[pages.Part | None] = [pages.Text("The cases are the same.")]
-        rows = [[one.field, *one.values] for one in self.differences]
+        rows = [[difference.field, *difference.values] for difference in self.differences]
         head = ["", *names[:1], *itertools.chain(*((name, "difference") for name in names[1:]))]
         figures = self.figures[:1] if self.common is not None else ()
         where = f"The outlines are those {figures[0].what.removeprefix('rise ')}." if outlines else ""
         facts = [
-            pages.Fact(f"{one.what}: {name}", f"{_value(value)} {one.unit}", _change(change))
-            for one in figures
-            for name, value, change in zip(names, one.values, (math.nan, *one.changes), strict=True)
+            pages.Fact(f"{figure.what}: {name}", f"{_value(value)} {figure.unit}", _change(change))
+            for figure in figures
+            for name, value, change in zip(names, figure.values, (math.nan, *figure.changes), strict=True)
         ]
         made = [
-            pages.Bullets([f"{one.name}: {', '.join(f'{a} {b}' for a, b in one.made.rows)}" for one in self.results])
+            pages.Bullets(
+                [f"{result.name}: {', '.join(f'{a} {b}' for a, b in result.made.rows)}" for result in self.results]
+            )
         ]
-        sources = dict.fromkeys(text for one in self.results for text in silicones.publications(one.case.material))
+        sources = dict.fromkeys(
+            text for result in self.results for text in silicones.publications(result.case.material)
+        )
         return Page(
             " and ".join(names), f"{len(self.differences)} fields of the cases differ." if rows else "The cases are the same.",
             [
                 ("Paths and outlines", [pages.Charts(drawings), pages.Text(where)]),
-                ("Figures", [pages.Table([_cells(one) for one in self.figures], head)]),
+                ("Figures", [pages.Table([_cells(figure) for figure in self.figures], head)]),
                 ("What differs in the cases", [pages.Table(rows, ["", *names], numbers=False)] if rows else same),
                 ("Where the results come from", made),
             ],
@@ -140,21 +144,21 @@ class Comparison(cards.Shown):
         files.write_text(Path(path), self.html())
 
 
-COMPARED = ("added_volume", "max_stretch", "peak_stretch", "max_von_mises", "blocked_force", "contact_force")
+COMPARED_COLUMNS = ("added_volume", "max_stretch", "peak_stretch", "max_von_mises", "blocked_force", "contact_force")
 """Variables compared at the highest common load, beside the rise."""
 MOST_LOADS = 6
 """Common loads at most whose rises are compared."""
-MISSING = "not given"
-FLAT = 0.3
+MISSING_TEXT = "not given"
+MAX_FLAT_RATIO = 0.3
 """Height of outlines over their width below which both axes have scales of their own."""
 
 
-class ComparisonError(errors.Spoken, ValueError):
+class ComparisonError(errors.OptionMessage, ValueError):
     """What cannot be compared; the message is for the user."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Compared:
+class ComparedResult:
     """One of the results: its name in the comparison, its case, its table, undeformed nodes in device
     coordinates, m, shape (n, 3), the number of cells, the displacement of a state's nodes in m, shape (n, 3), and where it
     comes from."""
@@ -168,7 +172,7 @@ class Compared:
     made: commands.Provenance = dataclasses.field(default_factory=commands.Provenance)
 
     @classmethod
-    def from_folder(cls, folder: Path) -> Compared:
+    def from_folder(cls, folder: Path) -> ComparedResult:
         """Return the results of a folder; ResultsError if it holds none that can be read, CaseError if its case file is
         wrong."""
         if not (folder / "case.toml").is_file():
@@ -238,12 +242,12 @@ class Figures:
         ]
 
 
-def _cells(one: Figures) -> list[str | pages.Cell]:
+def _cells(figures: Figures) -> list[str | pages.Cell]:
     """Return a row of the table of figures: each value, and behind all but the first its difference."""
-    name = f"{one.what} ({one.unit})" if one.unit else one.what
-    cells: list[str | pages.Cell] = [pages.Cell(name, unit="cm" if one.pascal else "")]
-    for value, change in zip(one.values, (None, *one.changes), strict=True):
-        exact = value * one.pascal if one.pascal and math.isfinite(value) else None
+    name = f"{figures.what} ({figures.unit})" if figures.unit else figures.what
+    cells: list[str | pages.Cell] = [pages.Cell(name, unit="cm" if figures.pascal else "")]
+    for value, change in zip(figures.values, (None, *figures.changes), strict=True):
+        exact = value * figures.pascal if figures.pascal and math.isfinite(value) else None
         cells += [pages.Cell(_value(value), str(value), exact), *([] if change is None else [_change(change)])]
     return cells
 
@@ -257,52 +261,52 @@ def _change(share: float) -> str:
     return f"{100 * share:+.3g} %" if math.isfinite(share) else ""
 
 
-def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+def _aligned_lines(rows: Sequence[Sequence[str]]) -> list[str]:
     """Return the rows of a table as lines, each column as wide as its widest text."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     padded = ("".join(f"  {text:{width}}" for text, width in zip(row, widths, strict=True)) for row in rows)
     return [line.rstrip() for line in padded]
 
 
-def compared(results: Sequence[Compared]) -> Comparison:
+def compared(results: Sequence[ComparedResult]) -> Comparison:
     """Compare results; names that are the same get numbers. ComparisonError for fewer than two, or loads that cannot be
     compared."""
     if len(results) < 2:
         raise ComparisonError("nothing to compare; give two results or more")
-    counted, seen = Counter(one.name for one in results), Counter[str]()
+    counted, seen = Counter(result.name for result in results), Counter[str]()
     unique = []
-    for one in results:
-        seen[one.name] += 1
-        name = one.name if counted[one.name] == 1 else f"{one.name} ({seen[one.name]})"
-        unique.append(dataclasses.replace(one, name=name))
-    loaded = {curves.over_of(one.case) for one in unique}
+    for result in results:
+        seen[result.name] += 1
+        name = result.name if counted[result.name] == 1 else f"{result.name} ({seen[result.name]})"
+        unique.append(dataclasses.replace(result, name=name))
+    loaded = {curves.over_of(other.case) for other in unique}
     if len(loaded) > 1:
         loads = f"different loads ({' and '.join(sorted(label for _, label in loaded))})"
         raise ComparisonError(f"the results are over {loads}; compare runs with the same kind of load")
     return Comparison(tuple(unique), tuple(_differences(unique)), *_figures(unique, next(iter(loaded))[0]))
 
 
-def _differences(results: Sequence[Compared]) -> list[Difference]:
+def _differences(results: Sequence[ComparedResult]) -> list[Difference]:
     """Return the fields of the case files that differ, in the files' order; files count by their content."""
-    tables = [_flat(tomllib.loads(one.case.to_toml())) for one in results]
-    found = []
+    tables = [_flat(tomllib.loads(result.case.to_toml())) for result in results]
+    differences = []
     for field in dict.fromkeys(itertools.chain(*tables)):
-        texts = tuple(table.get(field, MISSING) for table in tables)
+        texts = tuple(table.get(field, MISSING_TEXT) for table in tables)
         if field != "name" and len(set(texts)) > 1:
             short = tuple(re.sub(r"\d+\.\d{7,}", lambda digits: f"{float(digits[0]):.6g}", text) for text in texts)
-            found.append(Difference(field, short if len(set(short)) == len(set(texts)) else texts))
-    return found
+            differences.append(Difference(field, short if len(set(short)) == len(set(texts)) else texts))
+    return differences
 
 
 def _flat(table: Mapping[str, object], where: str = "") -> dict[str, str]:
     """Return the texts of a table's fields by dotted names."""
-    found: dict[str, str] = {}
+    flat: dict[str, str] = {}
     for key, value in table.items():
         if isinstance(value, dict):
-            found |= _flat(value, f"{where}{key}.")
+            flat |= _flat(value, f"{where}{key}.")
         else:
-            found[f"{where}{key}"] = _text(value)
-    return found
+            flat[f"{where}{key}"] = _text(value)
+    return flat
 
 
 def _text(value: object) -> str:
@@ -313,41 +317,44 @@ def _text(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _figures(results: Sequence[Compared], over: str) -> tuple[tuple[Figures, ...], float | None]:
+def _figures(results: Sequence[ComparedResult], over: str) -> tuple[tuple[Figures, ...], float | None]:
     """Return the main figures, and the highest common load; see `Comparison`."""
     first_row, cm = results[0].rows[0], results[0].case.cm
     meaning = columns.term(first_row.column(over))
-    found, common, sign = [], min(float(one.rising[0][-1]) for one in results), results[0].sign
-    common = common if len({one.sign for one in results}) == 1 else 0.0
+    figures, common, sign = [], min(float(result.rising[0][-1]) for result in results), results[0].sign
+    common = common if len({result.sign for result in results}) == 1 else 0.0
     if common > 0.0:
-        stored = all(_step_at(one, common) is not None for one in results)
+        stored = all(_step_at(result, common) is not None for result in results)
         where = f"at {sign * common:.5g} {meaning.unit}{'' if stored else ', interpolated'}"
-        found.append(Figures(f"rise {where}", "mm", tuple(_between(one, one.gauge, common) for one in results)))
-        for name in COMPARED:
-            values = tuple(_between(one, name, common) for one in results)
+        figures.append(
+            Figures(f"rise {where}", "mm", tuple(_value_at_load(result, result.gauge, common) for result in results))
+        )
+        for name in COMPARED_COLUMNS:
+            values = tuple(_value_at_load(result, name, common) for result in results)
             if any(map(math.isfinite, values)):
-                known = columns.term(next(one.rows[0].column(name) for one in results if name in one.rows))
-                found.append(Figures(f"{known.name} {where}", known.unit, values))
-        for value in _shared(results, common):
-            rises = tuple(_between(one, one.gauge, value) for one in results)
-            found.append(Figures(f"rise at {sign * value:.5g} {meaning.unit}", "mm", rises))
+                known = columns.term(next(result.rows[0].column(name) for result in results if name in result.rows))
+                figures.append(Figures(f"{known.name} {where}", known.unit, values))
+        for value in _common_loads(results, common):
+            rises = tuple(_value_at_load(result, result.gauge, value) for result in results)
+            figures.append(Figures(f"rise at {sign * value:.5g} {meaning.unit}", "mm", rises))
     pascal = cm if meaning.unit == "cm" else 0.0
-    first = [next(iter(curves.limits(one.rows)), None) for one in results]
+    first = [next(iter(curves.limits(result.rows)), None) for result in results]
     if any(first):
         values = tuple(math.nan if row is None else row.shown(over) for row in first)
-        found.append(Figures("limit point", meaning.unit, values, pascal))
-    highest = tuple(one.sign * float((one.sign * one.loads).max()) for one in results)
-    found.append(Figures(f"highest {meaning.name}", meaning.unit, highest, pascal))
-    found.append(Figures("cells", "", tuple(float(one.cells) for one in results)))
-    if all(one.made.seconds is not None for one in results):
-        found.append(Figures("wall time", "s", tuple(one.made.seconds or 0.0 for one in results)))
-    return tuple(found), sign * common if common > 0.0 else None
+        figures.append(Figures("limit point", meaning.unit, values, pascal))
+    highest = tuple(result.sign * float((result.sign * result.loads).max()) for result in results)
+    figures.append(Figures(f"highest {meaning.name}", meaning.unit, highest, pascal))
+    figures.append(Figures("cells", "", tuple(float(result.cells) for result in results)))
+    if all(result.made.seconds is not None for result in results):
+        figures.append(Figures("wall time", "s", tuple(result.made.seconds or 0.0 for result in results)))
+    return tuple(figures), sign * common if common > 0.0 else None
 
 
-def _shared(results: Sequence[Compared], common: float) -> list[float]:
+def _common_loads(results: Sequence[ComparedResult], common: float) -> list[float]:
     """Return loads below the highest common one that all were asked to stop at, evenly chosen if there are many."""
     asked = [
-        {round(float(load), 9) for load, row in zip(*one.rising, strict=True) if row["requested"]} for one in results
+        {round(float(load), 9) for load, row in zip(*result.rising, strict=True) if row["requested"]}
+        for result in results
     ]
     shared = sorted(value for value in set.intersection(*asked) if 0.0 < value < common * (1 - 1e-9))
     if len(shared) <= MOST_LOADS:
@@ -355,20 +362,20 @@ def _shared(results: Sequence[Compared], common: float) -> list[float]:
     return [shared[round(k)] for k in np.linspace(0, len(shared) - 1, MOST_LOADS)]
 
 
-def _step_at(one: Compared, size: float) -> int | None:
+def _step_at(result: ComparedResult, size: float) -> int | None:
     """Return the state at a load of the first, rising part of the path; None if there is none."""
-    loads: npt.NDArray[np.float64] = one.rising[0]
+    loads: npt.NDArray[np.float64] = result.rising[0]
     nearest = int(np.argmin(np.abs(loads - size)))
     return nearest if math.isclose(loads[nearest], size, rel_tol=1e-6) else None
 
 
-def _between(one: Compared, variable: str, size: float) -> float:
+def _value_at_load(result: ComparedResult, variable: str, size: float) -> float:
     """Return a variable at a load of the rising part, in the unit in which it is shown: of the state there, else between its
     neighbours (monotone cubic); nan if the results have none of this name."""
-    loads, rows = one.rising
+    loads, rows = result.rising
     if variable not in rows:
         return math.nan
-    if (step := _step_at(one, size)) is not None:
+    if (step := _step_at(result, size)) is not None:
         return rows[step].shown(variable)
     if size < loads[0]:
         return math.nan

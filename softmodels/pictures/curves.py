@@ -20,7 +20,20 @@ from geometries import Actuator
 from softmodels.common import pages, units
 from softmodels.common.arrays import Array
 from softmodels.materials import silicones
-from softmodels.pictures.style import BRANCH, CURVE, DPI, EDGE, FAINT, INK, LINES, SPAN, STYLE, WARNING, WIDTH, chart
+from softmodels.pictures.style import (
+    BRANCH,
+    CURVE,
+    DPI,
+    EDGE,
+    FAINT,
+    INK,
+    LINES_CMAP,
+    SPAN,
+    STYLE,
+    WARNING,
+    WIDTH_INCHES,
+    chart,
+)
 from softmodels.runs import columns, grid, labels, notes, states, table
 from softmodels.runs.states import Line, StoredStates
 
@@ -59,7 +72,7 @@ def curves(
         wanted.insert(0, (("stroke", f"stroke of the {words.driver} in ml"), _pressure(words)))
     figures = []
     for (place, below), (variable, label) in wanted:
-        figure, axes = chart(4.2, WIDTH / 2)
+        figure, axes = chart(4.2, WIDTH_INCHES / 2)
         _sources(axes, sources, rows, variable, place)
         _path(axes, rows, variable, branch, place)
         for name, colour, marker, events in _events(rows):
@@ -247,13 +260,13 @@ def _band(axes: Axes, rows: table.PathTable, variable: str, over: str) -> None:
     half = table.band_of(PRESSURE) if variable == "added_volume" else table.at_rise(variable)
     if over != PRESSURE or half not in rows:
         return
-    found = np.column_stack([rows.shown(over), rows.shown(variable), rows.shown(half)])
-    found = found[~np.isnan(found[:, 2])]
-    if len(found) < 2:
+    band = np.column_stack([rows.shown(over), rows.shown(variable), rows.shown(half)])
+    band = band[~np.isnan(band[:, 2])]
+    if len(band) < 2:
         return
-    x, y = smooth(found[:, :2]).T
-    width = np.interp(y, *smooth(found[:, 1:]).T) if (np.diff(found[:, 1]) > 0).all() else None
-    x, y, width = (x, y, width) if width is not None else found.T
+    x, y = smooth(band[:, :2]).T
+    width = np.interp(y, *smooth(band[:, 1:]).T) if (np.diff(band[:, 1]) > 0).all() else None
+    x, y, width = (x, y, width) if width is not None else band.T
     label = f"95 % band of the pressure at equal {'volume' if variable == 'added_volume' else 'rise'}"
     axes.fill_betweenx(y, x - width, x + width, color=CURVE, alpha=0.18, linewidth=0, label=label)
 
@@ -293,7 +306,7 @@ def smooth(path: Array, count: int = 400) -> Array:
 # Plots of a program: loads of each cavity and response of the device, over the program's steps.
 
 
-SUPPLIED = {"source_pressure": "source pressure\nin {}", "flow": "flow in\nml/min"}
+SUPPLY_LABELS = {"source_pressure": "source pressure\nin {}", "flow": "flow in\nml/min"}
 """Variables of a supply in time, with their labels."""
 
 
@@ -305,26 +318,28 @@ def steps(rows: table.PathTable, words: labels.StateLabels) -> Figure:
         (words.volumes(rows[0]), "added volume\nin ml"),
         *(
             ([name], label.format(words.unit))
-            for name, label in SUPPLIED.items()
+            for name, label in SUPPLY_LABELS.items()
             if not np.isnan(rows[0].get(name, np.nan))
         ),
         *(([name], str(columns.term(rows[0].column(name)))) for name in words.loads),
         *([(["kinetic_energy"], "kinetic energy\nin mJ")] if "kinetic_energy" in rows else []),
     ]
     panels = [panel for panel in panels if panel[0]]
-    figure = Figure((WIDTH, 7.6 + 1.8 * (len(panels) - 3)), dpi=DPI, layout="constrained")
+    figure = Figure((WIDTH_INCHES, 7.6 + 1.8 * (len(panels) - 3)), dpi=DPI, layout="constrained")
     places = figure.subplots(len(panels), 1, sharex=True, height_ratios=(1.4, *(1.0 for _ in panels[1:])))
     timed = "time" in rows
     along = "time" if timed else "load_step"
-    come, asked = rows[along], rows["requested"] != 0
+    passed_rows, asked = rows[along], rows["requested"] != 0
     for axes, (variables, label) in zip(places, panels, strict=True):
         count = len(variables)
-        shades = matplotlib.colormaps[LINES](np.linspace(0.1, 0.8, count)) if count > 1 else [CURVE]
+        shades = matplotlib.colormaps[LINES_CMAP](np.linspace(0.1, 0.8, count)) if count > 1 else [CURVE]
         for k, (name, colour) in enumerate(zip(variables, shades, strict=True), 1):
             values = rows.shown(name)
             cavity = f"cavity{k}" if count > 1 else None
-            axes.plot(come, values, _marked(rows), color=colour, markersize=3.5, label=cavity)
-            axes.plot(come[asked], values[asked], "o", color=colour, mfc="white", markersize=8, markeredgewidth=2)
+            axes.plot(passed_rows, values, _line_style(rows), color=colour, markersize=3.5, label=cavity)
+            axes.plot(
+                passed_rows[asked], values[asked], "o", color=colour, mfc="white", markersize=8, markeredgewidth=2
+            )
             for row in limits(rows):
                 axes.plot(row[along], row.shown(name), "D", color=WARNING, markersize=8)
         axes.set(ylabel=label)
@@ -342,7 +357,7 @@ MOST_MARKED = 150
 """Number of states up to which each has a marker."""
 
 
-def _marked(rows: table.PathTable) -> str:
+def _line_style(rows: table.PathTable) -> str:
     """Return matplotlib's style of a line through states."""
     return "o-" if len(rows) <= MOST_MARKED else "-"
 
@@ -350,14 +365,14 @@ def _marked(rows: table.PathTable) -> str:
 def loop(rows: table.PathTable, words: labels.StateLabels) -> Figure:
     """Plot the pressure over the added volume and over the gauge's rise in each cycle of a load with times, with the areas of
     the loops."""
-    found = notes.cycles(rows)
-    figure = Figure((WIDTH, 5.4), dpi=DPI, layout="constrained")
+    loops = notes.cycles(rows)
+    figure = Figure((WIDTH_INCHES, 5.4), dpi=DPI, layout="constrained")
     places = figure.subplots(1, 2, sharey=True)
-    shades = matplotlib.colormaps[LINES](np.linspace(0.1, 0.8, len(found))) if len(found) > 1 else [CURVE]
-    for count, (cycle, colour) in enumerate(zip(found, shades, strict=True), 1):
+    shades = matplotlib.colormaps[LINES_CMAP](np.linspace(0.1, 0.8, len(loops))) if len(loops) > 1 else [CURVE]
+    for count, (cycle, colour) in enumerate(zip(loops, shades, strict=True), 1):
         label = f"cycle {count}: loses {cycle.loss}" if cycle.closed else f"cycle {count}, not closed"
-        marker, wide = {1: ("o", 2.0), len(found): ("s", 2.0)}.get(count, ("", 0.9))
-        shown = label if marker or len(found) <= MOST_CYCLES else None
+        marker, wide = {1: ("o", 2.0), len(loops): ("s", 2.0)}.get(count, ("", 0.9))
+        shown = label if marker or len(loops) <= MOST_CYCLES else None
         for axes, name in zip(places, ("added_volume", words.gauge), strict=True):
             x, y = (cycle.rows.shown(variable) for variable in (name, PRESSURE))
             axes.plot(x, y, "-", marker=marker, color=colour, linewidth=wide, markersize=4.0, label=shown)
@@ -371,7 +386,7 @@ def loop(rows: table.PathTable, words: labels.StateLabels) -> Figure:
 # Plots of the device's outline at each pressure, from the side or in a section. No rendering needed.
 
 
-FEW = 2
+MAX_FEW_VALUES = 2
 """Number of requested values up to which the profile also shows steps in between."""
 LEGEND_LINES = 12
 
@@ -397,7 +412,7 @@ def profile_steps(rows: table.PathTable, words: labels.StateLabels) -> list[floa
     if not loaded:
         return []
     shown: set[float] = {k for k in loaded if rows[k]["requested"] or rows[k]["limit"]} | {loaded[-1]}
-    if sum(bool(rows[k]["requested"]) for k in loaded) > FEW:
+    if sum(bool(rows[k]["requested"]) for k in loaded) > MAX_FEW_VALUES:
         return sorted(shown)
     if even := states.round_steps(rows, PRESSURE, 8) if words.pressure and "load_step" not in rows else []:
         shown |= set(even)
@@ -420,9 +435,9 @@ def cut_profiles(
     upwards, shape (2, 3)."""
     flat = np.concatenate([rest, *lines.values()]).reshape(-1, 3) @ axes_of_plane.T
     wide, tall = np.ptp(flat, axis=0)
-    figure, axes = chart(min(max(0.72 * WIDTH * tall / wide + 1.4, 3.5), WIDTH))
-    colours = matplotlib.colormaps[LINES](np.linspace(0.9, 0.0, max(len(lines), 2)))
-    names = _labels(*path, _labelled(list(lines)))
+    figure, axes = chart(min(max(0.72 * WIDTH_INCHES * tall / wide + 1.4, 3.5), WIDTH_INCHES))
+    colours = matplotlib.colormaps[LINES_CMAP](np.linspace(0.9, 0.0, max(len(lines), 2)))
+    names = _labels(*path, _labelled_steps(list(lines)))
     drawn: list[tuple[Array, ColorType, float, str, str | None]] = [(rest, EDGE, 1.4, ":", "undeformed")]
     drawn += [
         (line, colour, 2.0, "-", names.get(step)) for colour, (step, line) in zip(colours, lines.items(), strict=False)
@@ -446,7 +461,7 @@ def _direction(axis: Array) -> str:
     return "xyz"[near] if abs(axis[near]) > 1 - 1e-9 else f"along ({', '.join(f'{value:.3g}' for value in axis)})"
 
 
-TALLEST = 8.0
+MAX_AXES_INCHES = 8.0
 """Largest height of a profile's axes in inches."""
 
 
@@ -467,15 +482,17 @@ def profiles(
     tall = max(high - low, 0.25 * (right - left)) * 1.16
     bottom = low - 0.08 * tall
     # The legend is beside the axes, so that it hides no line.
-    inner = min(7.1, TALLEST * (right - left) / tall)
+    inner = min(7.1, MAX_AXES_INCHES * (right - left) / tall)
     height = inner * tall / (right - left)
-    names = _labels(*path, _labelled(list(lines)))
+    names = _labels(*path, _labelled_steps(list(lines)))
     whole = max(height + 1.25, 0.24 * sum(1.3 + name.count("\n") for name in names.values()) + 1.1)
-    figure = Figure((WIDTH, whole), dpi=DPI)
-    axes = figure.add_axes((0.85 / WIDTH, (whole - height + 0.25) / 2 / whole, inner / WIDTH, height / whole))
+    figure = Figure((WIDTH_INCHES, whole), dpi=DPI)
+    axes = figure.add_axes(
+        (0.85 / WIDTH_INCHES, (whole - height + 0.25) / 2 / whole, inner / WIDTH_INCHES, height / whole)
+    )
     axes.set(xlim=(left, right), ylim=(bottom, bottom + (right - left) * height / inner), aspect="equal")
     axes.plot(*_outline(rest, axial).T, "--", color=EDGE, linewidth=1.4, label="undeformed")
-    colours = matplotlib.colormaps[LINES](np.linspace(0.9, 0.0, max(len(lines), 2)))
+    colours = matplotlib.colormaps[LINES_CMAP](np.linspace(0.9, 0.0, max(len(lines), 2)))
     for colour, (step, line) in zip(colours, lines.items(), strict=False):
         axes.plot(*_outline(line, axial).T, color=colour, label=names.get(step))
     if plate is not None:
@@ -494,12 +511,12 @@ def _legend_beside(axes: Axes, words: labels.StateLabels) -> None:
 
 def _labels(rows: table.PathTable, words: labels.StateLabels, steps: Collection[float]) -> dict[float, str]:
     """Return the legend entries of some steps: load, and part of the path."""
-    places, found = branches(rows, words), dict[float, str]()
+    places, texts = branches(rows, words), dict[float, str]()
     for step in steps:
         row, part = states.row_at(rows, step), places[math.ceil(step)]
         name = f"{labels.number(row.shown(PRESSURE))} cm" if words.pressure else textwrap.fill(words.place(row), 19)
-        found[step] = name + ("\n" + textwrap.fill(f"({part})", 19) if part else "")
-    return found
+        texts[step] = name + ("\n" + textwrap.fill(f"({part})", 19) if part else "")
+    return texts
 
 
 def branches(rows: table.PathTable, words: labels.StateLabels) -> list[str]:
@@ -513,7 +530,7 @@ def branches(rows: table.PathTable, words: labels.StateLabels) -> list[str]:
     before = [row[moved] for k, row in enumerate(rows[: landings[0] if landings else 0]) if k not in over]
     largest_before = max(before, default=0.0)
     highest = int(rows[raised].argmax())
-    found, passed = [], False
+    branches, passed = [], False
     for k, row in enumerate(rows):
         part = ["up" if k <= highest else "down"] if landings and not over else []
         if k in over:
@@ -524,12 +541,12 @@ def branches(rows: table.PathTable, words: labels.StateLabels) -> list[str]:
             part += ["after snap-through"] if row[moved] > largest_before else []
         elif passed:
             part.append("stable again" if row.get("stable_under_pressure") else "past the limit point")
-        found.append(", ".join(part))
+        branches.append(", ".join(part))
         passed = passed or bool(row["limit"])
-    return found
+    return branches
 
 
-def _labelled(steps: list[float]) -> set[float]:
+def _labelled_steps(steps: list[float]) -> set[float]:
     """Return the steps that get a line in the legend: all, or evenly chosen ones with the last among them."""
     every = -(-len(steps) // LEGEND_LINES) or 1
     return set(steps[::-1][::every])

@@ -52,14 +52,14 @@ def draw(
     if not (folder / f"{name}.h5").exists():
         raise ResultsError(f"{folder} holds no {name}.h5, so there is nothing to draw")
     own = store.picture_folder(folder)
-    own.take(folders.PATIENCE)
+    own.take(folders.DRAWING_TIMEOUT)
     try:
         states = FolderStates(folder, name)
         # Check all files before removing any, so that a foreign file does not cost the earlier pictures.
         own.check_names(store.picture_files(states.actuator.gauge))
         own.remove(own.files)
         own.claim(store.picture_files(states.actuator.gauge))
-        with style.DrawnFolder(folder, each) as out, matplotlib.rc_context(style.STYLE):
+        with style.PictureFolder(folder, each) as out, matplotlib.rc_context(style.STYLE):
             _draw(offscreen.look(states, wanted.colormap), out, wanted, at_rest or solid.AtRest(), say)
         own.forget_unwritten()
         return out.written
@@ -81,7 +81,7 @@ NO_RENDERING = "this machine cannot render: pictures of the solid and the film a
 
 def _draw(
     shown: offscreen.Look,
-    out: style.DrawnFolder,
+    out: style.PictureFolder,
     wanted: commands.DrawingOptions,
     at_rest: solid.AtRest,
     say: Callable[[str], object],
@@ -109,7 +109,7 @@ def _draw(
     out.drew(page.write())
 
 
-def _curves(states: StoredStates, out: style.DrawnFolder) -> None:
+def _curves(states: StoredStates, out: style.PictureFolder) -> None:
     actuator, path = states.actuator, (states.rows, states.words)
     if states.case.program:
         out.save(actuator.gauge, curves.steps(*path))
@@ -144,7 +144,7 @@ def _plate(states: StoredStates) -> float | None:
     return point[2] if abs(normal[2]) > 1 - 1e-12 else None
 
 
-def _sections(shown: offscreen.Look, out: style.DrawnFolder, few: bool) -> None:
+def _sections(shown: offscreen.Look, out: style.PictureFolder, few: bool) -> None:
     """Draw the pictures of an axisymmetric section, without its mesh."""
     states = shown.states
     stress = solid.section_stress(shown, states.main, _plate(states))
@@ -158,7 +158,7 @@ def _sections(shown: offscreen.Look, out: style.DrawnFolder, few: bool) -> None:
     out.save("hot-spots", solid.section_hot(shown))
 
 
-def _solids(shown: offscreen.Look, out: style.DrawnFolder, few: bool) -> None:
+def _solids(shown: offscreen.Look, out: style.PictureFolder, few: bool) -> None:
     """Draw the rendered pictures of the deformed solid."""
     states, scale = shown.states, shown.scales["von_mises"]
     images, camera = solid.stress(shown)

@@ -38,10 +38,10 @@ if TYPE_CHECKING:
 
 SHOWN_LIMITS = 7
 """Maximum number of limits plotted in the history: the closest ones."""
-BEFORE, AFTER = style.BRANCH, style.CURVE
-NEAR = -0.3
+GIVEN_COLOUR, DESIGN_COLOUR = style.BRANCH, style.CURVE
+NEAR_LIMIT = -0.3
 """Relative distance to a limit within which it is plotted."""
-DEEPEST = -0.6
+MIN_VIOLATION_SHOWN = -0.6
 """Lower end of the plotted violations."""
 
 
@@ -49,7 +49,7 @@ def paths(before: table.PathTable, after: table.PathTable, gauge: str, pascal_pe
     """Plot the gauge's rise over the pressure, of the given and the optimised device; ``pascal_per_cm`` is Pa in one cm of the
     column."""
     figure, axes = style.chart(6.2)
-    for rows, colour, words in ((before, BEFORE, "as given"), (after, AFTER, "design")):
+    for rows, colour, words in ((before, GIVEN_COLOUR, "as given"), (after, DESIGN_COLOUR, "design")):
         places = np.column_stack([rows.shown("pressure"), rows.shown(gauge)])
         asked = places[rows["requested"] != 0]
         end = f": {asked[-1, 1]:.4g} mm at {asked[-1, 0]:.4g} cm" if len(asked) else ""
@@ -66,10 +66,10 @@ def paths(before: table.PathTable, after: table.PathTable, gauge: str, pascal_pe
     return figure
 
 
-def history(told: result.DesignTold) -> Figure:
+def history(told: result.DesignRecord) -> Figure:
     """Plot objective and limits over the designs in the order of their evaluation; ``told`` is
     ``design.json``."""
-    figure = Figure((style.WIDTH, 8.4), dpi=style.DPI, layout="constrained")
+    figure = Figure((style.WIDTH_INCHES, 8.4), dpi=style.DPI, layout="constrained")
     top, below = figure.subplots(2, sharex=True)
     trials, objective = told["trials"], told["objective"]
     numbers = np.array([trial["number"] for trial in trials])
@@ -103,7 +103,7 @@ def _numbers(values: Sequence[float | None]) -> Array:
     return np.array([float("nan") if value is None else value for value in values])
 
 
-def _failures(top: Axes, below: Axes, trials: Sequence[result.TrialTold]) -> None:
+def _failures(top: Axes, below: Axes, trials: Sequence[result.TrialRecord]) -> None:
     """Mark failed designs and the starts, as lines across both panels."""
 
     def across(place: float, label: str, color: str, linestyle: str, linewidth: float) -> None:
@@ -126,13 +126,16 @@ def _failures(top: Axes, below: Axes, trials: Sequence[result.TrialTold]) -> Non
             across(place, fresh, style.FAINT, "--", 1.2)
 
 
-def _limit_curves(axes: Axes, told: result.DesignTold, numbers: Array, starts: Array) -> None:
+def _limit_curves(axes: Axes, told: result.DesignRecord, numbers: Array, starts: Array) -> None:
     axes.axhline(0.0, color=style.INK, linewidth=1.2)
     largest = [float(np.nanmax(_numbers(limit["passed"]), initial=-np.inf)) for limit in told["limits"]]
     nearest = [told["limits"][k] for k in np.argsort([-value for value in largest], kind="stable")]
-    near = nearest[: min(sum(value > NEAR for value in largest), SHOWN_LIMITS)]
+    near = nearest[: min(sum(value > NEAR_LIMIT for value in largest), SHOWN_LIMITS)]
     for limit, colour in zip(near, style.LINE_COLOURS, strict=False):
-        passed, label = np.maximum(_numbers(limit["passed"]), DEEPEST), style.wrapped(limit["words"], 4.4, 10)
+        passed, label = (
+            np.maximum(_numbers(limit["passed"]), MIN_VIOLATION_SHOWN),
+            style.wrapped(limit["words"], 4.4, 10),
+        )
         for start in dict.fromkeys(starts):
             mine = starts == start
             axes.plot(numbers[mine], passed[mine], "o-", markersize=4, linewidth=1.5, color=colour, label=label)
@@ -146,23 +149,23 @@ def _limit_curves(axes: Axes, told: result.DesignTold, numbers: Array, starts: A
         axes.set_title(f"{rest} further limit{'s' if rest > 1 else ''}, inactive, not shown", fontsize=11)
 
 
-def parameters(told: Sequence[result.ParameterTold]) -> Figure:
+def parameters(told: Sequence[result.ParameterRecord]) -> Figure:
     """Plot each free parameter between its bounds, before and after."""
     figure, axes = style.chart(1.5 + 0.62 * len(told))
-    for k, one in enumerate(told):
-        low, high, unit = one["low"], one["high"], one["unit"]
-        before, after = ((one[name] - low) / (high - low) for name in ("before", "after"))
+    for k, record in enumerate(told):
+        low, high, unit = record["low"], record["high"], record["unit"]
+        before, after = ((record[name] - low) / (high - low) for name in ("before", "after"))
         axes.plot([0, 1], [k, k], "|-", color=style.FAINT, linewidth=1.2, markersize=14)
-        arrow = {"arrowstyle": "-|>", "color": AFTER, "mutation_scale": 15}
+        arrow = {"arrowstyle": "-|>", "color": DESIGN_COLOUR, "mutation_scale": 15}
         axes.annotate("", (after, k), (before, k), arrowprops=arrow)
         label = "" if k else "as given"
-        axes.plot(before, k, "o", color=BEFORE, mfc="white", markersize=9, markeredgewidth=2, label=label)
-        axes.plot(after, k, "o", color=AFTER, markersize=8, label="" if k else "design")
+        axes.plot(before, k, "o", color=GIVEN_COLOUR, mfc="white", markersize=9, markeredgewidth=2, label=label)
+        axes.plot(after, k, "o", color=DESIGN_COLOUR, markersize=8, label="" if k else "design")
         axes.text(-0.02, k, f"{low:.4g}", ha="right", va="center", fontsize=10, color=style.FAINT)
         axes.text(1.02, k, f"{high:.4g} {unit}", ha="left", va="center", fontsize=10, color=style.FAINT)
-        text = f"{one['before']:.4g} to {one['after']:.4g} {unit}"
+        text = f"{record['before']:.4g} to {record['after']:.4g} {unit}"
         axes.text(0.5, k - 0.3, text, ha="center", va="center", fontsize=10, color=style.INK)
-    axes.set_yticks(range(len(told)), [one["name"] for one in told])
+    axes.set_yticks(range(len(told)), [record["name"] for record in told])
     axes.set(xlim=(-0.16, 1.2), ylim=(len(told) - 0.4, -0.75), xticks=[])
     axes.grid(False)
     axes.tick_params(axis="y", length=0)
@@ -181,18 +184,18 @@ NAMES = ("as given", "design")
 def shapes(pair: tuple[StoredStates, StoredStates], colormap: str = commands.COLORMAP) -> Figure:
     """Return both devices at their last requested state, coloured by von Mises stress."""
     looks = [offscreen.look(states, colormap) for states in pair]
-    scales = [one.scales["von_mises"] for one in looks]
-    scale = max(scales, key=lambda one: one.top)
-    clouds = [one.points(step) for one in looks for step in (0, one.states.main)]
-    camera = offscreen.ViewCamera.around(clouds, looks[0].direction, looks[0].up, offscreen.PIXELS // 2, 1.1)
+    scales = [look.scales["von_mises"] for look in looks]
+    scale = max(scales, key=lambda other: other.top)
+    clouds = [look.points(step) for look in looks for step in (0, look.states.main)]
+    camera = offscreen.ViewCamera.around(clouds, looks[0].direction, looks[0].up, offscreen.WIDTH_PX // 2, 1.1)
     images = []
-    for one, name in zip(looks, NAMES, strict=True):
-        states = one.states
+    for look, name in zip(looks, NAMES, strict=True):
+        states = look.states
         with offscreen.studio(camera) as shoot:
-            shot = shoot(one.coloured(states.main, scale))
+            shot = shoot(look.coloured(states.main, scale))
         images.append((f"{name}: {labels.headline(states.rows[states.main], states.words)}", shot))
-    figure = solid.tiled(images, style.FOOT)
-    shown = [(one.states, one.states.main) for one in looks]
+    figure = solid.tiled(images, style.FOOT_INCHES)
+    shown = [(look.states, look.states.main) for look in looks]
     values = np.concatenate([states.field(step, scale.field) for states, step in shown])
     scale.bar(figure, scale.largest([states.rows[step] for states, step in shown], values))
     style.rulers(figure, camera.metres, camera.axes)
@@ -201,7 +204,7 @@ def shapes(pair: tuple[StoredStates, StoredStates], colormap: str = commands.COL
 
 def sections(pair: tuple[StoredStates, StoredStates]) -> Figure:
     """Return the outlines of both half sections, at rest and deformed; of axisymmetric devices."""
-    figure = Figure((style.WIDTH, 5.6), dpi=style.DPI, layout="constrained")
+    figure = Figure((style.WIDTH_INCHES, 5.6), dpi=style.DPI, layout="constrained")
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
     for axes, states, name in zip(panels, pair, NAMES, strict=True):
         title = f"{name}: {labels.headline(states.rows[states.main], states.words)}"
@@ -210,7 +213,7 @@ def sections(pair: tuple[StoredStates, StoredStates]) -> Figure:
             axes.add_collection(LineCollection(flat, colors=colour, linewidths=1.4))
         axes.autoscale_view()
         axes.set_aspect("equal")
-        axes.set_title(style.wrapped(title, style.WIDTH / 2, 12), fontsize=12)
+        axes.set_title(style.wrapped(title, style.WIDTH_INCHES / 2, 12), fontsize=12)
         axes.set_xlabel("radius in mm")
     panels[0].set_ylabel("height in mm")
     return figure
@@ -225,7 +228,7 @@ def draw(folder: Path, colormap: str = commands.COLORMAP) -> list[Path]:
         raise ResultsError(f"{folder} holds no design (design.json)") from None
     before, after = (FolderStates(folder / name) for name in ("before", "after"))
     actuator = before.actuator
-    with style.DrawnFolder(folder) as out, matplotlib.rc_context(style.STYLE):
+    with style.PictureFolder(folder) as out, matplotlib.rc_context(style.STYLE):
         charts = {
             "paths": paths(before.rows, after.rows, actuator.gauge, before.case.cm),
             "history": history(told),
@@ -253,12 +256,15 @@ def draw(folder: Path, colormap: str = commands.COLORMAP) -> list[Path]:
 
 
 def page(
-    folder: Path, told: result.DesignTold, drawn: Sequence[pages.Part], pair: tuple[StoredStates, StoredStates]
+    folder: Path, told: result.DesignRecord, drawn: Sequence[pages.Part], pair: tuple[StoredStates, StoredStates]
 ) -> str:
     """Return the report of a design: ``told`` is its ``design.json``, ``drawn`` are its pictures."""
     rows = [
-        (one["name"], *(f"{one[name]:.5g} {one['unit']}".strip() for name in ("low", "before", "after", "high")))  # type: ignore[literal-required]
-        for one in told["parameters"]
+        (
+            record["name"],
+            *(f"{record[name]:.5g} {record['unit']}".strip() for name in ("low", "before", "after", "high")),
+        )  # type: ignore[literal-required]
+        for record in told["parameters"]
     ]
     finer = f", refined {told['finer']} times" if told["finer"] != 1.0 else ""
     downloads = {name: files.read_text(folder / name) for name in ("iterates.csv",) if (folder / name).is_file()}

@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from measurement.outline import outline
+from softmodels.case import materials
 from softmodels.common import commands, pages, processes, units
 from softmodels.common.arrays import Array
 from softmodels.common.pages import Page
@@ -31,16 +32,16 @@ if TYPE_CHECKING:
 # Plots of a fit to outlines: measured and simulated ones overlaid, and the residuals of each photograph.
 
 
-SHOWN = 400
+MAX_POINTS_SHOWN = 400
 """Number of measured points drawn per photograph."""
-COLUMNS = 3
+GRID_COLUMNS = 3
 
 
 def draw_outlines(matches: Sequence[residuals.MatchedPhotograph], law: str) -> Figure:
     """Plot all outlines in device coordinates: measured points, simulated lines, a colour per pressure."""
-    figure, axes = style.chart(0.55 * style.WIDTH)
+    figure, axes = style.chart(0.55 * style.WIDTH_INCHES)
     for fitting, colour in zip(matches, _colours(len(matches)), strict=True):
-        stride = max(len(fitting.points) // SHOWN, 1)
+        stride = max(len(fitting.points) // MAX_POINTS_SHOWN, 1)
         measured = 1e3 * (fitting.points * np.column_stack([fitting.side, np.ones_like(fitting.side)]))[::stride]
         axes.plot(measured[:, 0], measured[:, 1], ".", ms=2.5, color=style.INK, alpha=0.5)
         half = 1e3 * shapes.half_outline(fitting.shadow.curve, 2e-5)[0]
@@ -69,13 +70,13 @@ def _legend_beside(axes: Axes) -> None:
 def draw_photographs(matches: Sequence[residuals.MatchedPhotograph], law: str) -> Figure:
     """Plot the residuals (simulated - measured) along the outline, one panel per photograph, with a band of two standard
     errors."""
-    rows = -(-len(matches) // COLUMNS)
+    rows = -(-len(matches) // GRID_COLUMNS)
     figure, panels = _panels(len(matches), 2.3 + 0.5 / rows, sharex=True, whole=True)
     for k, (axes, fitting) in enumerate(zip(panels, matches, strict=True)):
         _panel(axes, fitting)
-        if k // COLUMNS == rows - 1:
+        if k // GRID_COLUMNS == rows - 1:
             axes.set_xlabel("distance from the axis (mm)")
-        if k % COLUMNS == 0:
+        if k % GRID_COLUMNS == 0:
             axes.set_ylabel("residual (um)\nsimulated - measured")
     figure.suptitle(f"{law}: residuals of each photograph; grey: two standard errors of a bin's mean")
     return figure
@@ -88,16 +89,18 @@ def _name(shape: Shape) -> str:
 
 def draw_creep(matches: Sequence[residuals.MatchedPhotograph], law: str) -> Figure:
     """Plot the heights of photographs with times over their hold times, a colour per level of the pressure."""
-    figure, axes = style.chart(0.5 * style.WIDTH, 0.75 * style.WIDTH)
+    figure, axes = style.chart(0.5 * style.WIDTH_INCHES, 0.75 * style.WIDTH_INCHES)
     levels: dict[tuple[object, ...], list[residuals.MatchedPhotograph]] = {}
-    for one in matches:
-        history, device = one.shape.history, one.shape.source.rpartition("/")[0]
-        levels.setdefault((device, *history[: outline.reached(history) + 1]), []).append(one)
+    for match in matches:
+        history, device = match.shape.history, match.shape.source.rpartition("/")[0]
+        levels.setdefault((device, *history[: outline.reached(history) + 1]), []).append(match)
     for part, colour in zip(levels.values(), _colours(len(levels)), strict=True):
-        part = sorted(part, key=lambda one: one.shape.hold)
-        holds = [one.shape.hold for one in part]
-        measured = [1e3 * (one.shape.height - one.values["zero"]) / one.factor for one in part]
-        computed = [1e3 * float(one.shadow.curve.nodes[:, :, 1].max()) for one in part]
+        part = sorted(part, key=lambda photograph: photograph.shape.hold)
+        holds = [photograph.shape.hold for photograph in part]
+        measured = [
+            1e3 * (photograph.shape.height - photograph.values["zero"]) / photograph.factor for photograph in part
+        ]
+        computed = [1e3 * float(photograph.shadow.curve.nodes[:, :, 1].max()) for photograph in part]
         axes.plot(holds, measured, "o", mfc="none", mec=style.INK, ms=6)
         axes.plot(holds, computed, ".-", color=colour, lw=1.4, label=f"{part[0].shape.pressure / 1e3:.3g} kPa")
     axes.set(xscale="log", xlabel="time held (s)", ylabel="height (mm)")
@@ -125,7 +128,7 @@ def _colours(count: int) -> Array:
 
 STYLES = ("-", "--", "-.", ":")
 NAMES = {"uniaxial": "uniaxial tension", "planar": "pure shear", "equibiaxial": "equibiaxial tension"}
-BOTH = {**NAMES, "uniaxial": "uniaxial tension and compression"}
+NAMES_OF_BOTH = {**NAMES, "uniaxial": "uniaxial tension and compression"}
 
 
 def _plot_law(axes: Axes, i: int, x: Array, y: Array, label: str = "", marker: str = "") -> None:
@@ -149,10 +152,10 @@ def draw_curves(report: comparison.FitReport) -> Figure:
         if curve.time is None:
             along = np.linspace(min(curve.stretch[0], 1.0), curve.stretch[-1], 300)
             drawn = dataclasses.replace(curve, stretch=along, stress=np.zeros_like(along))
-        for i, one in enumerate(report.laws):
-            stress = _gauge(one, report, curve) * predicted(one.material, drawn)
-            _plot_law(axes, i, along, stress / 1e3, label=one.choice.name)
-        names = BOTH if curve.stretch.min() < 0.99 else NAMES
+        for i, law in enumerate(report.laws):
+            stress = _gauge(law, report, curve) * predicted(law.material, drawn)
+            _plot_law(axes, i, along, stress / 1e3, label=law.choice.name)
+        names = NAMES_OF_BOTH if curve.stretch.min() < 0.99 else NAMES
         axes.set_title(f"{names[curve.mode]}\n{processes.plain(curve.name)}")
         axes.set(xlabel="stretch" if against == "stretch" else "time (s)", ylabel="nominal stress (kPa)")
         measured = curve.stress / 1e3
@@ -162,9 +165,38 @@ def draw_curves(report: comparison.FitReport) -> Figure:
     return figure
 
 
-def _gauge(one: comparison.FittedLaw, report: comparison.FitReport, curve: TensileCurve) -> float:
+def draw_law(report: comparison.FitReport) -> Figure:
+    """Plot the laws in uniaxial tension with the 95 % band of the fit: solid over the stretches that were fitted, dashed
+    beyond."""
+    figure, axes = style.chart(0.6 * style.WIDTH_INCHES)
+    ranges = [law.material.fitted_stretch or (1.0, 1.5) for law in report.laws]
+    least, most = min(low for low, _ in ranges), max(high for _, high in ranges)
+    stretch = np.linspace(least, most + 0.35 * (most - 1.0), 300)
+    for i, (law, (low, high)) in enumerate(zip(report.laws, ranges, strict=True)):
+        colour = style.LINE_COLOURS[i % len(style.LINE_COLOURS)]
+        try:
+            errors = law.errors
+            response = specimens.respond(law.material, stretch, parameters=errors.names)
+            half = least_squares.NORMAL_QUANTILE * np.linalg.norm(response.slopes @ errors.roots, axis=1)
+            axes.fill_between(
+                stretch, (response.stress - half) / 1e3, (response.stress + half) / 1e3, color=colour, alpha=0.18, lw=0
+            )
+        except materials.MaterialError:  # none was free, or the data do not determine it
+            response = specimens.respond(law.material, stretch)
+        fitted = (low <= stretch) & (stretch <= high)
+        for where, dashes, label in ((fitted, "-", law.choice.name), (~fitted | (stretch > high), "--", "")):
+            axes.plot(
+                stretch, np.where(where, response.stress / 1e3, np.nan), dashes, color=colour, lw=1.8, label=label
+            )
+    axes.axvspan(least, most, color=style.SPAN, alpha=0.5, lw=0, label="fitted range")
+    axes.set(xlabel="stretch", ylabel="nominal stress (kPa)", title="Uniaxial tension; bands: 95 % of the fit")
+    axes.legend(loc="upper left")
+    return figure
+
+
+def _gauge(law: comparison.FittedLaw, report: comparison.FitReport, curve: TensileCurve) -> float:
     number = next(i for i, c in enumerate(report.curves, 1) if c is curve)
-    return one.fit.values.get(f"gauge{number}", 1.0)
+    return law.fit.values.get(f"gauge{number}", 1.0)
 
 
 def draw_residuals(report: comparison.FitReport) -> Figure:
@@ -173,9 +205,9 @@ def draw_residuals(report: comparison.FitReport) -> Figure:
     for axes, curve in zip(panels, report.curves, strict=True):
         along, label = (curve.stretch, "stretch") if curve.time is None else (curve.time, "time (s)")
         axes.axhline(0.0, color=style.FAINT, linewidth=1.0)
-        for i, one in enumerate(report.laws):
-            residuals = _gauge(one, report, curve) * predicted(one.material, curve) - curve.stress
-            _plot_law(axes, i, along, residuals / 1e3, label=one.choice.name, marker=".")
+        for i, law in enumerate(report.laws):
+            residuals = _gauge(law, report, curve) * predicted(law.material, curve) - curve.stress
+            _plot_law(axes, i, along, residuals / 1e3, label=law.choice.name, marker=".")
         axes.set(title=processes.plain(curve.name), xlabel=label, ylabel="residual (fit - measured) (kPa)")
         # A poor law must not flatten the others' residuals.
         sizes = [np.abs(lines.get_ydata()).max() for lines in axes.lines[1:]]
@@ -187,16 +219,16 @@ def draw_residuals(report: comparison.FitReport) -> Figure:
     return figure
 
 
-def draw_profiles(one: comparison.FittedLaw) -> Figure:
+def draw_profiles(law: comparison.FittedLaw) -> Figure:
     """Return the rise of the deviance along every free parameter, the limit of the 95 % interval, and the quadratic
     approximation."""
-    figure, grid = _panels(len(one.profiles), 3.6 + 0.3 / -(-len(one.profiles) // COLUMNS), whole=True)
-    for axes, profile in zip(grid, one.profiles.values(), strict=True):
-        best = one.fit.values[profile.name]
+    figure, grid = _panels(len(law.profiles), 3.6 + 0.3 / -(-len(law.profiles) // GRID_COLUMNS), whole=True)
+    for axes, profile in zip(grid, law.profiles.values(), strict=True):
+        best = law.fit.values[profile.name]
         _, unit = units.with_prefix(best, profile.unit)
         factor = {"MPa": 1e-6, "kPa": 1e-3}.get(unit, 1.0)
         axes.plot(profile.values * factor, profile.rises, "o-", ms=4, color=style.LINE_COLOURS[0], label="profile")
-        error = one.fit.error(profile.name)
+        error = law.fit.error(profile.name)
         if np.isfinite(error) and error > 0.0:
             quadratic = ((profile.values - best) / error) ** 2
             axes.plot(profile.values * factor, quadratic, ":", color=style.FAINT, label="quadratic")
@@ -207,18 +239,18 @@ def draw_profiles(one: comparison.FittedLaw) -> Figure:
         if profile.values[0] > 0.0 and profile.values[-1] > 50 * profile.values[0]:
             axes.set_xscale("log")
     grid[0].legend(loc="upper center", fontsize=9)
-    figure.suptitle(f"{one.choice.name}: profile likelihoods")
+    figure.suptitle(f"{law.choice.name}: profile likelihoods")
     return figure
 
 
 def _panels(
-    count: int, height: float, most: int = COLUMNS, sharex: bool = False, whole: bool = False
+    count: int, height: float, most: int = GRID_COLUMNS, sharex: bool = False, whole: bool = False
 ) -> tuple[Figure, Sequence[Axes]]:
     """Return a figure of panels side by side, ``height`` inches each; a single one is narrower unless ``whole``."""
     columns = min(count, most)
     rows = -(-count // columns)
     figure = Figure(
-        (style.WIDTH if columns > 1 or whole else 0.75 * style.WIDTH, height * rows),
+        (style.WIDTH_INCHES if columns > 1 or whole else 0.75 * style.WIDTH_INCHES, height * rows),
         dpi=style.DPI,
         layout="constrained",
     )
@@ -228,22 +260,24 @@ def _panels(
     return figure, list(grid[:count])
 
 
-SMALL = {**style.STYLE, "font.size": 10, "axes.titlesize": 11, "legend.fontsize": 9}
+SMALL_STYLE = {**style.STYLE, "font.size": 10, "axes.titlesize": 11, "legend.fontsize": 9}
 
 
-@matplotlib.rc_context(SMALL)
+@matplotlib.rc_context(SMALL_STYLE)
 def figures(report: comparison.FitReport) -> dict[str, Figure]:
     """Return all pictures by the stem of their file's name."""
-    found = {"curves": draw_curves(report), "residuals": draw_residuals(report)} if report.curves else {}
+    figures = {"law": draw_law(report)}
+    if report.curves:
+        figures |= {"curves": draw_curves(report), "residuals": draw_residuals(report)}
     for law, states in report.photographs.items():
-        found[f"outlines-{law}"] = draw_outlines(states, law)
-        found[f"photographs-{law}"] = draw_photographs(states, law)
-        if all(one.shape.history for one in states):
-            found[f"creep-{law}"] = draw_creep(states, law)
-    for one in report.laws:
-        if one.profiles:
-            found[f"profiles-{one.choice.name}"] = draw_profiles(one)
-    return found
+        figures[f"outlines-{law}"] = draw_outlines(states, law)
+        figures[f"photographs-{law}"] = draw_photographs(states, law)
+        if all(fit_states.shape.history for fit_states in states):
+            figures[f"creep-{law}"] = draw_creep(states, law)
+    for fit_states in report.laws:
+        if fit_states.profiles:
+            figures[f"profiles-{fit_states.choice.name}"] = draw_profiles(fit_states)
+    return figures
 
 
 def page(report: comparison.FitReport, figures: Mapping[str, Figure], tables: Mapping[str, str]) -> str:
@@ -254,16 +288,16 @@ def page(report: comparison.FitReport, figures: Mapping[str, Figure], tables: Ma
         for name, figure in figures.items()
     }
     ranked = [
-        (one.fit.label, str(len(one.fit.free)), f"+{one.aicc:.4g}", f"{one.bic:+.4g}") for one in report.comparison.ranked
+        (rank.fit.label, str(len(rank.fit.free)), f"+{rank.aicc:.4g}", f"{rank.bic:+.4g}") for rank in report.comparison.ranked
     ] if len(report.laws) > 1 else []  # fmt: skip
     chosen = report.chosen
-    known = {one.choice.name: one.material.source for one in report.laws}
+    known = {law.choice.name: law.material.source for law in report.laws}
     return Page(
         "Fitted material", f"{report.verdict}.",
         [
             ("Pictures", [chart for name, chart in charts.items() if not name.startswith("profiles-")]),
             ("Laws compared", [pages.Table(ranked, ("law", "parameters", "AICc", "BIC")) if ranked else None]),
-            *((one.choice.name, _law(one, charts)) for one in report.laws),
+            *((law.choice.name, _law(law, charts)) for law in report.laws),
             ("Measurements", [pages.Bullets([*report.ranges, report.how])]),
         ],
         commands.Provenance.now(), _facts(chosen),
@@ -274,6 +308,7 @@ def page(report: comparison.FitReport, figures: Mapping[str, Figure], tables: Ma
 
 
 CAPTIONS = {
+    "law": "Stress over stretch; dashed beyond the fitted range",
     "curves": "Measured curves and the fitted laws",
     "residuals": "Residuals of the curves (fit - measured)",
     "outlines": "Outlines, measured and simulated",
@@ -289,40 +324,40 @@ def _caption(name: str) -> str:
     return f"{CAPTIONS[kind]}{f': {law}' if law else ''}"
 
 
-def _facts(one: comparison.FittedLaw) -> list[pages.Fact]:
+def _facts(law: comparison.FittedLaw) -> list[pages.Fact]:
     """Return the answer of a fit: the chosen law, its stiffness and its parameters with their intervals."""
     values = [
         pages.Fact(
             name, f"{value} {unit}".strip(), f"95 %: {interval} {unit}".strip() if " to " in interval else interval
         )
-        for name, value, unit, interval in comparison.parameter_rows(one)
+        for name, value, unit, interval in comparison.parameter_rows(law)
     ]
-    modulus = " ".join(units.with_prefix(one.material.shear_modulus_0, "Pa"))
-    note = "" if one.sound else "the fit was rejected"
+    modulus = " ".join(units.with_prefix(law.material.shear_modulus_0, "Pa"))
+    note = "" if law.sound else "the fit was rejected"
     return [
-        pages.Fact("Law", one.choice.name, note, not one.sound),
+        pages.Fact("Law", law.choice.name, note, not law.sound),
         pages.Fact("Shear modulus at small strain", modulus),
         *values,
     ]
 
 
-def _law(one: comparison.FittedLaw, charts: Mapping[str, pages.Charts]) -> list[pages.Part | None]:
+def _law(fitted: comparison.FittedLaw, charts: Mapping[str, pages.Charts]) -> list[pages.Part | None]:
     """Return the report's section on a law."""
-    correlations = comparison.correlation_rows(one)
+    correlations = comparison.correlation_rows(fitted)
     width = max(map(len, correlations), default=0)
-    told = (one.material.remark, *one.judgement.notes, *least_squares.unseen(one.fit), *one.verdict.notes)
-    names = ["correlation", *(p.name for p in one.fit.free[: max(width - 1, 0)])]
+    told = (fitted.material.remark, *fitted.judgement.notes, *least_squares.unseen(fitted.fit), *fitted.verdict.notes)
+    names = ["correlation", *(p.name for p in fitted.fit.free[: max(width - 1, 0)])]
     return [
         pages.Text(
-            f"Shear modulus at small strain {' '.join(units.with_prefix(one.material.shear_modulus_0, 'Pa'))}. "
-            f"The least squares {'converged' if one.fit.converged else 'did not converge'}."
+            f"Shear modulus at small strain {' '.join(units.with_prefix(fitted.material.shear_modulus_0, 'Pa'))}. "
+            f"The least squares {'converged' if fitted.fit.converged else 'did not converge'}."
         ),
-        pages.Bullets(one.warnings, alarm=True),
-        pages.Table(comparison.parameter_rows(one), ("parameter", "value", "unit", "95 % interval")),
+        pages.Bullets(fitted.warnings, alarm=True),
+        pages.Table(comparison.parameter_rows(fitted), ("parameter", "value", "unit", "95 % interval")),
         pages.Table([[*row, *[""] * (width - len(row))] for row in correlations], names),
-        pages.Table(comparison.residual_rows(one), ("residuals", "rms", "mean", "largest", "correlation length")),
+        pages.Table(comparison.residual_rows(fitted), ("residuals", "rms", "mean", "largest", "correlation length")),
         pages.Bullets([text for text in told if text]),
-        charts.get(f"profiles-{one.choice.name}"),
+        charts.get(f"profiles-{fitted.choice.name}"),
     ]
 
 
@@ -330,33 +365,33 @@ def _law(one: comparison.FittedLaw, charts: Mapping[str, pages.Charts]) -> list[
 # Plot materials in test specimens.
 
 
-@matplotlib.rc_context(SMALL)
+@matplotlib.rc_context(SMALL_STYLE)
 def draw(
     many: Sequence[specimens.MaterialCurves], measured: Sequence[TensileCurve], radius: float, thickness: float
 ) -> bytes:
     """Return three tests and the balloon of a radius and thickness in m, with measured curves beside them, as PNG; nominal
     stresses are solid, unstable parts marked."""
-    figure = Figure((style.WIDTH, 8.4), dpi=style.DPI, layout="constrained")
+    figure = Figure((style.WIDTH_INCHES, 8.4), dpi=style.DPI, layout="constrained")
     panels = figure.subplots(2, 2).ravel()
     for axes, mode in zip(panels[:3], specimens.MODE_NAMES, strict=True):
-        for i, one in enumerate(many):
-            stress = one.responses[mode].stress / 1e3
-            _plot_law(axes, i, one.stretch, stress, label=processes.plain(one.name))
-            _mark(axes, one, mode, stress)
+        for i, law in enumerate(many):
+            stress = law.responses[mode].stress / 1e3
+            _plot_law(axes, i, law.stretch, stress, label=processes.plain(law.name))
+            _mark(axes, law, mode, stress)
         for curve, marker in zip(measured, itertools.cycle("osd^v"), strict=False):
             if curve.mode == mode:
                 label = processes.plain(curve.name)
                 axes.plot(
                     curve.stretch, curve.stress / 1e3, marker, ms=3.5, mfc="none", mec=style.INK, mew=0.7, label=label
                 )
-        names = BOTH if many[0].stretch[0] < 0.99 else NAMES
+        names = NAMES_OF_BOTH if many[0].stretch[0] < 0.99 else NAMES
         axes.set(title=names[mode], xlabel="stretch", ylabel="nominal stress (kPa)")
         axes.set_xlim(many[0].stretch[0], many[0].stretch[-1])
         _limit(axes, many, measured, mode)
     axes = panels[3]
-    for i, one in enumerate(many):
-        out = one.stretch >= 1.0
-        _plot_law(axes, i, one.stretch[out], one.balloon(thickness / radius)[out] / 1e3)
+    for i, law in enumerate(many):
+        out = law.stretch >= 1.0
+        _plot_law(axes, i, law.stretch[out], law.balloon(thickness / radius)[out] / 1e3)
     axes.set_title(f"balloon, radius {radius * 1e3:g} mm, thickness {thickness * 1e3:g} mm")
     axes.set(xlabel="circumference over undeformed circumference", ylabel="pressure (kPa)")
     handles = {text: handle for axes in panels for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)}
@@ -364,11 +399,11 @@ def draw(
     return style.png(figure)
 
 
-def _mark(axes: Axes, one: specimens.MaterialCurves, mode: str, stress: Array) -> None:
+def _mark(axes: Axes, curves: specimens.MaterialCurves, mode: str, stress: Array) -> None:
     """Mark the first instability of the law in this mode by a cross."""
-    for weak in specimens.instabilities(one.material):
-        if weak.mode == mode and one.stretch[0] <= weak.stretch <= one.stretch[-1]:
-            height = float(np.interp(weak.stretch, one.stretch, stress))
+    for weak in specimens.instabilities(curves.material):
+        if weak.mode == mode and curves.stretch[0] <= weak.stretch <= curves.stretch[-1]:
+            height = float(np.interp(weak.stretch, curves.stretch, stress))
             axes.plot(weak.stretch, height, "x", ms=9, mew=2.2, color=style.WARNING, zorder=5)
             axes.annotate(
                 "not stable", (weak.stretch, height), (6, -14), textcoords="offset points", color=style.WARNING
@@ -377,7 +412,7 @@ def _mark(axes: Axes, one: specimens.MaterialCurves, mode: str, stress: Array) -
 
 def _limit(axes: Axes, many: Sequence[specimens.MaterialCurves], measured: Sequence[TensileCurve], mode: str) -> None:
     """Limit the axes so that a law near locking, or in strong compression, does not flatten the others."""
-    stresses = [one.responses[mode].stress / 1e3 for one in many]
+    stresses = [curves.responses[mode].stress / 1e3 for curves in many]
     own = [curve.stress[curve.stretch <= many[0].stretch[-1]] / 1e3 for curve in measured if curve.mode == mode]
     tops = [*map(np.nanmax, stresses), *(stress.max(initial=0.0) for stress in own)]
     top = min(max(tops), 6 * float(np.median(tops)))

@@ -20,7 +20,7 @@ from softmodels.common.arrays import Array
 from softmodels.common.lazy import pyvista
 from softmodels.components import contact, shapes
 from softmodels.components.contact import RigidShape
-from softmodels.pictures.style import DPI, EDGE, INK, WARNING, WIDTH, Caption, Scale, subject
+from softmodels.pictures.style import DPI, EDGE, INK, WARNING, WIDTH_INCHES, Caption, Scale, subject
 from softmodels.runs import grid, labels
 from softmodels.runs.fields import coloured
 from softmodels.runs.states import StoredStates
@@ -53,8 +53,7 @@ def can_render() -> bool:
     return False
 
 
-PIXELS = round(WIDTH * DPI)
-"""Width of a picture."""
+WIDTH_PX = round(WIDTH_INCHES * DPI)
 type Layer = tuple[PolyData, Style]
 """A mesh and its style."""
 type Shoot = Callable[[Sequence[Layer]], Image]
@@ -95,7 +94,7 @@ class ViewCamera:
 
     @classmethod
     def around(
-        cls, clouds: Sequence[Array], direction: Array, up: Array, width: int = PIXELS, tallest: float = 0.62
+        cls, clouds: Sequence[Array], direction: Array, up: Array, width: int = WIDTH_PX, tallest: float = 0.62
     ) -> ViewCamera:
         """Return the camera that frames point clouds, each (n, 3) in m, from a direction towards the viewer that is not along
         ``up``, in a picture of a width in pixels whose height over it is at most ``tallest``."""
@@ -135,7 +134,7 @@ def _triple(vector: Array) -> tuple[float, float, float]:
     return x, y, z
 
 
-AROUND = 48
+FACETS_AROUND = 48
 """Facets around a shape, and from an end to its middle."""
 
 
@@ -165,7 +164,7 @@ def seen_lines(points: Array, pairs: grid.Cells) -> list[Layer]:
 
 def ring(centre: Array, direction: Array, radius: float) -> PolyData:
     """Return a circle to draw around a place, seen from a direction; lengths in m."""
-    return pyvista.Polygon(center=centre, radius=radius, normal=direction, n_sides=AROUND, fill=False)
+    return pyvista.Polygon(center=centre, radius=radius, normal=direction, n_sides=FACETS_AROUND, fill=False)
 
 
 @functools.cache
@@ -201,8 +200,8 @@ def studio(camera: ViewCamera) -> Iterator[Shoot]:
             if lit:
                 shade(actor)
         plotter.renderer.ResetCameraClippingRange()
-        one, other = (Picture.fromarray(rendered(shift)) for shift in (0.25, -0.25))
-        return np.asarray(Picture.blend(one, other, 0.5))
+        picture, other = (Picture.fromarray(rendered(shift)) for shift in (0.25, -0.25))
+        return np.asarray(Picture.blend(picture, other, 0.5))
 
     def rendered(shift: float) -> Image:
         """Return the window's image, shifted by a fraction of a pixel to the right and upwards."""
@@ -244,7 +243,7 @@ class Style(TypedDict, total=False):
 # card. Nothing here is specular, so skipping it changes no pixel.
 
 
-HEADLIGHT, LAMP = 0.5, 0.35
+HEADLIGHT_INTENSITY, LAMP_INTENSITY = 0.5, 0.35
 """Intensities of the headlight and of a second light."""
 LAMP_PLACE = (-0.4, 1.0, 0.3)
 """Direction of the second light: to the right, upwards, towards the viewer."""
@@ -258,14 +257,14 @@ SHADING = """
 
 def add_lights(plotter: Plotter) -> None:
     """Add the lights to VTK, for surfaces without `shade`."""
-    plotter.add_light(pyvista.Light(light_type="headlight", intensity=HEADLIGHT))
-    plotter.add_light(pyvista.Light(light_type="camera light", position=LAMP_PLACE, intensity=LAMP))
+    plotter.add_light(pyvista.Light(light_type="headlight", intensity=HEADLIGHT_INTENSITY))
+    plotter.add_light(pyvista.Light(light_type="camera light", position=LAMP_PLACE, intensity=LAMP_INTENSITY))
 
 
 def shade(actor: Actor) -> None:
     """Shade a surface by the lights, without specular reflection."""
     lamp = np.array(LAMP_PLACE) / np.linalg.norm(LAMP_PLACE)
-    code = SHADING.format(*lamp, HEADLIGHT, LAMP)
+    code = SHADING.format(*lamp, HEADLIGHT_INTENSITY, LAMP_INTENSITY)
     actor.GetShaderProperty().AddFragmentShaderReplacement("//VTK::Light::Impl", True, code, False)
 
 
@@ -287,7 +286,7 @@ def shape_surface(shape: RigidShape, reach: float) -> PolyData:
     first /= np.linalg.norm(first)
     points = form.profile(reach) @ [axis, first]
     pairs = np.column_stack([np.arange(len(points) - 1), np.arange(1, len(points))])
-    swept = lines(points, pairs).extrude_rotate(resolution=AROUND, rotation_axis=tuple(axis), capping=False)
+    swept = lines(points, pairs).extrude_rotate(resolution=FACETS_AROUND, rotation_axis=tuple(axis), capping=False)
     return swept.triangulate().clean(polys_to_lines=False).translate(shape.at)
 
 
@@ -307,9 +306,9 @@ def shape_layers(states: StoredStates, step: float) -> list[Layer]:
     """Return the translucent surfaces of the shapes beside a device at a step; a cylinder and a plane extend slightly beyond
     it."""
     style: Style = {"color": WARNING, "opacity": 0.25, "smooth_shading": True}
-    skin, rigid, found = states.skin, shapes_of(states), list[Layer]()
+    skin, rigid, layers = states.skin, shapes_of(states), list[Layer]()
     if not rigid:
-        return found
+        return layers
     device = skin.device(skin.points(states.moved(states.main)))
     for shape in rigid:
         form, drawn, reach = shape.form, shape, 0.0
@@ -317,8 +316,8 @@ def shape_layers(states: StoredStates, step: float) -> list[Layer]:
             drawn, reach = below(shape, form.axis, device)
         elif isinstance(form, shapes.Swept):
             reach = 1.1 * float(np.abs((device - np.asarray(shape.at)) @ form.axis).max())
-        found.append((shape_surface(drawn, reach).translate(way(states, shape, step)), style))
-    return found
+        layers.append((shape_surface(drawn, reach).translate(way(states, shape, step)), style))
+    return layers
 
 
 def below(plane: RigidShape, normal: Array, device: Array) -> tuple[RigidShape, float]:
@@ -349,7 +348,7 @@ def draw_outlines(axes: Axes, states: StoredStates, step: int) -> None:
 
 SOLID_STYLE: Style = {"smooth_shading": True, "culling": "back"}
 """Style of a closed surface: back faces are culled."""
-BESIDE = 0.5
+MAX_SHAPE_DISTANCE = 0.5
 """Distance from a device within which rigid shapes are shown, relative to its size."""
 
 
@@ -393,11 +392,11 @@ class Look:
             **texts,
         )
 
-    def camera(self, steps: Sequence[float], width: int = PIXELS, tallest: float = 0.62) -> ViewCamera:
+    def camera(self, steps: Sequence[float], width: int = WIDTH_PX, tallest: float = 0.62) -> ViewCamera:
         """Return the camera that frames some states, and nearby parts of rigid shapes."""
         clouds = [self.points(step) for step in steps]
         low, high = (limit([limit(cloud, axis=0) for cloud in clouds], axis=0) for limit in (np.min, np.max))
-        around = BESIDE * float(np.max(high - low))
+        around = MAX_SHAPE_DISTANCE * float(np.max(high - low))
         shapes = [np.asarray(data.points) for step in steps for data, _ in shape_layers(self.states, step)]
         clouds += [np.clip(cloud, low - around, high + around) for cloud in shapes]
         if self.plate is not None:
@@ -441,12 +440,12 @@ class Look:
     @functools.cached_property
     def scales(self) -> dict[str, Scale]:
         """The scale of each field, one in all pictures of the run."""
-        states, found = self.states, dict[str, Scale]()
+        states, scales = self.states, dict[str, Scale]()
         steps = sorted({*states.shown(), states.main, len(states.rows) - 1})
         for field in coloured():
             values = np.array([states.field(step, field) for step in steps])
-            found[field] = Scale(values, field, [states.row(step) for step in steps], self.colours)
-        return found
+            scales[field] = Scale(values, field, [states.row(step) for step in steps], self.colours)
+        return scales
 
     def largest(self, scale: Scale, *steps: float) -> str:
         """Return the largest value of a field in the states of a picture, in words."""
@@ -482,15 +481,15 @@ class Look:
         moved = skin.points(states.moved(step))
         everything = np.arange(len(skin.images))
         shown, normals = skin.device(moved), skin.device(skin.normals(moved))
-        found: list[Layer] = []
+        translucent: list[Layer] = []
         for chosen, style in ((skin.part > grid.OUTSIDE, walls), (skin.part == grid.OUTSIDE, outside)):
             if chosen.any() and style is not None:
                 data = surface(shown, skin.device_triangles(chosen, everything), normals)
-                found.append((data, {"color": "#8fa8c0", "smooth_shading": True, **style}))
+                translucent.append((data, {"color": "#8fa8c0", "smooth_shading": True, **style}))
         if len(skin.edges):
             edge = lines(shown, skin.device_lines(skin.edges))
-            found.append((edge, {"color": EDGE, "line_width": 2.0, "opacity": 0.6}))
-        return found
+            translucent.append((edge, {"color": EDGE, "line_width": 2.0, "opacity": 0.6}))
+        return translucent
 
     @functools.cached_property
     def open_rims(self) -> npt.NDArray[np.int64]:
@@ -617,11 +616,10 @@ def outlined(images: Sequence[Image], covered: Image) -> list[Image]:
     """Return images with the outline of what covers a part of them; ``covered`` as of `Look.at_rest`."""
     soft = np.asarray(Picture.fromarray(covered).filter(ImageFilter.BoxBlur(1)), dtype=np.float32) / 255
     line = 1 - np.abs(2 * soft - 1)
-    on, found = line > 0.02, [image.copy() for image in images]
-    for image in found:
-        image[on] = image[on] + line[on, None] * (np.array(OUTLINE) - image[on])
-    return found
+    on, outlined_images = line > 0.02, [image.copy() for image in images]
+    for image in outlined_images:
+        image[on] = image[on] + line[on, None] * (np.array(OUTLINE_COLOUR) - image[on])
+    return outlined_images
 
 
-OUTLINE = (150, 150, 150)
-"""Colour of the undeformed outline."""
+OUTLINE_COLOUR = (150, 150, 150)

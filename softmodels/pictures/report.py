@@ -97,7 +97,7 @@ class Report:
         return self.folder / REPORT
 
 
-ROUNDING = 1e-12
+ROUNDING_TOLERANCE = 1e-12
 """Values below this, in the columns' units, are rounding errors."""
 
 
@@ -132,9 +132,9 @@ def case_tables(states: StoredStates) -> list[CaseTable]:
 def _load(states: StoredStates) -> Iterator[tuple[str, object, str]]:
     case = states.case
     asked = [] if case.program else [(case.load.requested.words, ", ".join(map(units.written, case.values)))]
-    for one in steps.courses(case.steps) if case.program else ():
-        added = " added" if one.quantity == steps.VOLUME else ""
-        asked.append((one.name, ", ".join(f"{units.written(value)}{added}" for value in one.values)))
+    for course in steps.courses(case.steps) if case.program else ():
+        added = " added" if course.quantity == steps.VOLUME else ""
+        asked.append((course.name, ", ".join(f"{units.written(value)}{added}" for value in course.values)))
     if case.timed:
         asked.append(("time", ", ".join(f"{time:g} s" for time in steps.times_of(case.steps))))
     for what, text in asked:
@@ -166,9 +166,9 @@ def _text(value: object) -> str:
 # one needs neither network nor installation, keeps one slice and its images, and 10 bytes per vertex and step before packing.
 
 
-VALUES = 2_500_000
+MAX_VIEW_VALUES = 2_500_000
 """Maximum vertices times steps of a view; with more, some steps are skipped."""
-FULL = 65535
+MAX_UINT16 = 65535
 
 
 def view(look: offscreen.Look) -> dict[str, object]:
@@ -176,7 +176,7 @@ def view(look: offscreen.Look) -> dict[str, object]:
     states = look.states
     steps = _steps(states)
     meta, data = packed(look, steps)
-    colours, count = matplotlib.colormaps[look.colours](np.linspace(0, 1, 52))[:, :3], len(states.rows)
+    colours, count = style.colormap(look.colours)(np.linspace(0, 1, 52))[:, :3], len(states.rows)
     left = count - len(steps)
     return {
         "last": len(steps) - 1, "begin": steps.index(states.main), "axial": states.actuator.axial,
@@ -190,14 +190,23 @@ def view(look: offscreen.Look) -> dict[str, object]:
 def _steps(states: StoredStates) -> list[int]:
     """Return the steps of the view: all, or as many as possible, preferring the requested ones."""
     count = len(states.rows)
-    most = max(VALUES // max(len(states.points), 1), 2)
+    most = max(MAX_VIEW_VALUES // max(len(states.points), 1), 2)
     if count <= most:
         return list(range(count))
     spread = {int(k) for k in np.linspace(0, count - 1, most).round()}
     return sorted(spread | {0, states.main, *(round(step) for step in states.shown())})
 
 
-PARTS = ((0, 4, 6, 7), (1, 5, 4, 8), (2, 6, 5, 9), (3, 7, 9, 8), (4, 9, 5, 6), (4, 9, 6, 7), (4, 9, 7, 8), (4, 9, 8, 5))
+SUBTETRAHEDRA = (
+    (0, 4, 6, 7),
+    (1, 5, 4, 8),
+    (2, 6, 5, 9),
+    (3, 7, 9, 8),
+    (4, 9, 5, 6),
+    (4, 9, 6, 7),
+    (4, 9, 7, 8),
+    (4, 9, 8, 5),
+)
 """A tetrahedron of ten nodes, in VTK's order, as eight of four nodes, whose faces are those of `QUARTERS`."""
 
 
@@ -207,7 +216,7 @@ def solid_cells(states: StoredStates) -> tuple[grid.Cells, grid.Cells]:
     Those of a half section are prisms between its nodes and the turned ones, each quarter of which is three tetrahedra.
     """
     if states.actuator.dimension == 3:
-        return states.cells, np.array(PARTS)
+        return states.cells, np.array(SUBTETRAHEDRA)
     parts = [((a, b, c, a + 6), (b, c, a + 6, b + 6), (c, a + 6, b + 6, c + 6)) for a, b, c in grid.QUARTERS]
     return np.concatenate([states.cells, states.cells + len(states.points)], axis=1), np.reshape(parts, (-1, 4))
 
@@ -237,16 +246,16 @@ def packed(look: offscreen.Look, steps: list[int]) -> tuple[dict[str, object], b
     ]
     before: list[Array | float] = [0] * (1 + len(look.scales))
     for step, place in zip(steps, places, strict=True):
-        columns = [np.round((place - low) / span * FULL).ravel()]
+        columns = [np.round((place - low) / span * MAX_UINT16).ravel()]
         for name, scale in look.scales.items():
             values = scale.share(states.field(step, name))
-            columns.append(np.round(whole(values, values) * FULL))
+            columns.append(np.round(whole(values, values) * MAX_UINT16))
         for k, column in enumerate(columns):
             pieces.append(_bytes(column - before[k]))
             before[k] = column
     rest = look.rest(everything := np.arange(len(skin.images)))
     camera = offscreen.ViewCamera.around([rest, look.points(states.main, everything)], look.direction, look.up)
-    colours = (matplotlib.colormaps[look.colours](np.linspace(0, 1, 256))[:, :3] * 255).round().astype(int)
+    colours = (style.colormap(look.colours)(np.linspace(0, 1, 256))[:, :3] * 255).round().astype(int)
     meta = {
         "subject": style.subject(states.case), "vertices": len(places[0]), "triangles": len(triangles),
         "outside": int((skin.part == grid.OUTSIDE).sum()), "edges": len(edges), "cells": len(cells), "split": split.tolist(),
@@ -256,8 +265,8 @@ def packed(look: offscreen.Look, steps: list[int]) -> tuple[dict[str, object], b
         "direction": list(camera.direction), "up": list(camera.up), "focus": list(camera.focus),
         "scale": 1.1 * camera.scale, "aspect": camera.size[0] / camera.size[1], "colours": colours.tolist(),
         "fields": [
-            {"what": one.what, "label": f"{one.what}, {one.kind}", "unit": one.unit, "low": one.low, "power": one.power,
-             "top": one.top} for one in look.scales.values()
+            {"what": shades.what, "label": f"{shades.what}, {shades.kind}", "unit": shades.unit, "low": shades.low,
+             "power": shades.power, "top": shades.top} for shades in look.scales.values()
         ],
         "steps": [{"step": step, "label": labels.headline(states.rows[step], states.words)} for step in steps],
     }  # fmt: skip
@@ -288,12 +297,12 @@ def _limit(states: StoredStates, told: dict[str, object]) -> pages.Fact:
     name, raised = f"Limit point of the {words.kept[0]}", words.along[0]
     if states.case.program:
         name = "Limit point of the loads"
-    if found := curves.limits(rows):
+    if limit_points := curves.limits(rows):
         beyond = told.get("status") == outcomes.NO_EQUILIBRIUM
         note = "there is no equilibrium at what was requested beyond it" if beyond else ""
         if not beyond and not states.case.program and row["requested"] and row[raised]:
-            note = f"{found[0][raised] / row[raised]:.3g} times the last requested {words.kept[0]}"
-        return pages.Fact(name, labels.load(found[0], words), note, beyond)
+            note = f"{limit_points[0][raised] / row[raised]:.3g} times the last requested {words.kept[0]}"
+        return pages.Fact(name, labels.load(limit_points[0], words), note, beyond)
     highest = rows[int(np.abs(rows[raised]).argmax())]
     way = "up" if highest[raised] >= 0.0 else "down"
     note = "the margin is not known from this run: softmodels limit case.toml finds it"
@@ -323,8 +332,8 @@ def convergence(states: StoredStates) -> list[str]:
     count = f"{len(states.cells)} cells of second order, {len(states.points)} nodes"
     return [
         f"{text}.",
-        f"Mesh: {count}. The mesh error was not estimated: halve the cell size in a copy of case.toml, run it, and hold both "
-        "results against each other by softmodels compare.",
+        f"Mesh: {count}. The mesh error was not estimated: halve the cell size in a copy of case.toml, run it, and "
+        "compare the two results with softmodels compare.",
         "The largest stress and stretch converge only at rounded corners; at sharp ones they grow with mesh refinement.",
     ]
 
@@ -332,10 +341,10 @@ def convergence(states: StoredStates) -> list[str]:
 def summary(folder: Path) -> dict[str, object]:
     """Return ``summary.json``'s data on the end of the run; empty if it was interrupted."""
     try:
-        found = files.read_json(folder / "summary.json")
+        values = files.read_json(folder / "summary.json")
     except (OSError, ValueError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return values if isinstance(values, dict) else {}
 
 
 def _curves(states: StoredStates) -> list[tuple[str, str]]:
@@ -347,8 +356,8 @@ def _curves(states: StoredStates) -> list[tuple[str, str]]:
             drawn = {"steps": curves.steps(rows, words), **({"loop": curves.loop(rows, words)} if looped else {})}
             figures = list(drawn.items())
         else:
-            found = curves.curves(rows, words, states.branch, curves.over_of(states.case), states.sources)
-            figures = [(f"path-{number}", figure) for number, figure in enumerate(found, 1)]
+            drawings = curves.curves(rows, words, states.branch, curves.over_of(states.case), states.sources)
+            figures = [(f"path-{number}", figure) for number, figure in enumerate(drawings, 1)]
         return [(f"{states.name}-{name}.svg", curves.drawing(figure, states.case.cm)) for name, figure in figures]
 
 
@@ -358,7 +367,7 @@ def _contact(states: StoredStates) -> str:
     if obstacle is None:
         return ""
     text = f"The rigid plane {obstacle.plane} is in frictionless contact with {obstacle.faces} (red in the pictures)."
-    pressed = states.rows.where(lambda row: row.get("contact_force") > ROUNDING)
+    pressed = states.rows.where(lambda row: row.get("contact_force") > ROUNDING_TOLERANCE)
     if not pressed:
         return f"{text} No contact occurred."
     first, row, words = pressed[0], states.rows[states.main], states.words
@@ -375,7 +384,7 @@ def _lines(rows: table.PathTable, states: StoredStates) -> pages.Table:
             continue
         meaning = columns.term(name, states.actuator, states.case.load.driver)
         factor = states.case.cm if meaning.unit == "cm" else math.nan
-        cells = [(row.cells.get(name, ""), _shown(row.cells.get(name))) for row in rows]
+        cells = [(row.cells.get(name, ""), _shown_value(row.cells.get(name))) for row in rows]
         values = [
             pages.Cell(shown, str(exact), factor * exact if isinstance(exact, float) and meaning.unit == "cm" else None)
             for exact, shown in cells
@@ -386,9 +395,9 @@ def _lines(rows: table.PathTable, states: StoredStates) -> pages.Table:
     return pages.Table(lines)
 
 
-def _shown(value: table.Cell) -> str:
+def _shown_value(value: table.Cell) -> str:
     if isinstance(value, float):
-        return f"{value:.6g}" if abs(value) > ROUNDING else "0"
+        return f"{value:.6g}" if abs(value) > ROUNDING_TOLERANCE else "0"
     return "" if value is None else str(value)
 
 

@@ -30,12 +30,12 @@ from softmodels.pictures.style import (
     DPI,
     EDGE,
     FAINT,
-    FOOT,
+    FOOT_INCHES,
     INK,
     SOLID,
     STYLE,
     WARNING,
-    WIDTH,
+    WIDTH_INCHES,
     Pixels,
     Scale,
     page,
@@ -71,7 +71,7 @@ def section_stress(look: offscreen.Look, step: float, plate: float | None = None
     that stops it."""
     states, scale, caption = look.states, look.scales["von_mises"], look.caption(step)
     title = caption.title + ("" if plate is None else "; the rigid plane dashed")
-    figure, axes = _section_axes(_section_points(states, step), FOOT, title, caption.subject)
+    figure, axes = _section_axes(_section_points(states, step), FOOT_INCHES, title, caption.subject)
     _coloured_section(axes, states, step, scale)
     if plate is not None:
         axes.axhline(plate * 1e3, color=WARNING, linewidth=1.5, linestyle="--")
@@ -100,16 +100,16 @@ def section_sheet(look: offscreen.Look) -> Figure:
     flat = np.concatenate([states.points, *(states.moved(step) for step in steps)])[:, ::2] * 1e3
     low, (wide, tall) = flat.min(axis=0), np.ptp(flat, axis=0)
     columns = COLUMNS[len(steps)] if tall < 1.2 * wide else len(steps)
-    titles = [wrapped(labels.load(states.row(step), states.words), WIDTH / columns, 11) for step in steps]
-    inner = WIDTH / columns - 0.4
+    titles = [wrapped(labels.load(states.row(step), states.words), WIDTH_INCHES / columns, 11) for step in steps]
+    inner = WIDTH_INCHES / columns - 0.4
     head = max(0.55, 0.15 + 1.25 * 11 / 72 * max(1 + title.count("\n") for title in titles))
     height = min(inner * tall / wide, 5.0)
     used, rows = height * wide / tall, -(-len(steps) // columns)
-    whole = rows * (height + head) + 0.35 + FOOT
-    figure = Figure((WIDTH, whole), dpi=DPI)
+    whole = rows * (height + head) + 0.35 + FOOT_INCHES
+    figure = Figure((WIDTH_INCHES, whole), dpi=DPI)
     for k, (step, title) in enumerate(zip(steps, titles, strict=True)):
-        left, down = (k % columns + 0.5) * WIDTH / columns - used / 2, 0.3 + (height + head) * (k // columns + 1)
-        axes = figure.add_axes((left / WIDTH, 1 - down / whole, used / WIDTH, height / whole))
+        left, down = (k % columns + 0.5) * WIDTH_INCHES / columns - used / 2, 0.3 + (height + head) * (k // columns + 1)
+        axes = figure.add_axes((left / WIDTH_INCHES, 1 - down / whole, used / WIDTH_INCHES, height / whole))
         _coloured_section(axes, states, step, scale)
         axes.set(xlim=(low[0], low[0] + wide), ylim=(low[1], low[1] + tall))
         axes.set_axis_off()
@@ -125,7 +125,7 @@ def section_hot(look: offscreen.Look) -> Figure:
     """Draw the deformed half section coloured by stretch, with a ring around the largest one."""
     states, step, scale = look.states, look.states.main, look.scales["largest_stretch"]
     hot, points = offscreen.hot_spot(states, step), _section_points(states, step)
-    figure, axes = _section_axes(points, FOOT + 0.3, hot_title(hot), look.caption(step).subject)
+    figure, axes = _section_axes(points, FOOT_INCHES + 0.3, hot_title(hot), look.caption(step).subject)
     _coloured_section(axes, states, step, scale)
     x, _, z = 1e3 * hot.place
     for colour, wide in (("white", 5.0), ("black", 2.0)):
@@ -148,7 +148,9 @@ def section_mode(look: offscreen.Look, step: int, amount: float = 0.15) -> Figur
     mode = amount * np.ptp(before[:, 0]) * states.field(step, "mode")[:, ::2]
     shapes = [(before, FAINT), (after, INK), (after + mode, WARNING), (after - mode, CURVE)]
     caption = look.caption(step)
-    title = wrapped(f"Bifurcation at {caption.title}: the mode in both directions (arbitrary amplitude)", WIDTH, 13)
+    title = wrapped(
+        f"Bifurcation at {caption.title}: the mode in both directions (arbitrary amplitude)", WIDTH_INCHES, 13
+    )
     everything = np.concatenate([shape for shape, colour in shapes if colour != INK])
     figure, axes = _section_axes(everything, 0.0, title, caption.subject)
     for shown, colour in shapes:
@@ -165,8 +167,8 @@ def _section_axes(points: Array, foot: float, title: str, subject: str) -> tuple
     height = min(8.6 * tall / wide, 6.4)
     head, below = 0.55, foot + 0.75
     whole = head + height + below
-    figure = Figure((WIDTH, whole), dpi=DPI)
-    used = height * wide / tall / WIDTH
+    figure = Figure((WIDTH_INCHES, whole), dpi=DPI)
+    used = height * wide / tall / WIDTH_INCHES
     axes = figure.add_axes(((1.0 - used) / 2 + 0.02, below / whole, used, height / whole))
     axes.set(xlim=(left - margin, right + margin), ylim=(low - margin, high + margin))
     axes.set(xlabel="radius in mm", ylabel="height in mm")
@@ -186,23 +188,25 @@ def _section_axes(points: Array, foot: float, title: str, subject: str) -> tuple
 
 
 QUADRATIC_TETRA = 24
-ASIDE = 1e-4
+CUT_OFFSET = 1e-4
 """Offset of a cut from vertices, relative to the device's size: invisible, but above rounding."""
 Plane = tuple[Array, Array]
 """A unit normal and a point in m."""
 
 
-def best_plane(skin: grid.Surface, points: Array, up: Array, axial: bool) -> Plane:
+def best_plane(skin: grid.Surface, points: Array, up: Array, axial: bool, motion: Array | None = None) -> Plane:
     """Return the plane normal to a coordinate axis (only along ``up`` if ``axial``) that cuts the most cavities, and of these
-    the most air; undeformed nodes in m, shape (n, 3)."""
+    the most air; undeformed nodes in m, shape (n, 3). A device that bends by its displacements ``motion``, shape (n, 3), is
+    cut in the plane of the bend."""
     vertices = skin.device(skin.points(points))
     count = max(skin.cavities, 1)
     cavities = [vertices[skin.device_triangles(skin.part == k)] for k in range(1, count + 1)]
     corners = np.concatenate(cavities) if skin.cavities else vertices[skin.device_triangles(skin.part == grid.OUTSIDE)]
     places = [_centre(corners), *(_centre(walls) for walls in cavities if len(walls))]
     best, most = (np.eye(3)[1], places[0]), (-1, -1.0)
-    for normal in np.eye(3):
-        if axial and abs(normal @ up) > 0.5:
+    bend = None if motion is None else _normal_to_bend(points, motion)
+    for axis, normal in enumerate(np.eye(3)):
+        if (axial and abs(normal @ up) > 0.5) or bend not in (None, axis):
             continue
         for place in places:
             areas = [_section_area(walls, normal, place) for walls in cavities]
@@ -210,6 +214,14 @@ def best_plane(skin: grid.Surface, points: Array, up: Array, axial: bool) -> Pla
             if met[0] > most[0] or (met[0] == most[0] and met[1] > 1.01 * most[1]):
                 best, most = (normal, place), met
     return best
+
+
+def _normal_to_bend(points: Array, motion: Array) -> int | None:
+    """Return the axis normal to the plane in which a device bends: where it moves grows along another; None without a bend."""
+    main = int(np.argmax((motion**2).sum(axis=0)))
+    with np.errstate(invalid="ignore"):  # at rest
+        grows = {k: abs(np.corrcoef(points[:, k], motion[:, main])[0, 1]) for k in range(3) if k != main}
+    return min(grows, key=grows.__getitem__) if max(grows.values()) > 0.7 else None
 
 
 def _centre(corners: Array) -> Array:
@@ -241,13 +253,13 @@ def cut_open(states: StoredStates, step: float, plane: Plane, viewer: Array, sca
     normal, place = plane
     normal = normal if normal @ viewer > 0 else -normal
     skin = states.skin
-    place = _aside(skin.device(skin.points(states.points)), normal, place)
+    place = _point_beside(skin.device(skin.points(states.points)), normal, place)
     u, values = states.field(step, "displacement"), scale.share(states.field(step, scale.field))
     shell = offscreen.surface(skin.device(skin.points(states.points)), skin.device_triangles(skin.part != grid.CUT))
     shell.point_data["displacement"] = skin.device(skin.points(u))
     shell.point_data["values"] = np.tile(values[skin.nodes], len(skin.images))
     style: offscreen.Style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0)}
-    found: list[offscreen.Layer] = [(shell.clip(normal=normal, origin=place).warp_by_vector("displacement"), style)]
+    layers: list[offscreen.Layer] = [(shell.clip(normal=normal, origin=place).warp_by_vector("displacement"), style)]
     rest, moved, shares, faces, count = list[Array](), list[Array](), list[Array](), list[grid.Cells](), 0
     for image in skin.images:
         piece = _section(states.points, states.cells, u, values, image.T @ normal, image.T @ place)
@@ -261,9 +273,9 @@ def cut_open(states: StoredStates, step: float, plane: Plane, viewer: Array, sca
         # Images of the slice meet in their symmetry plane: one face, so that no edge is drawn there.
         corners = offscreen.joined_places(np.concatenate(rest), states.actuator.size)[np.concatenate(faces)]
         points = np.concatenate(moved)
-        found.append((offscreen.surface(points, corners, None, np.concatenate(shares)), style))
-        found += offscreen.seen_lines(points, border_of(corners))
-    return found
+        layers.append((offscreen.surface(points, corners, None, np.concatenate(shares)), style))
+        layers += offscreen.seen_lines(points, border_of(corners))
+    return layers
 
 
 def border_of(triangles: grid.Cells) -> grid.Cells:
@@ -274,14 +286,14 @@ def border_of(triangles: grid.Cells) -> grid.Cells:
     return np.asarray(edges[count == 1])
 
 
-def _aside(vertices: Array, normal: Array, place: Array) -> Array:
+def _point_beside(vertices: Array, normal: Array, place: Array) -> Array:
     """Return a point a little deeper than a plane on which vertices lie, such as a symmetry plane of the device.
 
     There the plane would meet the faces of cells, some once and some twice, and the section would have cracks.
     """
     size = np.ptp(vertices, axis=0).max()
     on_plane = np.abs((vertices - place) @ normal) < 1e-6 * size
-    return place - ASIDE * size * normal if on_plane.any() else place
+    return place - CUT_OFFSET * size * normal if on_plane.any() else place
 
 
 def _section(points: Array, cells: grid.Cells, u: Array, values: Array, normal: Array, place: Array) -> PolyData:
@@ -291,7 +303,7 @@ def _section(points: Array, cells: grid.Cells, u: Array, values: Array, normal: 
     return grid.slice(normal=normal, origin=place).extract_surface(algorithm="dataset_surface").triangulate()
 
 
-AIR = "#2f6f9f"
+AIR_COLOUR = "#2f6f9f"
 COLUMNS = {1: 1, 2: 2, 3: 3, 4: 2}
 """Columns of the sheet for each number of pictures."""
 
@@ -302,7 +314,7 @@ def undeformed(look: offscreen.Look) -> Figure:
     whole = states.skin.device(states.skin.points(states.points))
     camera = offscreen.ViewCamera.around([whole], look.direction, look.up)
     with offscreen.studio(camera) as shoot:
-        image = shoot(look.translucent(0, {"color": AIR}, {"opacity": 0.35, "culling": "back"}))
+        image = shoot(look.translucent(0, {"color": AIR_COLOUR}, {"opacity": 0.35, "culling": "back"}))
     count = states.skin.cavities
     what = {0: "", 1: ", its cavity inside"}.get(count, f", its {count} cavities inside")
     return page(image, look.caption(0, camera, title=f"Undeformed device{what}: {_size(whole)}"))
@@ -395,7 +407,7 @@ def sheet(images: list[tuple[float, offscreen.Image]], look: offscreen.Look, cam
     """Return the images of `stress` side by side over one colour bar."""
     states = look.states
     named = [(labels.load(states.row(step), states.words), image) for step, image in images]
-    figure = tiled(named, FOOT, look.caption(states.main).subject)
+    figure = tiled(named, FOOT_INCHES, look.caption(states.main).subject)
     scale = look.scales["von_mises"]
     scale.bar(figure, look.largest(scale, *(step for step, _ in images)))
     rulers(figure, COLUMNS[len(images)] * camera.metres, camera.axes)
@@ -406,19 +418,19 @@ def tiled(images: Sequence[tuple[str, offscreen.Image]], foot: float = 0.0, name
     """Return up to four images side by side under their titles and a name, with ``foot`` inches free below them."""
     columns = COLUMNS[len(images)]
     rows_ = -(-len(images) // columns)
-    wide = WIDTH / columns
+    wide = WIDTH_INCHES / columns
     tall = wide * images[0][1].shape[0] / images[0][1].shape[1]
     titles = [wrapped(title, wide, 12) for title, _ in images]
     head = 0.4 + 0.2 * max(title.count("\n") for title in titles)
     above = 0.3 if name else 0.0
     whole = rows_ * (tall + head) + above + foot
-    figure = Figure((WIDTH, whole), dpi=DPI)
+    figure = Figure((WIDTH_INCHES, whole), dpi=DPI)
     figure.text(0.5, 1 - 0.1 / whole, name, ha="center", va="top", fontsize=11, color=EDGE)
     for k, (_, image) in enumerate(images):
         left, top = k % columns * wide, whole - above - k // columns * (tall + head)
         small = Picture.fromarray(image).resize((round(wide * DPI), round(tall * DPI)), Picture.Resampling.BOX)
         figure.add_artist(Pixels(np.asarray(small), round(left * DPI), round((top - head - tall) * DPI)))
-        place = (left + wide / 2) / WIDTH, (top - 0.6 * head) / whole
+        place = (left + wide / 2) / WIDTH_INCHES, (top - 0.6 * head) / whole
         figure.text(*place, titles[k], ha="center", va="center", color=title_colour(titles[k]))
     return figure
 
@@ -426,7 +438,8 @@ def tiled(images: Sequence[tuple[str, offscreen.Image]], foot: float = 0.0, name
 def cut(look: offscreen.Look) -> Figure:
     """Draw the device cut open through its channels, with the von Mises stress on the cut."""
     states, step, scale = look.states, look.states.main, look.scales["von_mises"]
-    plane = best_plane(states.skin, states.points, look.up, states.actuator.axial)
+    u = states.field(step, "displacement")
+    plane = best_plane(states.skin, states.points, look.up, states.actuator.axial, u)
     towards = plane[0] if plane[0] @ look.direction > 0 else -plane[0]
     direction = 0.8 * towards + 0.6 * look.direction
     layers = cut_open(states, step, plane, towards, scale) + look.plate_layers(step)
@@ -485,7 +498,7 @@ class AtRest:
 
     def pictures(self, shown: offscreen.Look) -> dict[str, bytes]:
         """Return PNG files by their stems, drawn now unless already drawn of this device."""
-        if self._of is None or not _same(self._of, shown):
+        if self._of is None or not _same_view(self._of, shown):
             figures = {}
             with matplotlib.rc_context(STYLE):
                 if shown.states.actuator.dimension == 2:
@@ -496,10 +509,10 @@ class AtRest:
         return self._drawn
 
 
-def _same(one: offscreen.Look, other: offscreen.Look) -> bool:
+def _same_view(first: offscreen.Look, other: offscreen.Look) -> bool:
     """Return whether two looks show the same mesh in the same way."""
-    pairs = [(look.states.points, look.states.cells, look.kept, look.direction) for look in (one, other)]
-    return one.states.actuator == other.states.actuator and all(map(np.array_equal, *pairs))
+    pairs = [(look.states.points, look.states.cells, look.kept, look.direction) for look in (first, other)]
+    return first.states.actuator == other.states.actuator and all(map(np.array_equal, *pairs))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -509,41 +522,39 @@ def _same(one: offscreen.Look, other: offscreen.Look) -> bool:
 # shows. An MP4 too if the package imageio-ffmpeg is installed.
 
 
-FRAMES = 40
-FEWER = (40, 32, 25, 19, 14, 10)
+MAX_FRAMES = 40
+FRAME_COUNTS = (40, 32, 25, 19, 14, 10)
 """Numbers of frames tried until the GIF is small enough: fewer frames are better than colour banding."""
-WIDE = 960
-"""Width of a frame in pixels."""
-SAMPLE = 4
+FRAME_WIDTH_PX = 960
+SIZE_SAMPLE_FRAMES = 4
 """Number of frames to estimate the size of one in a GIF."""
-LARGEST = 6_000_000
-"""Maximum size of a GIF, in bytes."""
-QUALITY = 80
+MAX_GIF_BYTES = 6_000_000
+WEBP_QUALITY = 80
 """Quality of the WebP: below, shading shows blocks."""
-SECONDS = 4.0
+MOTION_SECONDS = 4.0
 """Seconds from the first to the last frame, and the duration of the last."""
-STANDING = 1.2
+LAST_FRAME_SECONDS = 1.2
 FILM_HEAD, FILM_FOOT = 48, 64
 """Pixels above and below the device, for the pressure and the colours."""
 
 
-def render_frames(look: offscreen.Look, count: int = FRAMES) -> list[offscreen.Image]:
+def render_frames(look: offscreen.Look, count: int = MAX_FRAMES) -> list[offscreen.Image]:
     """Return pictures of states evenly spaced along the path (see `States.along`), interpolated linearly between steps."""
     states, scale = look.states, look.scales["von_mises"]
     last = len(states.rows) - 1
-    camera = look.camera(sorted({0, *states.shown(8), states.main, last}), WIDE, tallest=0.75)
+    camera = look.camera(sorted({0, *states.shown(8), states.main, last}), FRAME_WIDTH_PX, tallest=0.75)
     count = count if states.loaded and last else 1
-    found = []
+    frames = []
     with offscreen.studio(camera) as shoot:
         for place in np.linspace(0.0, 1.0, count):
             step = float(np.interp(place, states.along, range(last + 1))) if count > 1 else float(last)
             row, words = states.row(step), states.words
             text = f"{labels.load(row, words, kilopascals=False)}   {words.gauge} rise {row.told(words.gauge, '+.2f')}"
-            found.append(_captioned(shoot(look.coloured(step, scale)), text, scale))
-    return found
+            frames.append(_captioned_frame(shoot(look.coloured(step, scale)), text, scale))
+    return frames
 
 
-def _captioned(image: offscreen.Image, text: str, scale: Scale) -> offscreen.Image:
+def _captioned_frame(image: offscreen.Image, text: str, scale: Scale) -> offscreen.Image:
     """Return a frame with its caption above and its colour bar below."""
     height, width, _ = image.shape
     framed = Picture.new("RGB", (width, 2 * ((height + FILM_HEAD + FILM_FOOT) // 2)), "white")
@@ -562,7 +573,7 @@ def _captioned(image: offscreen.Image, text: str, scale: Scale) -> offscreen.Ima
 
 
 def gif(images: list[offscreen.Image]) -> bytes:
-    """Return the frames as a GIF of at most `LARGEST` bytes, dropping frames if necessary."""
+    """Return the frames as a GIF of at most `MAX_GIF_BYTES` bytes, dropping frames if necessary."""
     # One common palette avoids flickering colours.
     sample = np.concatenate([image[::4, ::4] for image in [*images[:: max(len(images) // 10, 1)], images[-1]]])
     palette = Picture.fromarray(sample).quantize(256, Picture.Quantize.MAXCOVERAGE)
@@ -572,15 +583,18 @@ def gif(images: list[offscreen.Image]) -> bytes:
         return Picture.fromarray(images[k]).quantize(palette=palette, dither=Picture.Dither.FLOYDSTEINBERG)
 
     def encoded(places: Sequence[int]) -> bytes:
-        return _animated([in_palette(k) for k in places], "GIF", optimize=False)
+        return _animation([in_palette(k) for k in places], "GIF", optimize=False)
 
     # A few sample frames estimate the size, to avoid encoding all of them repeatedly.
-    some = sorted({int((k + 0.5) / SAMPLE * len(images)) for k in range(SAMPLE)})
+    some = sorted({int((k + 0.5) / SIZE_SAMPLE_FRAMES * len(images)) for k in range(SIZE_SAMPLE_FRAMES)})
     each = len(encoded(some)) / len(some)
-    begin = next((k for k, count in enumerate(FEWER) if each * min(count, len(images)) <= LARGEST), len(FEWER) - 1)
-    for count in FEWER[begin:]:
+    begin = next(
+        (k for k, count in enumerate(FRAME_COUNTS) if each * min(count, len(images)) <= MAX_GIF_BYTES),
+        len(FRAME_COUNTS) - 1,
+    )
+    for count in FRAME_COUNTS[begin:]:
         places = np.unique(np.linspace(0, len(images) - 1, min(count, len(images))).round().astype(int))
-        if len(data := encoded(places.tolist())) <= LARGEST:
+        if len(data := encoded(places.tolist())) <= MAX_GIF_BYTES:
             break
     return data
 
@@ -588,12 +602,12 @@ def gif(images: list[offscreen.Image]) -> bytes:
 def webp(images: list[offscreen.Image]) -> bytes:
     """Return the frames as an animated WebP, in all their colours."""
     # Method 2 takes 50 % longer and saves a fifth. Each frame is encoded by itself: skipped small differences show as blocks.
-    return _animated([*map(Picture.fromarray, images)], "WEBP", quality=QUALITY, method=0, kmin=0, kmax=1)
+    return _animation([*map(Picture.fromarray, images)], "WEBP", quality=WEBP_QUALITY, method=0, kmin=0, kmax=1)
 
 
-def _animated(frames: Sequence[Picture.Image], kind: str, **how: object) -> bytes:
+def _animation(frames: Sequence[Picture.Image], kind: str, **how: object) -> bytes:
     """Return frames as a film in one of Pillow's formats, with its options."""
-    times = [round(1000 * SECONDS / len(frames))] * (len(frames) - 1) + [round(1000 * STANDING)]
+    times = [round(1000 * MOTION_SECONDS / len(frames))] * (len(frames) - 1) + [round(1000 * LAST_FRAME_SECONDS)]
     stream = io.BytesIO()
     frames[0].save(stream, kind, save_all=True, append_images=frames[1:], duration=times, loop=0, **how)
     return stream.getvalue()
@@ -611,13 +625,13 @@ def write_mp4(path: Path, images: list[offscreen.Image]) -> None:
     height, width, _ = images[0].shape
 
     def fill(aside: Path) -> None:
-        rate = max(len(images) / SECONDS, 1.0)
+        rate = max(len(images) / MOTION_SECONDS, 1.0)
         writer = imageio_ffmpeg.write_frames(
             str(aside), (width, height), fps=rate, codec="libx264", quality=7, macro_block_size=2,
             output_params=["-f", "mp4", "-movflags", "+faststart"],
         )  # fmt: skip
         writer.send(None)
-        for image in [*images, *[images[-1]] * round(rate * STANDING)]:
+        for image in [*images, *[images[-1]] * round(rate * LAST_FRAME_SECONDS)]:
             writer.send(np.ascontiguousarray(image))
         writer.close()
 

@@ -23,7 +23,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize, PowerNorm
+from matplotlib.colors import Colormap, Normalize, PowerNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.transforms import Bbox
@@ -42,13 +42,13 @@ if TYPE_CHECKING:
 
 
 DPI = 128
-WIDTH = 10.0
+WIDTH_INCHES = 10.0
 """Width of every page in inches: 1280 pixels, as wide as a report shows them."""
 
-CHARACTER = 0.62
+CHARACTER_WIDTH = 0.62
 """Width of a character, in sizes of the font: a little more than the mean of the fonts' letters and digits."""
 
-LINES = "viridis"
+LINES_CMAP = "viridis"
 SPAN = "#e4e7eb"
 """Colour of a band of several laws."""
 SOLID = "#d9e2ec"
@@ -64,7 +64,7 @@ INK, EDGE, FAINT = "#102a43", "#334e68", "#829ab1"
 CURVE, WARNING, BRANCH = "#2f6f9f", "#c0392b", "#b7791f"
 
 
-def chart(height: float, width: float = WIDTH) -> tuple[Figure, Axes]:
+def chart(height: float, width: float = WIDTH_INCHES) -> tuple[Figure, Axes]:
     """Return a figure of a size in inches that fits its texts, and its only axes."""
     figure = Figure((width, height), dpi=DPI, layout="constrained")
     return figure, figure.subplots()
@@ -77,11 +77,17 @@ def title_colour(title: str) -> str:
 
 def wrapped(text: str, width: float, size: float) -> str:
     """Return a text of a size in points as lines that fit a width in inches."""
-    return textwrap.fill(text, max(int(width * 72 / (CHARACTER * size)), 12), break_long_words=False)
+    return textwrap.fill(text, max(int(width * 72 / (CHARACTER_WIDTH * size)), 12), break_long_words=False)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Colour scale and colour bar of a field, with axes and a scale bar, below a rendered image.
+
+
+def colormap(colours: str) -> Colormap:
+    """Return the colour map of a text such as ``"viridis"``, ``"gray:linear"`` or ``"viridis:bands"``, which has ten bands."""
+    name, _, kind = colours.partition(":")
+    return matplotlib.colormaps[name].resampled(10) if kind == "bands" else matplotlib.colormaps[name]
 
 
 class Scale:
@@ -100,11 +106,11 @@ class Scale:
         shown, how = fields.coloured()[field]
         self.what, self.unit, self.factor, self.low = shown.title, how.unit, how.factor, how.rest
         self._variable = shown.largest.name if shown.largest else ""
-        self.field, self.power = field, how.power
+        self.field, self.power = field, 1.0 if ":" in colours else how.power
         self.highest = self._highest(rows, values)[0]
-        end = float(np.percentile(values, CLIPPED, axis=-1).max()) * self.factor
+        end = float(np.percentile(values, CLIPPING_PERCENTILE, axis=-1).max()) * self.factor
         self.top = self.low + _round_up(end - self.low) if end > self.low else self.low + 1.0
-        self.colours = matplotlib.colormaps[colours]
+        self.colours = colormap(colours)
 
     def _highest(self, rows: Sequence[table.Row], values: Array) -> tuple[float, str]:
         """Return the largest value of some states in the bar's unit, and where it is taken."""
@@ -114,7 +120,7 @@ class Scale:
     def largest(self, rows: Sequence[table.Row], values: Array) -> str:
         """Return the largest value of the states in a picture, from their rows or their nodal values in SI units, in words."""
         value, place = self._highest(rows, values)
-        beyond = f"; at most {100 - CLIPPED:g} % of the nodes lie above the scale" if value > self.top else ""
+        beyond = f"; clipped at the {CLIPPING_PERCENTILE:g}th percentile" if value > self.top else ""
         return f"largest, {place}: {f'{value:.4g} {self.unit}'.strip()}{beyond}"
 
     @property
@@ -145,15 +151,15 @@ class Scale:
         return {1.0: "linear scale", 0.5: "square-root scale"}.get(self.power, f"scale of the power {self.power:g}")
 
     def bar(self, figure: Figure, largest: str) -> None:
-        """Draw the bar at the foot of a figure, which must be `FOOT` inches high or more, above the `largest` value shown."""
+        """Draw the bar at the foot of a figure, at least `FOOT_INCHES` high, above the `largest` value shown."""
         figure.add_artist(Pixels(self.foot[1], 0, 0))
         figure.text(0.5, 0.14 / figure.get_figheight(), largest, ha="center", fontsize=10.5, color=EDGE)
 
     @functools.cached_property
     def foot(self) -> tuple[Axes, npt.NDArray[np.uint8]]:
         """The bar's axes and pixels, drawn once: ticks take half of a page's time."""
-        figure = Figure((WIDTH, FOOT), dpi=DPI)
-        axes = figure.add_axes((0.2, 0.82 / FOOT, 0.6, 0.18 / FOOT))
+        figure = Figure((WIDTH_INCHES, FOOT_INCHES), dpi=DPI)
+        axes = figure.add_axes((0.2, 0.82 / FOOT_INCHES, 0.6, 0.18 / FOOT_INCHES))
         scale = ScalarMappable(self.norm, self.colours)
         extend = "max" if self.highest > self.top else "neither"
         ticks = None if self.power == 1.0 else self.ticks()
@@ -163,9 +169,9 @@ class Scale:
 
 
 LINE_COLOURS = ("#2f6f9f", "#c0392b", "#2e8b57", "#8e5ea2", "#d98b1f", "#5d6d7e", "#16a3a3")
-FOOT, LOW_FOOT = 1.15, 0.65
+FOOT_INCHES, LOW_FOOT_INCHES = 1.15, 0.65
 """Inches below a picture for its colour bar, axes, scale bar and text; without a colour bar."""
-CLIPPED = 99.5
+CLIPPING_PERCENTILE = 99.5
 """Percentile of the nodal values above which the colours end."""
 
 
@@ -200,13 +206,13 @@ def page(image: npt.NDArray[np.uint8], caption: Caption, scale: Scale | None = N
     head, placed = 0.17, list[tuple[float, str, int, str]]()
     for text, size, colour in texts:
         if text:
-            lines = wrapped(text, WIDTH, size)
+            lines = wrapped(text, WIDTH_INCHES, size)
             placed.append((head, lines, size, colour))
             head += (1 + lines.count("\n")) * 1.25 * size / 72 + 0.02
     head += 0.1
-    foot = FOOT if scale is not None else LOW_FOOT if caption.metres is not None else 0.0
+    foot = FOOT_INCHES if scale is not None else LOW_FOOT_INCHES if caption.metres is not None else 0.0
     whole = head + image.shape[0] / DPI + foot
-    figure = Figure((WIDTH, whole), dpi=DPI)
+    figure = Figure((WIDTH_INCHES, whole), dpi=DPI)
     figure.add_artist(Pixels(image, 0, round(foot * DPI)))
     for above, text, size, colour in placed:
         figure.text(0.5, 1 - above / whole, text, ha="center", va="top", fontsize=size, color=colour)
@@ -258,20 +264,20 @@ def rulers(figure: Figure, metres: float, axes: Array) -> None:
     figure.text(x, y, f"{length:g} mm", ha="center", va="bottom", fontsize=10.5, color=INK)
 
 
-ROUND = (1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0)
+ROUND_NUMBERS = (1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0)
 
 
 def _round_up(value: float) -> float:
     """Return the next round number above a positive one."""
     unit = 10.0 ** math.floor(math.log10(value))
-    return next(k * unit for k in ROUND if k * unit >= value * (1 - 1e-9))
+    return next(k * unit for k in ROUND_NUMBERS if k * unit >= value * (1 - 1e-9))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # A folder for pictures, and a record of the written files.
 
 
-class DrawnFolder:
+class PictureFolder:
     """A folder for pictures that records the written files; as a context manager it waits until all are on disk.
 
     Pictures are encoded beside what draws the next one: encoders are written in C and let Python run on. ``each`` is called
@@ -283,7 +289,7 @@ class DrawnFolder:
         self.written: list[Path] = []
         self._beside, self._pending = ThreadPoolExecutor(1), list[Future[None]]()
 
-    def __enter__(self) -> DrawnFolder:
+    def __enter__(self) -> PictureFolder:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:

@@ -53,7 +53,7 @@ END_TEXTS = {
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
-class Limit(cards.Shown):
+class Limit(cards.ResultCard):
     """Inflation limits of a design; SI units.
 
     Attributes:
@@ -67,7 +67,7 @@ class Limit(cards.Shown):
         stretch: Largest principal stretch.
         place: Undeformed device coordinates in m of the integration point with the largest stretch.
         why: What ended a lost path, or a limit that is not a maximum of only the pressure; else empty.
-        held: Time in s for which the pressure is borne; 0 for ever.
+        held: Hold time in s that the device withstands; 0: unlimited.
         path: Added volume in m3 and pressure in Pa of each state up to there; empty if they were not kept.
         notes: Warnings about the mesh, sentences.
     """
@@ -108,7 +108,7 @@ class Limit(cards.Shown):
 
 def find_limit(case: Case, materials: Sequence[Material], comm: MPI.Comm, hold: float = 0.0) -> list[Limit]:
     """Find the limits of one device in several materials, on one mesh; the case's load and material are not looked at.
-    ``hold`` is the time in s for which the pressure must be borne by silicones with a memory; 0 for ever. MeshingError,
+    ``hold`` is the hold time in s that silicones with a memory must survive at constant pressure; 0: unlimited. MeshingError,
     RunError, MaterialError and ComponentError as for a run."""
     body, known = simulation.meshed(case.actuator, comm), {}
     found = []
@@ -130,7 +130,7 @@ def find_limit(case: Case, materials: Sequence[Material], comm: MPI.Comm, hold: 
 
 
 def check_hold(hold: object, materials: Sequence[Material]) -> float:
-    """Return a time in s for which pressures must be borne; `CaseError` for no such time, or a silicone that does not creep."""
+    """Return a hold time in s at constant pressure; `CaseError` for no such time, or a silicone that does not creep."""
     try:
         seconds = schema.Quantity("s").settled("hold", hold)
     except errors.FieldError as error:
@@ -139,14 +139,14 @@ def check_hold(hold: object, materials: Sequence[Material]) -> float:
         raise CaseError(f"hold is {seconds:g} s; it must be 0 or more")
     if seconds and (elastic := next((one for one in materials if one.memory is None), None)):
         raise CaseError(
-            f"hold is {seconds:g} s, but {elastic.title or elastic.name} has no memory: it bears for ever what it bears at "
-            "once; give it one ([material.memory], with_memory), or leave out the hold"
+            f"hold is {seconds:g} s, but {elastic.title or elastic.name} has no memory: what it withstands at "
+            "once it withstands for any time; give it one ([material.memory], with_memory), or leave out the hold"
         )
     return seconds
 
 
 HOLD_TOLERANCE = 1e-3
-"""Relative error of a pressure that is borne for a time."""
+"""Relative error of a pressure that a device withstands for a time."""
 
 
 def _held(case: Case, body: Body, material: Material, relaxed: Limit, hold: float) -> Limit:
@@ -418,7 +418,7 @@ MAX_MODES = 20
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class NaturalFrequencies(cards.Shown):
+class NaturalFrequencies(cards.ResultCard):
     """Natural frequencies along a path, SI units; arrays are read-only.
 
     Attributes:

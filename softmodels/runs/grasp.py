@@ -167,7 +167,7 @@ PROBE_STEP = 1e-5
 MAX_UPDATES = 12
 
 
-class GraspError(errors.Spoken, ValueError):
+class GraspError(errors.OptionMessage, ValueError):
     """No grasp can be computed; the message is for the user."""
 
 

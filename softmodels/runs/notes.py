@@ -171,7 +171,7 @@ def law_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
     and soft rubbers, and if a run stretches it beyond the stability of its law by Drucker's criterion."""
     if case.material.misread:
         yield case.material.misread
-    if (modulus := case.material.shear_modulus_0) > laws.STIFFEST:
+    if (modulus := case.material.shear_modulus_0) > laws.MAX_SHEAR_MODULUS:
         yield (
             f"the material's shear modulus is {modulus / 1e6:.4g} MPa; silicones have 5 to 500 kPa, so check the units of its "
             "parameters"
@@ -937,7 +937,7 @@ def no_branch(case: Case, rows: table.PathTable) -> str:
 def unwritten(error: OSError) -> str:
     """Return why results cannot be written, and the fix."""
     place = f" into {Path(error.filename).parent}" if isinstance(error.filename, str) else ""
-    advice = "free some disk space" if error.errno in commands.FULL else "check the permissions"
+    advice = "free some disk space" if error.errno in commands.DISK_FULL_ERRORS else "check the permissions"
     return f"the results cannot be written{place} ({error.strerror or error}); {advice} and continue with --resume"
 
 

@@ -34,7 +34,7 @@ def no_memory(error: MemoryError) -> str:
     return str(error) if isinstance(error, mpi.TooLargeError) else NO_MEMORY
 
 
-class RunError(errors.Spoken, RuntimeError):
+class RunError(errors.OptionMessage, RuntimeError):
     """A run failed; ``status`` is the exit status, the message is for the user."""
 
     def __init__(self, message: str, status: int = FAILED):

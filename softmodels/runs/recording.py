@@ -189,7 +189,7 @@ def begin(case: Case, place: ResultsPlace) -> tuple[store.Results, bool]:
             raise
         return results, resumed
     except OSError as error:
-        status = outcomes.FAILED if error.errno in commands.FULL else outcomes.BAD_INPUT
+        status = outcomes.FAILED if error.errno in commands.DISK_FULL_ERRORS else outcomes.BAD_INPUT
         raise RunError(f"the folder {place.folder or base} cannot be written ({error.strerror})", status) from None
 
 
@@ -363,7 +363,7 @@ def solved_into(
                         observer.opened(results)
                     record(simulation, results, resumed, branch, observer.begun)
             except Exception as error:
-                if not (isinstance(error, errors.Spoken) and mpi.together(comm)):
+                if not (isinstance(error, errors.OptionMessage) and mpi.together(comm)):
                     raise
                 ended = outcomes.Ended.by(error)
             finally:

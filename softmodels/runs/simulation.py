@@ -380,7 +380,7 @@ class AtRest(Case):
 
 
 @checked
-class Model(cards.Shown):
+class Model(cards.ResultCard):
     """A device, meshed, and the equations of its equilibrium.
 
     Under weights and other dead loads every path begins where the device hangs under them. Every call is made by all ranks.
@@ -684,7 +684,7 @@ ZERO_EIGENVALUE_TOLERANCE = 1e-9
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Mode(cards.Shown):
+class Mode(cards.ResultCard):
     """A mode of a device at an equilibrium.
 
     Attributes:
@@ -721,7 +721,7 @@ class Mode(cards.Shown):
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Equilibrium(cards.Shown):
+class Equilibrium(cards.ResultCard):
     """A state of a `Model`, SI units. Fields are computed when they are asked for first; arrays are read-only.
 
     Attributes:

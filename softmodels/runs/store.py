@@ -131,7 +131,7 @@ class Results:
     def _bring_in(self) -> None:
         """Replace the earlier results, pictures included, by the prepared ones."""
         pictures = picture_folder(self.own.path)
-        pictures.take(folders.PATIENCE)  # a drawing process may be using them
+        pictures.take(folders.DRAWING_TIMEOUT)  # a drawing process may be using them
         try:
             self.own.bring_in(self._about)
             self.folder = self.own.path
@@ -296,5 +296,5 @@ def not_passed(steps: Mapping[int, formats.StoredStep]) -> list[int]:
     return numbers
 
 
-class ResultsError(errors.Spoken, RuntimeError):
+class ResultsError(errors.OptionMessage, RuntimeError):
     """Results cannot be read or resumed; the message is for the user."""

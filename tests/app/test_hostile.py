@@ -26,7 +26,7 @@ from softmodels.app.bench import CASE, Photographs, Project
 from softmodels.app.forms import page_words, with_field
 from softmodels.app.jobs import AnswerError
 from softmodels.app.making import CURVE
-from softmodels.app.server import LARGEST_UPLOAD, Guard, free_port
+from softmodels.app.server import LARGEST_UPLOAD, KeyMiddleware, free_port
 from softmodels.case.entries import INPUT_ERRORS
 from softmodels.case.load import steps_of
 from softmodels.common.errors import FieldError, reason
@@ -264,7 +264,7 @@ def answered(path="/", *headers, method="GET", kind="http", host=HOST, given=())
     where, _, query = path.partition("?")
     named = [(name.encode(), value.encode("latin-1")) for name, value in (("host", host), *headers)]
     scope = {"type": kind, "method": method, "path": where, "query_string": query.encode(), "headers": named}
-    asyncio.run(Guard(inner, KEY, frozenset({HOST, "localhost:8700"}))(scope, None, send))
+    asyncio.run(KeyMiddleware(inner, KEY, frozenset({HOST, "localhost:8700"}))(scope, None, send))
     first = sent[0]
     if first["type"] == "passed":
         return 200, {}

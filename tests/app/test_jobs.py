@@ -13,7 +13,7 @@ pytest.importorskip("nicegui")
 
 from softmodels.app import jobs
 from softmodels.app.bench import Project
-from softmodels.app.jobs import DONE, ELSEWHERE, FAILED, RUNNING, Job, Jobs, check_command
+from softmodels.app.jobs import DONE, FAILED, RECORDED_ELSEWHERE, RUNNING, Job, Jobs, check_command
 from softmodels.common.errors import FieldError
 from softmodels.common.processes import Worker, python
 
@@ -72,14 +72,14 @@ def test_a_foreign_record_is_shown_and_not_run(project, tmp_path):
     written(project, {**RECORD, "words": words, "resumable": False})
     found = begun(project)
     assert not hit.exists()
-    assert [(job.words, job.state, job.active) for job in found.all] == [(words, ELSEWHERE, False)]
+    assert [(job.words, job.state, job.active) for job in found.all] == [(words, RECORDED_ELSEWHERE, False)]
     assert "timeit" in found.latest("results/device").command
 
 
 @pytest.mark.parametrize("seal", [{}, {"seal": ""}, {"seal": "0" * 64}, {"seal": None}, {"seal": "é"}])
 def test_a_known_command_that_another_machine_recorded_is_not_run(project, started, seal):
     written(project, {**RECORD, **seal})
-    assert [job.state for job in begun(project).all] == [ELSEWHERE] and not started
+    assert [job.state for job in begun(project).all] == [RECORDED_ELSEWHERE] and not started
 
 
 def test_a_record_of_this_machine_is_resumed_and_a_changed_one_is_not(project, started, state):
@@ -93,10 +93,10 @@ def test_a_record_of_this_machine_is_resumed_and_a_changed_one_is_not(project, s
     assert [words[3:] for words, _ in started] == [(*HARMLESS, "--resume")]
     assert (state / "softmodels" / "key").stat().st_mode & 0o077 == 0
     written(project, {**record, "words": [*HARMLESS[:-1], "results/other"]})
-    assert [job.state for job in begun(project).all] == [ELSEWHERE]
+    assert [job.state for job in begun(project).all] == [RECORDED_ELSEWHERE]
     (state / "softmodels" / "key").unlink()  # as on another machine
     written(project, record)
-    assert [job.state for job in begun(project).all] == [ELSEWHERE] and len(started) == 1
+    assert [job.state for job in begun(project).all] == [RECORDED_ELSEWHERE] and len(started) == 1
 
 
 WRONG = (

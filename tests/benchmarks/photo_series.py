@@ -93,7 +93,7 @@ def _photographer(rng: np.random.Generator):
     def take(height: float):
         moved = np.float32([[1, 0, nudge * rng.standard_normal()], [0, 1, nudge * rng.standard_normal()]])
         seen = cv2.warpAffine(texture, moved, (1000, 640), borderMode=cv2.BORDER_REFLECT)
-        body = dome(height * 1e-3, photographer.RADIUS, floor=photographer.FLOOR)
+        body = dome(height * 1e-3, photographer.DISK_RADIUS, floor=photographer.SURFACE_HEIGHT)
         return photograph(scene, body, int(rng.integers(2**31)), fault=lambda light, truth: light * (1.0 + seen))[0]
 
     return take

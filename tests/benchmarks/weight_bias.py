@@ -63,10 +63,10 @@ def without_weight(
 def drawn(table: dict[str, list[tuple[float, float, bool]]]) -> Figure:
     import matplotlib as mpl
 
-    from softmodels.pictures.style import DPI, STYLE, WIDTH
+    from softmodels.pictures.style import DPI, STYLE, WIDTH_INCHES
 
     with mpl.rc_context(STYLE):
-        figure = Figure((WIDTH, 5.2), dpi=DPI, layout="constrained")
+        figure = Figure((WIDTH_INCHES, 5.2), dpi=DPI, layout="constrained")
         axes = figure.subplots()
         for (name, rows), colour in zip(table.items(), ("#2f6f9f", "#c0392b", "#b7791f", "#5b3f8c"), strict=True):
             off, width, good = np.array(rows).T

@@ -11,12 +11,12 @@ from softmodels.case.load import steps_of
 from softmodels.design.extremes import PeakStretch, PeakVonMises
 from softmodels.design.model import DesignModel
 from softmodels.design.quantities import AddedVolume, Clearances, LimitMargin, Mass, Place, Rise, StoredEnergy
-from softmodels.design.trials import JudgedLoad
+from softmodels.design.trials import EvaluatedLoad
 from softmodels.materials.laws import NeoHookean
 
 WORKING = 2000.0
 """Pa; a thin disk of this silicone balloons at 3.4 kPa."""
-PAST = JudgedLoad("volume", 40e-6)
+PAST = EvaluatedLoad("volume", 40e-6)
 """Far past the limit point."""
 SILICONE = NeoHookean(20e3, 0.49)
 

@@ -10,7 +10,7 @@ import pytest
 import softmodels as sm
 from softmodels.case.case import Case
 from softmodels.case.load import steps_of
-from softmodels.design.extremes import SHARPNESS, LeastGap, PeakStretch, PeakVonMises
+from softmodels.design.extremes import MINIMUM_SHARPNESS, LeastGap, PeakStretch, PeakVonMises
 from softmodels.design.model import DesignModel
 from softmodels.design.problem import DesignProblem
 from softmodels.runs import state_values as surface
@@ -57,7 +57,7 @@ def test_it_lies_below_the_least_gap_by_little(designed, comm):
     assert found is not None and not walls.cross(end.displacement) and walls.cross(-3 * end.displacement)
     least, smooth = found.value, here.values[LeastGap(at=200.0).key]
     assert run.pressure[-1] == pytest.approx(200.0, rel=1e-4)
-    assert least - 10 * FOLDS.wall / SHARPNESS < smooth < least
+    assert least - 10 * FOLDS.wall / MINIMUM_SHARPNESS < smooth < least
     assert any(f"the smallest gap is {1e3 * least:.3g}"[:-1] in note for note in here.notes)
 
 

@@ -15,7 +15,7 @@ from softmodels.design.extremes import PeakStretch
 from softmodels.design.model import DesignModel
 from softmodels.design.quantities import AddedVolume, BlockedForce, DeviceFigure, LimitPressure, Mass, Rise, Stiffness
 from softmodels.design.states import WorkingStates
-from softmodels.design.trials import DesignFailure, JudgedLoad
+from softmodels.design.trials import DesignFailure, EvaluatedLoad
 from softmodels.materials.laws import NeoHookean, Yeoh
 from tests.support.campaigns import sampled
 
@@ -25,7 +25,7 @@ LENGTHS = (
     "profile[1]", "profile[2]", "profile[3]",
 )  # fmt: skip
 WORKING = 2000.0
-PAST = JudgedLoad("volume", 40e-6)
+PAST = EvaluatedLoad("volume", 40e-6)
 
 
 @pytest.mark.parametrize("name", sampled(LENGTHS))
@@ -47,7 +47,7 @@ def test_membranes(designed, second_order, comm, name):
         AddedVolume(at=1000.0),
         PeakStretch(at=1000.0),
         Mass(),
-        Rise(at=JudgedLoad("volume", 3e-6)),
+        Rise(at=EvaluatedLoad("volume", 3e-6)),
     )
     names = ("radius", "thickness", "clamp_width", "plate_radius", "rings[1]", "ring_thickness")
     # A percent of a ring's radius is four of its width.
@@ -223,7 +223,7 @@ def test_a_poor_mesh_is_made_anew_and_its_states_are_interpolated(comm, monkeypa
     traced = []
     trace = WorkingStates.trace
     monkeypatch.setattr(WorkingStates, "trace", lambda states, *how: traced.append(states) or trace(states, *how))
-    monkeypatch.setattr(model_module, "POOREST", 0.55)
+    monkeypatch.setattr(model_module, "MIN_MESH_QUALITY", 0.55)
     there = model.evaluate(model.start * (0.5, 1.1))
     assert there.remeshed and not traced
     monkeypatch.undo()

@@ -16,7 +16,7 @@ from softmodels.design.optimise import optimise
 from softmodels.design.problem import DesignProblem
 from softmodels.design.quantities import FacePlace, Place, Turn
 from softmodels.design.targets import Outline, TipPath
-from softmodels.design.trials import JudgedLoad
+from softmodels.design.trials import EvaluatedLoad
 from softmodels.materials.laws import NeoHookean
 
 RECOVERED = "parameters of known devices, recovered from what they did"
@@ -44,7 +44,7 @@ def outline_of(disk, comm):
     names, asked = tuple(TRUTH), Outline(points=((0.0, 0.0),) * 3, at=AT)
     model = DesignModel(case_of(disk), names, (asked,), comm)
     model.evaluate(np.array(list(TRUTH.values())))
-    measure, state = model.meshed.measures[asked], model.meshed.states.states[JudgedLoad.of(AT)]
+    measure, state = model.meshed.measures[asked], model.meshed.states.states[EvaluatedLoad.of(AT)]
     measure.silhouette.follow()
     curve = measure.silhouette.curve(state)
     s = np.linspace(-0.9, 0.9, 5)

@@ -12,7 +12,7 @@ from geometries import HollowDisk
 from measurement.outline.outline import Outline as Measured
 from softmodels.design.problem import DesignProblem
 from softmodels.design.targets import Outline, TipPath, _middle
-from softmodels.design.trials import DesignError, JudgedLoad
+from softmodels.design.trials import DesignError, EvaluatedLoad
 from tests.support.campaigns import sampled
 
 TAYLOR = "Taylor's remainder of the distance from an outline, by every length"
@@ -35,7 +35,7 @@ def test_of_a_wedge(designed, second_order, comm):
         second_order(model, name, TAYLOR, "wedge")
 
 
-@pytest.mark.parametrize("at", [AT, JudgedLoad("volume", 40e-6)], ids=["pressure", "volume"])
+@pytest.mark.parametrize("at", [AT, EvaluatedLoad("volume", 40e-6)], ids=["pressure", "volume"])
 def test_each_distance_has_its_derivatives(designed, thin_disk, comm, at):
     """Of the distances one by one, by the rates of the state, against the adjoint of their root mean square."""
     asked = Outline(points=DOME, at=at)

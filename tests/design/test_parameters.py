@@ -32,7 +32,7 @@ from softmodels.design.quantities import (
     Turn,
 )
 from softmodels.design.targets import Pose
-from softmodels.design.trials import DesignError, JudgedLoad
+from softmodels.design.trials import DesignError, EvaluatedLoad
 
 TAYLOR = "Taylor's remainder of new quantities by numbers of parts, loads and pressures"
 LAW = sm.NeoHookean(20e3, 0.49)
@@ -83,7 +83,7 @@ def test_a_tube_with_all_that_is_no_contact(comm, exact):
     quantities = (
         StressDeviation(**at), StressUnevenness(**at, region="wall"), StressNorm(**at), StretchNorm(**at, above=0.012),
         TopHeight(**at), FacePlace(**at, of="end"), AddedVolume(**at), StoredEnergy(**at),
-        Rise(at=JudgedLoad("volume", 4e-7)),
+        Rise(at=EvaluatedLoad("volume", 4e-7)),
     )  # fmt: skip
     exact(DesignModel(case, names, quantities, comm), "tube with parts and loads", SHARE / 2)
 
@@ -156,7 +156,7 @@ def test_a_finger_with_everything(comm, exact):
     quantities = (
         StressDeviation(**at, region="base"), LeastGap(**at), TopHeight(**at), ForceOn(**at, of="ball", along="x"),
         InflationWork(**at), Pose(**at, of="tip", position={"x": "18 mm", "z": "-2 mm"}, turn="10 deg"),
-        AddedVolume(**at), Rise(at=JudgedLoad("volume", 5e-8)),
+        AddedVolume(**at), Rise(at=EvaluatedLoad("volume", 5e-8)),
     )  # fmt: skip
     names = (
         "base", "fibres.angle", "sheet.stiffness", "region.base.shear_modulus", "opposite", "contact.ball.z",
@@ -171,7 +171,7 @@ def test_a_vacuum(comm, exact):
     """Values as of a run, and derivatives."""
     disk = HollowDisk.variant("shadow", section="axisymmetric", cell_size=0.005)
     case = Case("vacuum", disk, LAW, steps=steps_of(pressure_cm=(-1.0,)))
-    quantities = (Rise(at=-80.0), AddedVolume(at=-80.0), StressNorm(at=-80.0), Rise(at=JudgedLoad("volume", -4e-7)))
+    quantities = (Rise(at=-80.0), AddedVolume(at=-80.0), StressNorm(at=-80.0), Rise(at=EvaluatedLoad("volume", -4e-7)))
     model = DesignModel(case, ("membrane", "material.shear_modulus"), quantities, comm)
     here = model.evaluate(model.start).values
     exact(model, "vacuum", SHARE / 4)
@@ -247,7 +247,7 @@ RUBBING = dataclasses.replace(BALL, friction=0.3)
     [
         (DISK, (RUBBING, sm.Gravity("-z")), {}, r"contact.ball.*friction.*no loads; leave out \[gravity"),
         (DISK, (RUBBING,), {"maximise": {"quantity": "limit_pressure"}}, "limit_pressure.*with friction.*friction = 0"),
-        (DISK, (RUBBING,), {"maximise": Rise(at=JudgedLoad("volume", 1e-6))}, "at a volume.*designs need pressures"),
+        (DISK, (RUBBING,), {"maximise": Rise(at=EvaluatedLoad("volume", 1e-6))}, "at a volume.*designs need pressures"),
         (Cylinder(), (Fibres(modulus=1e5),), {"parameters": {"fibres.angle": (40.0, 100.0)}}, "between -90 and 90 deg"),
         (Cylinder(), (), {"parameters": {"fibres.angle": (40.0, 80.0)}}, r"no parameter 'fibres.angle'"),
         (Cylinder(), (sm.Region(LAW, name="cap"),), {}, "cannot move the interfaces between regions with wall"),

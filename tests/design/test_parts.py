@@ -12,7 +12,7 @@ from softmodels.case.load import steps_of
 from softmodels.components.fibres import Fabric, Fibres
 from softmodels.design.problem import DesignProblem
 from softmodels.design.quantities import AddedVolume, DeviceFigure, LimitPressure, Rise, Stiffness, StoredEnergy
-from softmodels.design.trials import DesignError, JudgedLoad
+from softmodels.design.trials import DesignError, EvaluatedLoad
 from tests.support.campaigns import sampled
 
 TAYLOR = "Taylor's remainder with parts on the boundary"
@@ -24,7 +24,8 @@ def test_a_plate_on_a_membrane(designed, second_order, comm, name):
     """Free to rise: under pressures, under a volume, and at the limit point."""
     membrane = Membrane(cell_size=0.004, through=2.0, plate_radius=0.006)
     quantities = (
-        Rise(at=1000.0), AddedVolume(at=1000.0), StoredEnergy(at=1000.0), Rise(at=JudgedLoad("volume", 3e-6)), LimitPressure(),
+        Rise(at=1000.0), AddedVolume(at=1000.0), StoredEnergy(at=1000.0), Rise(at=EvaluatedLoad("volume", 3e-6)),
+        LimitPressure(),
     )  # fmt: skip
     components = (sm.Rigid("plate", name="plate"),)
     model = designed(membrane, ("radius", "thickness", "plate_radius"), quantities, comm, components)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import doctest
 import importlib.util
 import inspect
 import re
@@ -35,6 +36,25 @@ def test_each_public_name_has_a_page_and_is_listed_once(reference):
     pages = reference.pages()
     assert {reference.place(name) for name in public} <= set(pages)
     assert len({path.lower() for path in pages}) == len(pages), "two pages differ by case only"
+
+
+SHOWN_ON_PAGES = {
+    "DesignProblem", "ImportedActuator", "ImportedMesh", "ReducedModel", "Study", "export", "fit", "fit_heights", "mould",
+    "optimise", "study",
+}  # fmt: skip
+"""Names whose example needs a file or a minute: the how-to pages show them, and run."""
+
+
+def test_each_public_name_has_an_example(reference):
+    public = [name for name in softmodels.__all__ if not name.endswith(("Error", "Warning")) and name[0] != "_"]
+    assert {*public} - SHOWN_ON_PAGES == {*reference.examples()}
+
+
+def test_examples_of_names_print_what_they_say(reference, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name, code in reference.examples().items():
+        test = doctest.DocTestParser().get_doctest(f"{code}\n", {"sm": softmodels}, name, None, None)
+        assert doctest.DocTestRunner(verbose=False).run(test).failed == 0, name
 
 
 def test_arguments_of_devices_and_laws_are_explained(reference):

@@ -11,7 +11,7 @@ import time
 import pytest
 
 from geometries import GeometryError, HollowDisk, ImportedActuator, MeshingError, MeshingStopped
-from geometries.meshing import QUICK, apart, summarize
+from geometries.meshing import MAX_CELLS_IN_PROCESS, apart, summarize
 from tests.support.campaigns import sampled
 
 FINE = HollowDisk(fillet=0, cell_size=0.0008, refinement=2)
@@ -56,7 +56,7 @@ def test_a_signal_to_both_processes_is_no_crash():
 
 
 def test_an_end_is_heard_and_leaves_nothing(tmp_path):
-    assert FINE.expected_cells > QUICK
+    assert FINE.expected_cells > MAX_CELLS_IN_PROCESS
     looks = iter([False, False, True])
     with pytest.raises(MeshingStopped):
         FINE.write(tmp_path / "disk.msh", lambda: next(looks))
@@ -66,7 +66,7 @@ def test_an_end_is_heard_and_leaves_nothing(tmp_path):
 def test_both_ways_make_the_same_mesh(tmp_path, monkeypatch):
     disk = HollowDisk(fillet=0, angle=30)
     here = disk.write(tmp_path / "here.msh")
-    monkeypatch.setattr("geometries.meshing.QUICK", 0)
+    monkeypatch.setattr("geometries.meshing.MAX_CELLS_IN_PROCESS", 0)
     assert disk.write(tmp_path / "apart.msh").read_bytes() == here.read_bytes()
 
 

@@ -31,7 +31,7 @@ def curved_lines(path):
         at = np.empty((int(tags.max()) + 1, 2))
         at[tags.astype(int)] = places.reshape(-1, 3)[:, :2]
         _, nodes = gmsh.model.mesh.getElementsByType(8)
-        assert meshing._curvings(2).min() >= meshing.SOUND
+        assert meshing._jacobian_ratios(2).min() >= meshing.AIMED_JACOBIAN
         return at[nodes.astype(int).reshape(-1, 3)]
 
 
@@ -57,7 +57,7 @@ def test_the_wall_of_a_bending_bellows_stays_curved(wall, cell_size, tmp_path):
     with private_model():
         groups = {name: (dimension, tag) for dimension, tag, name in load_mesh(path, 3)}
         x, y, z = gmsh.model.mesh.getNodesForPhysicalGroup(*groups["folds"])[1].reshape(-1, 3).T
-        assert meshing._curvings(3).min() >= meshing.USABLE
+        assert meshing._jacobian_ratios(3).min() >= meshing.MIN_JACOBIAN
     r = np.hypot(y, z - 0.5 * device.base)
     off = np.min(
         [np.where((arc.start - 1e-9 <= x) & (x <= arc.end + 1e-9), np.abs(np.hypot(x - arc.centre[0], r - arc.centre[1])

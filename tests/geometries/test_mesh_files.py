@@ -183,7 +183,7 @@ def test_another_device_is_meshed(change, made, tmp_path):
 
 def test_what_another_mesher_made_is_not_taken(made, monkeypatch, tmp_path):
     SECTION.write(tmp_path / "one.msh")
-    monkeypatch.setattr(meshing, "_mesher", lambda: "another version")
+    monkeypatch.setattr(meshing, "_mesher_versions", lambda: "another version")
     SECTION.write(tmp_path / "one.msh")
     assert len(made) == 2
 

@@ -8,7 +8,7 @@ import pytest
 
 from geometries import GeometryError, HollowDisk, SeminarActuator
 from geometries.actuator import changed, parameter, parameter_names
-from geometries.meshing import MM, private_model
+from geometries.meshing import MM_PER_M, private_model
 from geometries.seminar import Junction, _role, edge_distance, half_fan, half_slab, side
 from tests.support.campaigns import sampled
 
@@ -68,8 +68,8 @@ def from_walls(slab, points):
         solids = half_slab(slab)
         gmsh.model.occ.synchronize()
         walls = [tag for _, tag in gmsh.model.getBoundary(solids, oriented=False) if _role(slab, tag) == "cavity"]
-        found = [gmsh.model.getClosestPoint(2, tag, MM * points.ravel())[0] for tag in walls]
-    return np.min([np.linalg.norm(places.reshape(-1, 3) / MM - points, axis=1) for places in found], axis=0)
+        found = [gmsh.model.getClosestPoint(2, tag, MM_PER_M * points.ravel())[0] for tag in walls]
+    return np.min([np.linalg.norm(places.reshape(-1, 3) / MM_PER_M - points, axis=1) for places in found], axis=0)
 
 
 def all_changed(slab, by, seed=1):

@@ -164,12 +164,13 @@ def test_heights_and_outlines_are_found_without_a_click(photographs, tmp_path, f
         if height:
             # The outline counts x along the surface from a place of its own; the dome's summit tells where that is.
             summit = outline.x[np.argmax(outline.z)]
-            inside = np.abs(outline.x - summit) < photographer.RADIUS
+            inside = np.abs(outline.x - summit) < photographer.DISK_RADIUS
             shift = min(
                 (
                     np.sqrt(
                         np.mean(
-                            (outline.z - dome_height(outline.x - summit - s, height, photographer.RADIUS))[inside] ** 2
+                            (outline.z - dome_height(outline.x - summit - s, height, photographer.DISK_RADIUS))[inside]
+                            ** 2
                         )
                     )
                 )

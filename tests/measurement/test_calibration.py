@@ -60,7 +60,7 @@ def test_stated_errors_are_true(monkeypatch, lens, poses, pixel_size):
     for _ in range(10):
         noisy = [view + rng.normal(0.0, 0.05, view.shape) for view in corners]
         made = calibration.calibrated_from(noisy, board, (900, 600))
-        moved = calibration._moved(made, camera, min(1.0, calibration.reached(noisy, (900, 600)).max()))
+        moved = calibration._ring_distances(made, camera, min(1.0, calibration.reached(noisy, (900, 600)).max()))
         lengths.append(moved / made.errors_px[:, None])
         assert 0.0 < made.error_px <= made.errors_px.max()
     assert 0.5 < np.sqrt(np.mean(np.square(lengths))) < 1.4
@@ -119,18 +119,18 @@ def test_boards_are_searched_in_reduced_pictures_first(monkeypatch, square, side
         return search(gray, *args, **options)
 
     monkeypatch.setattr(cv2, "findChessboardCornersSB", watched)
-    monkeypatch.setattr(calibration, "SEARCHED", (900,))
+    monkeypatch.setattr(calibration, "SEARCH_SIDES_PX", (900,))
     image = sheet(square)
     found = find_chessboard(image)
     assert searched == sides
-    monkeypatch.setattr(calibration, "SEARCHED", ())
+    monkeypatch.setattr(calibration, "SEARCH_SIDES_PX", ())
     assert found.px == pytest.approx(find_chessboard(image).px, abs=0.01)
 
 
 def test_progress_is_counted_for_every_photograph(tmp_path, shared_data):
     files, steps = sorted(shared_data("chessboards").glob("left*.jpg"))[:4], []
     calibration.calibrate(files, each=lambda: steps.append(1))
-    assert len(steps) == calibration.STEPS * len(files)
+    assert len(steps) == calibration.STEPS_PER_PHOTOGRAPH * len(files)
     words = ["calibrate", *map(str, files), "-o", str(tmp_path / "camera.toml"), "--quiet"]
     done = CliRunner().invoke(main, words)
     assert done.exit_code == 0 and done.output == "" and (tmp_path / "camera.toml").is_file()

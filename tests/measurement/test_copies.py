@@ -16,7 +16,7 @@ from measurement import photographer
 from measurement.__main__ import main
 from measurement.outline.outline import Outline
 from measurement.photographer import dome, dome_height, photograph, save
-from measurement.series.photo_list import COPIED, copies, cut_out, likeness, prepared
+from measurement.series.photo_list import MIN_COPY_CORRELATION, copies, cut_out, likeness, prepared
 from tests.support.campaigns import sampled
 
 SCENE = dataclasses.replace(photographer.SCENE, width=1000, height=640, focal_px=1750.0, pixel_size=48e-6, dust=3)
@@ -32,8 +32,8 @@ def shown(height, seed, grain=0.0, nudged=0.0, **scene):
         texture, np.float32([[1, 0, nudged], [0, 1, nudged]]), (1000, 640), borderMode=cv2.BORDER_REFLECT
     )
     return photograph(
-        dataclasses.replace(SCENE, **scene), dome(height * 1e-3, photographer.RADIUS, floor=photographer.FLOOR), seed,
-        fault=lambda light, truth: light * (1.0 + grain / texture.std() * moved),
+        dataclasses.replace(SCENE, **scene), dome(height * 1e-3, photographer.DISK_RADIUS, floor=photographer.SURFACE_HEIGHT),
+        seed, fault=lambda light, truth: light * (1.0 + grain / texture.std() * moved),
     )[0]  # fmt: skip
 
 
@@ -88,8 +88,8 @@ def test_changed_copies_at_another_pressure_are_found(bench):
     others = [samples[k] for k in (2, 4, 1, 0)]
     for name, change in CHANGES.items():
         copy = prepared(cut_out(change(pictures[3])))
-        assert likeness(samples[3], copy, others) > 1.2 * COPIED, name
-        assert likeness(samples[3], copy, others[:2]) > COPIED, name
+        assert likeness(samples[3], copy, others) > 1.2 * MIN_COPY_CORRELATION, name
+        assert likeness(samples[3], copy, others[:2]) > MIN_COPY_CORRELATION, name
 
 
 @pytest.mark.parametrize("nudged", sampled([0.0, 0.15]))
@@ -103,7 +103,7 @@ def test_honest_repeats_are_no_copies(bench, nudged):
     assert judged(pictures, heights, [0.0, 300.0, 500.0, 500.0, 502.0, 600.0]) == {}
     samples = [prepared(cut_out(picture)) for picture in pictures]
     others = [samples[k] for k in (1, 5, 4, 0)]
-    assert likeness(samples[2], samples[3], others) < COPIED / 3.0
+    assert likeness(samples[2], samples[3], others) < MIN_COPY_CORRELATION / 3.0
 
 
 def test_both_pressures_of_a_copy_are_doubted_and_a_repeated_file_counts_once():

@@ -190,14 +190,14 @@ def test_a_large_picture_is_read_and_one_beyond_the_memory_named(tmp_path, monke
 def bench(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bench")
     save(folder / "grid.png", photograph(SCENE, None, seed=1)[0])
-    save(folder / "zero.png", photograph(SCENE, dome(0.0, floor=photographer.FLOOR), seed=2)[0])
+    save(folder / "zero.png", photograph(SCENE, dome(0.0, floor=photographer.SURFACE_HEIGHT), seed=2)[0])
     words = ["setup", folder / "grid.png", "--lens", "none", "-o", folder / "setup.toml"]
     assert CliRunner().invoke(main, list(map(str, words))).exit_code == 0
     setup = Setup.from_file(folder / "setup.toml")
     return (
         setup,
         find_zero(folder / "zero.png", setup),
-        photograph(SCENE, dome(HEIGHT, photographer.RADIUS, floor=photographer.FLOOR), 3)[0],
+        photograph(SCENE, dome(HEIGHT, photographer.DISK_RADIUS, floor=photographer.SURFACE_HEIGHT), 3)[0],
     )
 
 

@@ -27,8 +27,8 @@ from tests.support.campaigns import sampled
 from tests.support.photographs.scenes import COARSE
 
 SCENE = dataclasses.replace(COARSE, dust=3)
-HEIGHT, FLOOR = 4e-3, photographer.FLOOR
-DOME = dome(HEIGHT, photographer.RADIUS, floor=FLOOR)
+HEIGHT, FLOOR = 4e-3, photographer.SURFACE_HEIGHT
+DOME = dome(HEIGHT, photographer.DISK_RADIUS, floor=FLOOR)
 
 
 def run(*words):
@@ -101,7 +101,7 @@ PICTURES = {
     "finger before the lens": (lambda: pixels(fault=finger), "touches the frame"),
     "no shadow": (lambda: pixels(None), "no shadow|contrast"),
     "nothing but shadow": (lambda: pixels(dome(0.0, floor=0.1)), "no shadow|nothing but shadow|contrast"),
-    "bulge taller than the picture": (lambda: pixels(dome(0.04, photographer.RADIUS, floor=FLOOR)), "touches the frame"),
+    "bulge taller than the picture": (lambda: pixels(dome(0.04, photographer.DISK_RADIUS, floor=FLOOR)), "touches the frame"),
     "bulge wider than the picture": (lambda: pixels(dome(9e-3, 0.06, floor=FLOOR)), "touches the frame"),
     "second lamp": (lambda: double(pixels(), pixels(DOME - [0.0, 1e-3])), "steps.* second lamp"),
     "blurred": (lambda: pixels(blur=8.0), "blurred over"),
@@ -152,11 +152,11 @@ REFUSED = {"pencil", "noisy", "thread over the top", "thread across"}
 GOOD = {
     "plain": (lambda: pixels(), HEIGHT),
     "flat": (lambda: pixels(dome(0.0, floor=FLOOR)), 0.0),
-    "low": (lambda: pixels(dome(0.3e-3, photographer.RADIUS, floor=FLOOR)), 0.3e-3),
-    "high": (lambda: pixels(dome(9e-3, photographer.RADIUS, floor=FLOOR)), 9e-3),
-    "beside the middle": (lambda: pixels(dome(HEIGHT, photographer.RADIUS, 2e-3, FLOOR)), HEIGHT),
+    "low": (lambda: pixels(dome(0.3e-3, photographer.DISK_RADIUS, floor=FLOOR)), 0.3e-3),
+    "high": (lambda: pixels(dome(9e-3, photographer.DISK_RADIUS, floor=FLOOR)), 9e-3),
+    "beside the middle": (lambda: pixels(dome(HEIGHT, photographer.DISK_RADIUS, 2e-3, FLOOR)), HEIGHT),
     "small": (lambda: pixels(dome(3e-3, 7e-3, floor=FLOOR)), 3e-3),
-    "on a grid line": (lambda: pixels(dome(-FLOOR, photographer.RADIUS, floor=FLOOR)), -FLOOR),
+    "on a grid line": (lambda: pixels(dome(-FLOOR, photographer.DISK_RADIUS, floor=FLOOR)), -FLOOR),
     "dusty": (lambda: pixels(dust=25), HEIGHT),
     "vignetted": (lambda: pixels(unevenness=0.6), HEIGHT),
     "grey": (lambda: np.repeat(cv2.cvtColor(pixels(), cv2.COLOR_RGB2GRAY)[..., None], 3, axis=2), HEIGHT),
@@ -186,7 +186,7 @@ def written_files(folder):
     (folder / "short.jpg").write_bytes(whole[: len(whole) // 2])
     (folder / "text.jpg").write_text("this is no JPEG")
     (folder / "empty.jpg").write_bytes(b"")
-    save(folder / "copy one.jpg", pixels(dome(5e-3, photographer.RADIUS, floor=FLOOR)))
+    save(folder / "copy one.jpg", pixels(dome(5e-3, photographer.DISK_RADIUS, floor=FLOOR)))
     (folder / "copy two.jpg").write_bytes((folder / "copy one.jpg").read_bytes())
     return {
         "short.jpg": "file is damaged",

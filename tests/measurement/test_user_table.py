@@ -74,7 +74,7 @@ def test_what_is_no_workbook_or_a_damaged_one_is_refused(data, tmp_path):
 def test_a_bomb_is_refused_before_it_is_unpacked(tmp_path, monkeypatch):
     """A thousandth of what it unpacks to."""
     bomb = changed(BOOK, "docProps/app.xml", lambda text: "0" * 11_000_000)
-    monkeypatch.setattr(tables.files, "TEXT", 10_000_000)
+    monkeypatch.setattr(tables.files, "MAX_TEXT_BYTES", 10_000_000)
     monkeypatch.setattr(tables, "_read_workbook", None)
     assert len(bomb) < 20_000
     with pytest.raises(UserFileError, match=r"unpacked, its sheets have 11.02 MB, but at most 10 MB are read"):

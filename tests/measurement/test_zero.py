@@ -14,7 +14,7 @@ from measurement.outline.zero import Bow, Sides, ZeroLine, sharpest_turn
 from measurement.pictures import Unmeasurable
 from measurement.screen.setup import Plane, Setup
 from measurement.series import measuring as series
-from measurement.series.checks import CREASE, level
+from measurement.series.checks import MIN_CREASE_TURN, level
 from measurement.series.photo_list import Photograph
 
 SLOPE = np.radians(7.0)
@@ -170,4 +170,4 @@ def test_a_steep_top_is_no_crease_and_a_creased_one_is(height, radius, power, sp
         at = np.arange(0.0, arc[-1], spacing)
         edge = np.column_stack([np.interp(at, arc, line[:, axis]) for axis in (0, 1)])
         edge += np.random.default_rng(1).normal(0.0, 1.5e-6, edge.shape)
-        assert (sharpest_turn(edge)[1] > CREASE) == creased
+        assert (sharpest_turn(edge)[1] > MIN_CREASE_TURN) == creased

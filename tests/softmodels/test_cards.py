@@ -12,7 +12,7 @@ from PIL import Image
 
 import softmodels as sm
 from softmodels.api import run as runs, views
-from softmodels.common.cards import Shown
+from softmodels.common.cards import ResultCard
 from softmodels.common.errors import GeometryError
 from softmodels.pictures.offscreen import can_render, look
 from softmodels.pictures.solid import render_frames
@@ -92,7 +92,7 @@ def test_a_fit_and_names_that_are_no_html():
     (score,) = sm.score({"fitted": sm.NeoHookean(15e3)}, curve)
     assert rows_of(score._repr_html_())["rms"].endswith(" kPa of 12 values") and "not all" not in score._repr_html_()
 
-    class Named(Shown):
+    class Named(ResultCard):
         def _line(self):
             return f"of {curve.name}"
 
@@ -102,7 +102,7 @@ def test_a_fit_and_names_that_are_no_html():
     assert not re.search(r"<b>|<script", Named()._repr_html_())
 
 
-class Broken(Shown):
+class Broken(ResultCard):
     def _line(self):
         return "of something broken"
 

@@ -15,7 +15,7 @@ from geometries import SeminarActuator
 from softmodels.pictures import offscreen, solid
 from softmodels.pictures.offscreen import look
 from softmodels.pictures.solid import cut_open
-from softmodels.pictures.style import DPI, FOOT, STYLE, Caption, Pixels, Scale, drawn, page
+from softmodels.pictures.style import DPI, FOOT_INCHES, STYLE, Caption, Pixels, Scale, drawn, page
 from softmodels.runs.grid import fine_triangles, outline
 from softmodels.runs.labels import StateLabels, load
 from softmodels.runs.states import FolderStates
@@ -133,7 +133,7 @@ def test_ten_values_are_read_off_a_solid(kind, name, request):
             places.append(vertex)
         if len(places) == 10:
             break
-    pixels = (flat[places, :2] + middle) * (1, -1) + (0, picture.shape[0] - round(FOOT * DPI))
+    pixels = (flat[places, :2] + middle) * (1, -1) + (0, picture.shape[0] - round(FOOT_INCHES * DPI))
     found = read_off(picture, pixels, scale)
     nodes = np.tile(states.skin.nodes, len(shown.kept))[places]
     compare(found, states.field(step, "von_mises")[nodes] * scale.factor, scale)
@@ -159,16 +159,16 @@ def test_a_hot_spot_is_marked_on_the_wall_that_has_it(wedge):
 
 def test_a_films_gradients_are_not_banded():
     """A ramp over all colours with shading: dithered, the mean over a few pixels keeps the colour."""
-    ramp = matplotlib.colormaps["viridis"](np.linspace(0, 1, solid.WIDE))[:, :3]
+    ramp = matplotlib.colormaps["viridis"](np.linspace(0, 1, solid.FRAME_WIDTH_PX))[:, :3]
     shade = np.linspace(0.6, 1.0, 120)[:, None, None]
     frames = [np.uint8(255 * np.clip(shade * ramp * k, 0, 1)) for k in (0.9, 0.95, 1.0)]
     with Image.open(io.BytesIO(solid.gif(frames))) as made:
         made.seek(2)
         shown = np.asarray(made.convert("RGB"), dtype=float)
-    error = (shown - frames[2]).reshape(15, 8, solid.WIDE // 8, 8, 3).mean(axis=(1, 3))
+    error = (shown - frames[2]).reshape(15, 8, solid.FRAME_WIDTH_PX // 8, 8, 3).mean(axis=(1, 3))
     assert np.sqrt((error**2).mean()) < 4.0  # bands of 160 colours of three frames: 7
     with Image.open(io.BytesIO(solid.webp(frames))) as made:
-        assert made.size == (solid.WIDE, 120) and made.n_frames == 3
+        assert made.size == (solid.FRAME_WIDTH_PX, 120) and made.n_frames == 3
 
 
 def test_a_cut_has_no_seam_where_images_of_the_slice_meet(half_slab):
@@ -212,9 +212,9 @@ def test_a_gif_that_is_too_large_has_fewer_frames_in_the_same_colours(monkeypatc
             return made.n_frames, made.getpalette()
 
     whole = solid.gif(frames)
-    monkeypatch.setattr(solid, "LARGEST", round(0.9 * len(whole)))
+    monkeypatch.setattr(solid, "MAX_GIF_BYTES", round(0.9 * len(whole)))
     less = solid.gif(frames)
-    assert len(less) <= solid.LARGEST
+    assert len(less) <= solid.MAX_GIF_BYTES
     assert opened(whole) == (30, opened(less)[1]) and opened(less)[0] == 25
 
 

@@ -22,7 +22,7 @@ from softmodels.common.commands import DrawingOptions
 from softmodels.pictures import offscreen, solid
 from softmodels.pictures.offscreen import can_render, look
 from softmodels.pictures.solid import AtRest
-from softmodels.pictures.style import DrawnFolder, png
+from softmodels.pictures.style import PictureFolder, png
 from softmodels.runs.states import FolderStates
 from tests.support import made_up as drawings, runs
 
@@ -183,10 +183,10 @@ def test_lights_without_gloss_are_those_of_vtk(wedge, monkeypatch):
 
 def test_a_large_film_has_fewer_frames_in_its_gif(monkeypatch):
     noise = np.random.default_rng(1).integers(0, 255, (40, 60, 80, 3), dtype=np.uint8)
-    monkeypatch.setattr(solid, "LARGEST", 20 * 60 * 80)
+    monkeypatch.setattr(solid, "MAX_GIF_BYTES", 20 * 60 * 80)
     data = solid.gif(list(noise))
     with Picture.open(io.BytesIO(data)) as found:
-        assert 10 <= found.n_frames < 40 and len(data) <= solid.LARGEST
+        assert 10 <= found.n_frames < 40 and len(data) <= solid.MAX_GIF_BYTES
 
 
 # -- Pictures that are encoded beside what draws the next one: all on disk at the end, and no failure lost -----------
@@ -199,7 +199,7 @@ def some(k):
 
 
 def test_all_are_on_disk_at_the_end(tmp_path):
-    with DrawnFolder(tmp_path) as out:
+    with PictureFolder(tmp_path) as out:
         for k in range(8):
             out.save(f"p{k}", some(k), {"Title": f"number {k}"})
         out.add("made", png(some(9)))
@@ -212,12 +212,12 @@ def test_all_are_on_disk_at_the_end(tmp_path):
 
 
 def test_a_picture_that_cannot_be_written_is_no_picture(tmp_path):
-    out = DrawnFolder(tmp_path / "missing")
+    out = PictureFolder(tmp_path / "missing")
     with pytest.raises(FileNotFoundError), out:
         out.save("p", some(0))
 
 
 def test_what_else_went_wrong_is_what_is_reported(tmp_path):
-    with pytest.raises(ZeroDivisionError), DrawnFolder(tmp_path / "missing") as out:
+    with pytest.raises(ZeroDivisionError), PictureFolder(tmp_path / "missing") as out:
         out.save("p", some(0))
         _ = 1 / 0

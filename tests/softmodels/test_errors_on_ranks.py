@@ -20,7 +20,7 @@ from softmodels.mechanics import mpi
 from softmodels.runs.fields import Fields
 comm = mpi.start()
 figures = Fields.figures
-processes.GRACE = 1
+processes.GRACE_SECONDS = 1
 def fails(self, state):
     if comm.rank == LAST:
         ERROR

@@ -117,12 +117,13 @@ def test_numbers_pictures_and_page(whole):
         rows = list(csv.DictReader(file))
     assert {row["test"] for row in rows} == {"uniaxial", "planar"}
     assert all(abs(float(row["measured_Pa"]) - float(row["yeoh_Pa"])) < 150.0 for row in rows)
-    for name in ("curves.png", "residuals.png", "profiles-yeoh.png", "profiles-ogden1.png", "profiles-neo-hookean.png"):
+    profiles = ("profiles-yeoh.png", "profiles-ogden1.png", "profiles-neo-hookean.png")
+    for name in ("law.png", "curves.png", "residuals.png", *profiles):
         image = matplotlib.image.imread(folder / name)
         assert image.shape[1] == 1280, (name, image.shape)
         assert image[..., :3].std() > 0.02, "an empty picture"
     page = (folder / "report.html").read_text()
-    assert page.count('<figure data-name="') == 5 and page.count("</svg>") == 5
+    assert page.count('<figure data-name="') == 6 and page.count("</svg>") == 6
     assert set(re.findall(r'[a-z:]+="http[^"]*"', page)) == {
         'xmlns="http://www.w3.org/2000/svg"', 'xmlns:xlink="http://www.w3.org/1999/xlink"'
     }  # fmt: skip

@@ -12,7 +12,7 @@ from softmodels.fitting.curves.curve import TensileCurve, read_curve
 from softmodels.fitting.curves.fit import fit_law_to_curves, prepared
 from softmodels.fitting.curves.residuals import (
     MOST_POINTS,
-    STEPS,
+    STRETCH_STEPS,
     StressError,
     evened,
     on_yardstick,
@@ -140,11 +140,11 @@ def test_every_sampling_is_judged_at_the_same_stretches(noise):
         thinned(dataclasses.replace(curve, stretch=crowded, stress=np.interp(crowded, curve.stretch, curve.stress)))
     )
     for other in (thin, sparse, uneven):
-        assert len(other.stretch) == len(dense.stretch) == STEPS
-        assert np.abs(other.stretch - dense.stretch).max() < 0.15 * 1.98 / STEPS
+        assert len(other.stretch) == len(dense.stretch) == STRETCH_STEPS
+        assert np.abs(other.stretch - dense.stretch).max() < 0.15 * 1.98 / STRETCH_STEPS
         at = np.interp(other.stretch, dense.stretch, dense.stress)
         assert np.abs(other.stress - at)[1:-1].max() < (2e-3 + 2 * noise) * top
-    few = sampled(curve, STEPS)
+    few = sampled(curve, STRETCH_STEPS)
     assert evened(few) is few
 
 

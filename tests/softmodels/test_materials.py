@@ -14,8 +14,8 @@ from softmodels.case.materials import from_table, material_from, to_table
 from softmodels.common.names import spelling
 from softmodels.fitting.problem import FitOptions, LawChoice, law_choices
 from softmodels.materials.laws import (
+    DEFAULT_POISSON_RATIO,
     LAWS,
-    RUBBER,
     Gent,
     HomogeneousStrain,
     MaterialError,
@@ -206,7 +206,7 @@ def test_a_law_without_poisson_s_ratio_is_incompressible_everywhere():
         from_table({"law": "neo-hookean", "young": "90 kPa"}), from_table({"law": "yeoh", "c1": "14 kPa"}),
         silicone_called("ecoflex-00-30").material, LawChoice.from_text("yeoh").material({"c1": 14e3, "c2": 0.0, "c3": 0.0}),
     ]  # fmt: skip
-    assert {law.poisson for law in laws} == {FitOptions().poisson} == {RUBBER} == {0.5}
+    assert {law.poisson for law in laws} == {FitOptions().poisson} == {DEFAULT_POISSON_RATIO} == {0.5}
     assert laws[1].shear_modulus == pytest.approx(30e3)
     assert from_table({"law": "yeoh", "c1": "14 kPa", "poisson": "0.49"}).poisson == 0.49
 

@@ -17,7 +17,15 @@ from softmodels.__main__ import softmodels as whole_command
 from softmodels.case.materials import material_from
 from softmodels.cli import material_commands
 from softmodels.fitting.curves import residuals as memory
-from softmodels.fitting.curves.curve import EQUILIBRIUM, TensileCurve, TensileError, corners, loop, read_curve, turns
+from softmodels.fitting.curves.curve import (
+    EQUILIBRIUM_RATE,
+    TensileCurve,
+    TensileError,
+    corners,
+    loop,
+    read_curve,
+    turns,
+)
 from softmodels.fitting.curves.fit import fit_curves, fit_law_to_curves
 from softmodels.fitting.curves.residuals import StressError, predicted, residuals_of, thinned
 from softmodels.fitting.problem import FitError, FitOptions, LawChoice
@@ -319,7 +327,7 @@ def test_a_rate_stands_in_for_times(tmp_path):
     with pytest.raises(TensileError, match=r"no column of times.*c.csv:uniaxial:0.05/s.*equilibrium"):
         read_curve(tmp_path / "c.csv", history=True)
     assert read_curve(tmp_path / "c.csv", history=True, rate=0.1).time == pytest.approx(T)
-    assert read_curve(tmp_path / "c.csv", history=True, rate=EQUILIBRIUM).time is None
+    assert read_curve(tmp_path / "c.csv", history=True, rate=EQUILIBRIUM_RATE).time is None
     with pytest.raises(TensileError, match="a fit of the memory needs a test with times"):
         fit_curves([read_curve(tmp_path / "c.csv")], "yeoh", FAST)
 
@@ -456,7 +464,7 @@ def test_input_that_makes_no_memory_is_one_sentence(says, words, why):
         ("a.csv:planar:5%/s", "planar", 0.05),
         ("a.csv:3/min", "uniaxial", 0.05),
         ("a.csv:ps:30mm/min", "ps", 0.05),
-        ("a.csv:equilibrium:planar", "planar", EQUILIBRIUM),
+        ("a.csv:equilibrium:planar", "planar", EQUILIBRIUM_RATE),
         ("a.csv:balloon", "balloon", None),
         ("a.csv", "uniaxial", None),
     ],

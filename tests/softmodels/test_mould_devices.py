@@ -27,10 +27,10 @@ from geometries.actuator import Castable
 from geometries.meshing import private_model
 from softmodels.casting import pictures
 from softmodels.casting.bodies import imported, left, recipe_of, tooling
-from softmodels.casting.facets import BETWEEN, arranged, laid_flat, print_estimate
+from softmodels.casting.facets import PLATE_GAP, arranged, laid_flat, print_estimate
 from softmodels.casting.files import _pour_steps, _steps
-from softmodels.casting.make import _difference, _made, common_thickness, manifold_of
-from softmodels.casting.settings import Asked, MouldError, Workshop, asked_of
+from softmodels.casting.make import _difference, _make_pieces, common_thickness, manifold_of
+from softmodels.casting.settings import MouldError, MouldRequest, Workshop, asked_of
 from tests.support.campaigns import sampled
 from tests.support.moments import mirror_gap
 
@@ -64,7 +64,7 @@ def test_a_device_is_cast_to_its_closed_form(kind, tmp_path):
     cast as it leaves, by the CAD kernel and by the triangles."""
     device, bodies = DEVICES[kind]
     workshop = WAX if kind is Bellows else COARSE
-    _check(device, _made(device, recipe_of(device, workshop), workshop), bodies, tmp_path)
+    _check(device, _make_pieces(device, recipe_of(device, workshop), workshop), bodies, tmp_path)
 
 
 def _check(device, found, bodies, folder):
@@ -96,7 +96,7 @@ def _check(device, found, bodies, folder):
 def test_a_balloon_is_cast_without_a_seam_around_wax(tmp_path):
     """The wax core is the cavity, larger by both shrinkages, with a peg of 1 degree; it is cast, not printed."""
     device = DEVICES[Balloon][0]
-    found = _made(device, recipe_of(device, WAX), WAX)
+    found = _make_pieces(device, recipe_of(device, WAX), WAX)
     halves = ("balloon core cup left", "balloon core cup right")
     bodies = (*halves, "balloon core", "balloon lid", "balloon cup left", "balloon cup right")
     _check(device, found, ", ".join(bodies), tmp_path)
@@ -109,7 +109,7 @@ def test_a_balloon_is_cast_without_a_seam_around_wax(tmp_path):
     peg = np.pi / 3 * length * (tip**2 + tip * root + root**2)
     assert points[:, 2].min() == pytest.approx(-length)
     assert wax.facets.volume == pytest.approx((device.cavity_volume * 1e9 / 0.99**3 + peg) / 0.98**3, rel=1e-5)
-    steps = " ".join(_steps(Asked(device, WAX, "", "balloon"), found))
+    steps = " ".join(_steps(MouldRequest(device, WAX, "", "balloon"), found))
     assert steps.index("pour through the open end") < steps.index("Weigh A and B") < steps.index("Melt the wax out")
 
 
@@ -136,7 +136,7 @@ def test_grooves_lie_where_the_fibres_are(tmp_path):
     asked = asked_of(tmp_path / "case.toml", **THREAD)
     (tmp_path / "again.toml").write_text(asked.to_toml())
     assert asked_of(tmp_path / "again.toml").workshop == asked.workshop and asked.workshop.angles == (75.0,)
-    tube, found = asked.device, _made(asked.device, recipe_of(asked.device, asked.workshop), asked.workshop)
+    tube, found = asked.device, _make_pieces(asked.device, recipe_of(asked.device, asked.workshop), asked.workshop)
     assert found.differs < 1e-6 and abs(found.balance) < 1e-6
     assert found.volume == pytest.approx(tube.solid_volume, rel=2e-6)
     assert found.cast_volume * 0.99**3 == pytest.approx(found.volume - found.grooved, rel=2e-6)
@@ -215,7 +215,7 @@ def test_a_lost_core_takes_the_inlet_of_its_lid_with_it():
 def test_wax_that_has_no_way_in_is_refused():
     device, workshop = DEVICES[Balloon][0], dataclasses.replace(WAX, least_gap=0.003, pour=0.004, vent=0.003)
     with pytest.raises(MouldError, match=r"peg is 2\.\d+ mm wide, too narrow .* print the core"):
-        _made(device, recipe_of(device, workshop), workshop)
+        _make_pieces(device, recipe_of(device, workshop), workshop)
 
 
 def test_the_lid_of_a_piece_called_cup_is_no_cup():
@@ -228,7 +228,7 @@ def test_the_lid_of_a_piece_called_cup_is_no_cup():
 def test_slender_fins_are_named_with_a_remedy_that_cures():
     """Between the chambers of a finger: as thick as the gap, as deep and long as the chambers' outsides; one sentence each."""
     finger = PneuNet(chambers=3)
-    found = _made(finger, recipe_of(finger, COARSE), COARSE)
+    found = _make_pieces(finger, recipe_of(finger, COARSE), COARSE)
     cup = next(body for body in found.bodies if body.name == "chambers cup")
     (fin,) = (fin for fin in cup.checked.fins if fin.slender)
     scaled = 1e-3 / (1.0 - COARSE.shrinkage)
@@ -242,7 +242,7 @@ def test_slender_fins_are_named_with_a_remedy_that_cures():
     assert "the chambers cup has 2 fins 0.505 mm thick, 10.1 mm deep and 16.2 mm long without draft (at " in note
     assert "20 times as deep as thick, more than 5" in note and "gap there at least 2 mm wide" in note
     cured = dataclasses.replace(finger, gap=0.002)
-    assert _made(cured, recipe_of(cured, COARSE), COARSE).notes == []
+    assert _make_pieces(cured, recipe_of(cured, COARSE), COARSE).notes == []
 
 
 SLOTS = [(1.0, 8.0, 0.0), (1.6, 8.0, 0.0), (1.0, 4.95, 0.0), (0.8, 8.0, 0.6), (0.7, 8.0, 0.6)]
@@ -276,7 +276,7 @@ def test_slender_fins_of_a_part_are_cured_by_width_depth_or_draft(slot, tmp_path
         gmsh.option.setString("Geometry.OCCTargetUnit", "")
     device = ImportedActuator(file=str(tmp_path / "part.step"), cavities=("at 13, 0, 1 mm",), support="x = 20 mm")
     workshop = asked_of(device, pull="0, 0, 1", tube=0.0, bolt=0.0, chord="0.1 mm").workshop
-    found = _made(device, recipe_of(device, workshop), workshop)
+    found = _make_pieces(device, recipe_of(device, workshop), workshop)
     cup = next(body for body in found.bodies if body.name == "upper cup")
     fin = max(cup.checked.fins, key=lambda fin: fin.slenderness)
     expected = (1e-3 * width, 1e-3 * depth, 10e-3)
@@ -291,8 +291,8 @@ def test_the_pictures_of_the_steps_show_the_sheet(kind, monkeypatch):
     """A cup that the sheet fills before the lid comes on is filled in the pictures, and the silicone there is up to the rim; a
     mould that is closed first is drawn so."""
     device, _ = DEVICES[kind]
-    found, shots = _made(device, recipe_of(device, COARSE), COARSE), []
-    monkeypatch.setattr(pictures, "_shot", shots.append)
+    found, shots = _make_pieces(device, recipe_of(device, COARSE), COARSE), []
+    monkeypatch.setattr(pictures, "_rendered", shots.append)
     for pour in found.recipe.pours:
         names = [text for text, _ in pictures._piece_steps(found, pour)]
         bodies, cast = found.of(pour)
@@ -319,7 +319,7 @@ def test_the_pictures_of_the_steps_show_the_sheet(kind, monkeypatch):
 def test_a_core_that_cannot_leave_is_refused():
     with pytest.raises(MouldError, match=r"wall lid cannot be demoulded: it is undercut by .* let its core be lost"):
         workshop = dataclasses.replace(COARSE, core="rigid")
-        _made(DEVICES[Bellows][0], recipe_of(DEVICES[Bellows][0], workshop), workshop)
+        _make_pieces(DEVICES[Bellows][0], recipe_of(DEVICES[Bellows][0], workshop), workshop)
 
 
 def test_inlets_fit_their_fittings():
@@ -345,14 +345,16 @@ def test_inlets_fit_their_fittings():
 
 def test_bodies_lie_flat_and_apart_on_plates_of_their_size():
     device = DEVICES[Beam][0]
-    found = _made(device, recipe_of(device, COARSE), COARSE)
+    found = _make_pieces(device, recipe_of(device, COARSE), COARSE)
     bodies = [(f"{body.name} {k}", body.facets) for k in range(4) for body in (*found.bodies, *found.extras)]
     workshop = dataclasses.replace(COARSE, bed_width=0.11, bed_depth=0.07, layer=1e-4, layer_time=10.0)
     placed = arranged(bodies, workshop)
     assert sorted(one.name for one in placed) == sorted(name for name, _ in bodies) and placed[-1].plate > 1
     boxes = [(one.plate, one.facets.points.min(axis=0), one.facets.points.max(axis=0)) for one in placed]
     for plate, low, high in boxes:
-        assert low[2] == 0.0 and (low[:2] >= BETWEEN).all() and (high[:2] <= (110.0 - BETWEEN, 70.0 - BETWEEN)).all()
+        assert (
+            low[2] == 0.0 and (low[:2] >= PLATE_GAP).all() and (high[:2] <= (110.0 - PLATE_GAP, 70.0 - PLATE_GAP)).all()
+        )
         for other, lower, upper in boxes:
             same = plate == other and (low == lower).all()
             assert same or plate != other or ((high[:2] < lower[:2]) | (upper[:2] < low[:2])).any()

@@ -50,7 +50,7 @@ def test_every_picture_is_drawn_and_shows_something(kind, drawn):
     assert {Path(line).name for line in done.stdout.split()} - {"film.mp4"} == {*names, *film, "report.html"}
     for name in names:
         image = matplotlib.image.imread(folder / name)[:, :, :3]
-        assert image.shape[1] == offscreen.PIXELS and 200 < image.shape[0] < 1600, name
+        assert image.shape[1] == offscreen.WIDTH_PX and 200 < image.shape[0] < 1600, name
         assert image.std() > 0.04, f"{name} is nearly blank"
         # A white rim: nothing is cut off.
         rim = np.concatenate([image[:3].reshape(-1, 3), image[-3:].reshape(-1, 3), image[:, :3].reshape(-1, 3)])
@@ -291,11 +291,11 @@ def test_a_cut_in_a_symmetry_plane_has_no_cracks(kind, name, slices, request):
 
 
 def test_a_rendered_image_stands_on_its_page_as_it_is():
-    image = np.random.default_rng(5).integers(0, 256, (200, offscreen.PIXELS, 3), dtype=np.uint8)
+    image = np.random.default_rng(5).integers(0, 256, (200, offscreen.WIDTH_PX, 3), dtype=np.uint8)
     drawn = png(solid.page(image, Caption("a title", note="and a note")), {"Title": "a title"})
     with Image.open(io.BytesIO(drawn)) as page:
         found = np.asarray(page)
-        assert page.mode == "RGB" and page.text["Title"] == "a title" and found.shape[1] == offscreen.PIXELS
+        assert page.mode == "RGB" and page.text["Title"] == "a title" and found.shape[1] == offscreen.WIDTH_PX
     assert (found[-200:] == image).all() and not (found[:-200] == 255).all()
 
 

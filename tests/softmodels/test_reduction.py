@@ -175,7 +175,7 @@ def test_chain_in_mujoco(run, model, tmp_path):
         assert np.linalg.norm(Rotation.from_matrix(site.xmat.reshape(3, 3).T @ at.rotation).as_rotvec()) < 1e-4
     # A small moment turns the tip as the table says, up to the change of the stiffness over the range.
     before, moment = data.site("tip").xmat.reshape(3, 3).copy(), 2e-4
-    tip = data.body(f"link{chains.SEGMENTS - 1}")
+    tip = data.body(f"link{chains.DEFAULT_SEGMENTS - 1}")
     data.xfrc_applied[tip.id, 4] = moment
     mujoco.mj_step(chain, data, 500)
     turned = Rotation.from_matrix(data.site("tip").xmat.reshape(3, 3) @ before.T).as_rotvec()[1] / moment
@@ -250,7 +250,7 @@ def test_mass_of_a_device_with_what_is_on_it():
     assert made.mass == pytest.approx(weighs, rel=1e-9) and weighs > 7e-3
     scene = ElementTree.fromstring(chains.mjcf(made))
     links = [one for one in scene.iter("body") if one.get("name", "").startswith("link")]
-    assert len(links) == chains.SEGMENTS and all(one.get("gravcomp") == "1" for one in links)
+    assert len(links) == chains.DEFAULT_SEGMENTS and all(one.get("gravcomp") == "1" for one in links)
 
 
 @pytest.mark.campaign

@@ -15,7 +15,7 @@ from PIL import Image
 
 from softmodels.pictures.offscreen import look
 from softmodels.pictures.report import packed
-from softmodels.pictures.solid import LARGEST
+from softmodels.pictures.solid import MAX_GIF_BYTES
 from softmodels.runs.grid import CUT, SECTOR, turn
 from softmodels.runs.states import FolderStates
 
@@ -104,7 +104,7 @@ def test_parameters_are_told_with_their_units(report):
 
 def test_the_film_runs_over_the_path(drawn):
     folder, _ = drawn("wedge")
-    assert (folder / "film.gif").stat().st_size < LARGEST
+    assert (folder / "film.gif").stat().st_size < MAX_GIF_BYTES
     with Image.open(folder / "film.gif") as film:
         assert film.width >= 960 and 10 <= film.n_frames <= 60
         first = np.asarray(film.convert("L"), dtype=float)
@@ -169,7 +169,7 @@ def test_the_cells_of_the_view_fill_the_silicone(kind, request):
 
 
 def test_a_long_path_leaves_steps_out_of_the_view(wedge, monkeypatch):
-    monkeypatch.setattr("softmodels.pictures.report.VALUES", 1)
+    monkeypatch.setattr("softmodels.pictures.report.MAX_VIEW_VALUES", 1)
     states = FolderStates(wedge, "disk")
     from softmodels.pictures.report import view
 

@@ -103,9 +103,9 @@ def test_what_differs_and_by_how_much(half_section, thinner):
 
 def test_between_stored_states_figures_are_interpolated_and_said_to_be(half_section, thinner):
     """The second one ends at 50 cm; without the first one's state there, the value between its neighbours counts."""
-    from softmodels.pictures.comparison import Compared, compared
+    from softmodels.pictures.comparison import ComparedResult, compared
 
-    one, other = Compared.from_folder(half_section), Compared.from_folder(thinner)
+    one, other = ComparedResult.from_folder(half_section), ComparedResult.from_folder(thinner)
     rows = one.rows.where(lambda row: row.shown("pressure") != 50.0)
     short = other.rows.where(lambda row: row.shown("pressure") <= 50.0)
     found = compared([dataclasses.replace(one, rows=rows), dataclasses.replace(other, rows=short)])
@@ -118,18 +118,18 @@ def test_between_stored_states_figures_are_interpolated_and_said_to_be(half_sect
 
 
 def test_a_vacuum_is_compared_by_its_size(half_section, thinner):
-    from softmodels.pictures.comparison import Compared, compared
+    from softmodels.pictures.comparison import ComparedResult, compared
     from softmodels.runs.table import PathTable
 
     def emptied(folder):
-        one = Compared.from_folder(folder)
+        one = ComparedResult.from_folder(folder)
         cells = ({**row.cells, "pressure_cm": -row.shown("pressure")} for row in one.rows)
         return dataclasses.replace(one, rows=PathTable.read(cells))
 
     found = compared([emptied(half_section), emptied(thinner)])
     assert found.common == -120.0 and found.figures[0].what == "rise at -120 cm"
     assert found.figures[0].values == sm.compare(half_section, thinner).figures[0].values
-    assert compared([emptied(half_section), Compared.from_folder(thinner)]).common is None
+    assert compared([emptied(half_section), ComparedResult.from_folder(thinner)]).common is None
 
 
 def test_the_command_prints_the_comparison_and_writes_a_report(ended, half_section, thinner, tmp_path):

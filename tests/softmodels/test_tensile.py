@@ -10,7 +10,14 @@ import openpyxl
 import pytest
 
 from softmodels.common.errors import spoken
-from softmodels.fitting.curves.curve import DENSE, Specimen, TensileError, read_curve, recognise, small_modulus
+from softmodels.fitting.curves.curve import (
+    MIN_POINTS_FOR_NOISE,
+    Specimen,
+    TensileError,
+    read_curve,
+    recognise,
+    small_modulus,
+)
 from softmodels.fitting.curves.residuals import StressError, noise
 from softmodels.materials.laws import NeoHookean
 from softmodels.materials.specimens import balloon_pressure, respond
@@ -442,7 +449,7 @@ def test_noise_is_told_from_the_bend(write):
     stress = MU * (stretch - stretch**-2) + np.random.default_rng(4).normal(0.0, 300.0, 400)
     curve = read_curve(write(table(["stretch", "stress (Pa)"], stretch, stress)))
     assert noise(curve) == pytest.approx(300.0, rel=0.2)
-    assert noise(read_curve(write(PLAIN))) == 0.0 and len(L) < DENSE
+    assert noise(read_curve(write(PLAIN))) == 0.0 and len(L) < MIN_POINTS_FOR_NOISE
 
 
 @pytest.mark.parametrize("name", ["cross_section", "gauge_length", "radius", "thickness"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import dataclasses
 import re
 import types
@@ -28,9 +29,67 @@ PHRASES = re.compile(
     r"of which \S+ make the device|its sources differ|on each other, and here they pass|lie within the colours|"
     r"on what is seen|less measured|keeps? together|corners miss by|would give about|cannot be meant|(is|are) come to|"
     r"what is held leaves|dead pressure|everything else passes through|(is|are|be|was) fore(told|seen)|gone on with|"
-    r"hangs on the shape|knows nothing of|nothing (says|tells)|cure by addition|one must know before"
+    r"hangs on the shape|knows nothing of|nothing (says|tells)|cure by addition|one must know before|"
+    r"confidence interval contains it|what (limits were kept|holds the design back|it was held against)|the others go on\b|"
+    r"gradient does not know|error stands beside|pressure is borne|must be borne|\bbears for ever|part without air|so often \||"
+    r"stays longer after|states what holds it|known by its surfaces|would lock in its mould|[Tt]exts carry a unit|"
+    r"dropped give back their memory|may not be used\b|common wrong factor|results against each other|All it printed|"
+    r"design holds back|best device within limits|mould to cast one in|chain for MuJoCo|faster than time"
 )
 PACKAGES = [ROOT / name for name in ("softmodels", "geometries", "measurement", "docs")]
+NAMES = re.compile(
+    r"Grip|Stand|_?Drawn|Begun|Known|Judged|Judge|Teller|Told|Evaluating|Presented|Spoken|Shown|Asked|Rigged|Listed|_?Hung|Hanging|"
+    r"let_move|lets_go|hung|come|told_of\w*|forget|recall|admits|_begun|_further|hushed|KeptFactorisation|Foresight|found|one"
+)
+"""Private words: names that do not say what they hold or return."""
+UNITS = {"DPI", "HOUR", "IDENTITY", "MINUTE", "PSI", "ENLARGEMENTS", "PENALTIES", "PERCENTILES", "_LITRE"}
+"""Numbers whose one-word name says all."""
+TO_BE_CLEANED = ("mechanics", "components", "path", "runs", "case", "api", "cli")
+"""Packages of softmodels whose names still hide what they are."""
+
+
+def _clean_files():
+    for package in PACKAGES[:3]:
+        for path in sorted(package.rglob("*.py")):
+            if not set(path.relative_to(ROOT).parts) & set(TO_BE_CLEANED) or package.name != "softmodels":
+                yield path, ast.parse(path.read_text(encoding="utf-8"))
+
+
+def _names(tree):
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            yield node.id
+        elif isinstance(node, ast.ClassDef | ast.FunctionDef):
+            yield node.name
+        elif isinstance(node, ast.arg):
+            yield node.arg
+
+
+def _is_number(value):
+    parts = [*value.elts] if isinstance(value, ast.Tuple) else [value]
+    kinds = (ast.Constant, ast.BinOp, ast.UnaryOp, ast.operator, ast.unaryop)
+    return all(isinstance(node, kinds) and not isinstance(getattr(node, "value", 0), str | bytes | bool | None.__class__)
+               for part in parts for node in ast.walk(part))  # fmt: skip
+
+
+def test_names_say_what_they_hold():
+    private = {f"{path.relative_to(ROOT)}: {name}" for path, tree in _clean_files() for name in _names(tree)
+               if NAMES.fullmatch(name)}  # fmt: skip
+    assert not private
+
+
+def test_numbers_say_what_they_count():
+    """A number of a module is called by more than one word, such as `MIN_POINTS` or `CORNER_TOLERANCE`."""
+    vague = {
+        f"{path.relative_to(ROOT)}: {name.id}"
+        for path, tree in _clean_files()
+        for node in tree.body
+        if isinstance(node, ast.Assign) and _is_number(node.value)
+        for target in node.targets
+        for name in ast.walk(target)
+        if isinstance(name, ast.Name) and re.fullmatch(r"_?[A-Z][A-Z0-9]+", name.id) and name.id not in UNITS
+    }
+    assert not vague
 
 
 @pytest.mark.parametrize("package", PACKAGES, ids=lambda package: package.name)

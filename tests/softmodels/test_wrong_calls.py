@@ -20,7 +20,7 @@ import softmodels as sm
 from geometries import Actuator
 from softmodels.case.case import RequestOptions, arguments, case_of
 from softmodels.case.load import steps_of
-from softmodels.common.errors import OWN
+from softmodels.common.errors import OWN_PACKAGES
 from softmodels.common.names import span
 from softmodels.common.schema import Choice, Flag, Length, Open, Quantity, Several, Words, about
 from softmodels.design.study import Input, StudyPlan
@@ -312,7 +312,7 @@ def trouble_of(call):
         return "was started"
     except Exception as error:
         text = str(error)
-        if type(error).__module__.split(".")[0] not in OWN:
+        if type(error).__module__.split(".")[0] not in OWN_PACKAGES:
             return f"{type(error).__name__}: {text}"
         if "\n" in text or len(text) < 15 or " " not in text or re.search(r"0x[0-9a-f]{6}|Traceback|NoneType", text):
             return f"no sentence: {text}"

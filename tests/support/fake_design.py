@@ -18,7 +18,7 @@ from geometries.actuator import changed
 from softmodels.common.schema import length_field
 from softmodels.design import model, problem
 from softmodels.design.quantities import DesignQuantity
-from softmodels.design.trials import DesignFailure, JudgedLoad
+from softmodels.design.trials import DesignFailure, EvaluatedLoad
 
 DENSITY = 1070.0
 
@@ -52,7 +52,7 @@ class FakeQuantity(DesignQuantity):
 
     @property
     def key(self):
-        return self.title if self.at is None else f"{self.title} at {JudgedLoad.of(self.at).value / 1e3:.6g} kPa"
+        return self.title if self.at is None else f"{self.title} at {EvaluatedLoad.of(self.at).value / 1e3:.6g} kPa"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -62,7 +62,7 @@ class FakeRise(FakeQuantity):
     of: str = ""
 
     def value(self, device, mu, _):
-        q = JudgedLoad.of(self.at).value / limit(device, mu)
+        q = EvaluatedLoad.of(self.at).value / limit(device, mu)
         return 0.6 * device.cavity_radius * q ** (1 / 3) * (1 + 0.5 * q**4)
 
 
@@ -114,7 +114,7 @@ class FakeModel:
     def __init__(self, case, names, quantities, comm=None):
         self.case, self.names, self.quantities, self.calls = case, names, quantities, []
         self.working = max(
-            (JudgedLoad.of(one.at).value for one in quantities if one.at is not None), default=case.values[-1]
+            (EvaluatedLoad.of(one.at).value for one in quantities if one.at is not None), default=case.values[-1]
         )
 
     def values(self, theta, mu=None):

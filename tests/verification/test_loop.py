@@ -68,7 +68,9 @@ def test_photographs_of_a_silicone_that_sags(comm, tmp_path, figure):
         half = half_outline(shadow_of(curve).curve, 2e-5, -disk.height)[0]
         half = np.vstack([half, [disk.outer_radius, -disk.height]])  # the profile ends at the upper edge
         tops.append(half[:, 1].max())
-        places = np.vstack([half[:0:-1] * [-1.0, 1.0], half]) + np.array([examples.CENTRE, examples.photographer.FLOOR])
+        places = np.vstack([half[:0:-1] * [-1.0, 1.0], half]) + np.array(
+            [examples.CENTRE, examples.photographer.SURFACE_HEIGHT]
+        )
         save(photographs / f"IMG_{number}.JPG", photograph(scene, places, seed=number)[0])
         rows.append(f"IMG_{number}.JPG,{100 + cm / 2:.3f} cm,{100 - cm / 2:.3f} cm")
     (photographs / "photos.csv").write_text("\n".join(rows) + "\n")

@@ -82,14 +82,14 @@ class TensileCurve:
         """Return a copy of a column, protected from changes; `TensileError` for something else than finite numbers."""
         try:
             if type(values) is np.ndarray and values.dtype.kind in "iuf" and values.ndim == 1:
-                found = np.array(values, dtype=np.float64)
+                column = np.array(values, dtype=np.float64)
             else:
-                found = np.array(schema.Several(kind).settled(name, values), dtype=np.float64)
+                column = np.array(schema.Several(kind).settled(name, values), dtype=np.float64)
         except errors.FieldError as error:
             raise TensileError(f"{self.name}: {error}") from None
-        if not np.isfinite(found).all():
+        if not np.isfinite(column).all():
             raise TensileError(f"{self.name}: {name} has a number that is not finite")
-        return found
+        return column
 
     def check(self) -> TensileCurve:
         """Return the curve itself after checking that it is plausible for silicone in its unit.
@@ -106,16 +106,16 @@ class TensileCurve:
         if len(self.stretch) < LEAST_POINTS:
             yield f"the curve has {len(self.stretch)} points; at least {LEAST_POINTS} are needed"
         low, high = self.stretch.min(), self.stretch.max()
-        if high > PERCENT:
+        if high > MAX_STRAIN:
             yield (
-                f"a stretch of {high:.4g} is more than any silicone can take ({PERCENT:g}); if these are percent, divide "
+                f"a stretch of {high:.4g} is more than any silicone can take ({MAX_STRAIN:g}); if these are percent, divide "
                 "them by 100 (a strain in percent is a stretch of 1 + strain / 100)"
             )
         if low <= 0.0:
             hint = "; values starting at 0 are strains: add 1" if low == 0.0 else ""
             yield f"a stretch of {low:.4g} is not above zero{hint}"
         top = float(np.abs(self.stress).max())
-        if low < SLACK and abs(self.stress[np.argmin(self.stretch)]) < AT_REST * top:
+        if low < MIN_FIRST_STRETCH and abs(self.stress[np.argmin(self.stretch)]) < AT_REST * top:
             yield f"the stretch starts at {low:.4g} without stress instead of near 1: these seem to be strains; add 1"
         if self.time is None and (np.diff(self.stretch) < 0.0).any():
             yield "the stretch does not rise from row to row; give one loading ramp, sorted"
@@ -140,11 +140,11 @@ class TensileCurve:
     def stiff(self) -> str:
         """A sentence if it is stiffer than silicones and soft rubbers; else empty."""
         modulus = small_modulus(self)
-        if modulus <= laws.STIFFEST:
+        if modulus <= laws.MAX_SHEAR_MODULUS:
             return ""
         return (
             f"{self.name} starts with a shear modulus of {modulus / 1e6:.3g} MPa; silicones and soft rubbers have at most "
-            f"{laws.STIFFEST / 1e6:g} MPa, so check the unit of the stress (a factor 1000?)"
+            f"{laws.MAX_SHEAR_MODULUS / 1e6:g} MPa, so check the unit of the stress (a factor 1000?)"
         )
 
     def counting_from(self, slack: float, zero: float) -> TensileCurve:
@@ -181,7 +181,7 @@ class TensileCurve:
         return self if self.time is None else _ramp_of(self)
 
 
-EQUILIBRIUM = 0.0
+EQUILIBRIUM_RATE = 0.0
 """Rate of a test so slow that the silicone is relaxed at each point."""
 
 
@@ -199,15 +199,15 @@ def read_curve(
 
     Args:
         test: One of `TESTS`, or a synonym.
-        columns: Which columns to take, see `told_columns`; empty to go by the headers.
+        columns: Which columns to take, see `columns_of_text`; empty to go by the headers.
         specimen: Its sizes, where the file has forces, extensions or pressures.
         history: Return the whole test with its times; else the loading ramp.
-        rate: Of the stretch in 1/s, instead of a column of times; `EQUILIBRIUM` for none.
+        rate: Of the stretch in 1/s, instead of a column of times; `EQUILIBRIUM_RATE` for none.
     """
     if not isinstance(test, str) or test.lower() not in SYNONYMS:
         raise TensileError(f"test {brief(test)} is not one of {', '.join(TESTS)}{errors.meant(test, SYNONYMS)}")
     kind = SYNONYMS[test.lower()]
-    told = told_columns(columns) if columns else {}
+    told = columns_of_text(columns) if columns else {}
     try:
         table = read_table(path, told)
         if not told:
@@ -218,7 +218,7 @@ def read_curve(
         time = table.time
         if rate is not None:
             way = np.cumsum(np.abs(np.diff(stretch, prepend=stretch[0])))
-            time = None if rate == EQUILIBRIUM else way / rate
+            time = None if rate == EQUILIBRIUM_RATE else way / rate
         if history and time is None and rate is None:
             raise TensileError(
                 f"{table.untimed}; a fit of the memory needs times, or FILE:TEST:RATE, such as {path.name}:{kind}:0.05/s, "
@@ -228,7 +228,7 @@ def read_curve(
         raise TensileError(f"{path}: {error}") from None
     whole = TensileCurve(str(path), "equibiaxial" if kind == "balloon" else kind, stretch, stress, time=time)
     whole = without_jumps(whole, [f"line {number}" for number in table.lines])
-    curve = (_unbroken(whole) if history and time is not None else _ramp_of(whole)).check()
+    curve = (_history_before_break(whole) if history and time is not None else _ramp_of(whole)).check()
     if curve.stiff:
         try:
             _check_units(table, stretch, stress, kind, specimen or Specimen())
@@ -237,12 +237,16 @@ def read_curve(
     return dataclasses.replace(curve, name=path.name)
 
 
-def _unbroken(curve: TensileCurve) -> TensileCurve:
+def _history_before_break(curve: TensileCurve) -> TensileCurve:
     """Return a history up to the break: where more than half of a large stress is lost for good from one reading to the next,
     and not by unloading."""
     way = direction(curve.stretch)
     x, y = way * curve.stretch, way * curve.stress
-    lost = (_last(y)[1:] < BREAK * y[:-1]) & (y[:-1] > BREAK * y.max()) & (x[1:] > x[:-1] - TURN * np.ptp(x))
+    lost = (
+        (_falling_envelope(y)[1:] < BREAK_STRESS_SHARE * y[:-1])
+        & (y[:-1] > BREAK_STRESS_SHARE * y.max())
+        & (x[1:] > x[:-1] - REVERSAL_TOLERANCE * np.ptp(x))
+    )
     if not lost.any():
         return curve
     end = int(np.argmax(lost)) + 1
@@ -253,8 +257,8 @@ def _unbroken(curve: TensileCurve) -> TensileCurve:
 
 
 def _stretch(x: Array, column: CurveColumn, specimen: Specimen) -> Array:
-    values = _directed(in_si(x, column), column)
-    if column.kind in ("strain", "true-strain") and (most := float(np.abs(values).max())) > PERCENT:
+    values = _tension_positive(in_si(x, column), column)
+    if column.kind in ("strain", "true-strain") and (most := float(np.abs(values).max())) > MAX_STRAIN:
         raise TensileError(
             f"the column {column.header!r} reaches a strain of {most:.4g}; if it is in percent, give "
             f"--columns {column.kind}={column.place + 1}[%],..."
@@ -276,7 +280,7 @@ def _stretch(x: Array, column: CurveColumn, specimen: Specimen) -> Array:
     if stretch.min() <= 0.0:
         hint = "; a column starting at 0 holds strains" if column.kind == "stretch" else ""
         raise TensileError(f"the column {column.header!r} gives a stretch of {stretch.min():.4g}{hint}")
-    if column.kind != "strain" and stretch.max() > PERCENT:
+    if column.kind != "strain" and stretch.max() > MAX_STRAIN:
         raise TensileError(f"the column {column.header!r} gives a stretch of {stretch.max():.4g}; check its unit")
     return np.asarray(stretch, dtype=float)
 
@@ -285,7 +289,7 @@ def _check_start(x: Array, y: Array, column: CurveColumn, specimen: Specimen) ->
     """Reject a column that does not start near the undeformed state, as its header requires; one given with --columns may."""
     values = in_si(x, column)
     place, name = column.place + 1, column.header
-    if column.kind in ("strain", "true-strain") and ELONGATED <= values.min() < PERCENT:
+    if column.kind in ("strain", "true-strain") and MAX_FIRST_STRAIN <= values.min() < MAX_STRAIN:
         shown = f"{x.min():.5g}" + (" %" if column.unit == "percent" else "")
         unit = "[%]" if column.unit == "percent" else ""
         raise TensileError(
@@ -294,14 +298,14 @@ def _check_start(x: Array, y: Array, column: CurveColumn, specimen: Specimen) ->
             f"--columns {column.kind}={place}{unit},..."
         )
     length = specimen.gauge_length
-    if column.kind == "extension" and length and values.min() >= ELONGATED * length:
+    if column.kind == "extension" and length and values.min() >= MAX_FIRST_STRAIN * length:
         raise TensileError(
             f"the column {name!r} begins at {x.min():.5g} {column.unit} instead of near 0, so it seems to "
             f"hold the specimen's length; subtract the first length, or give "
             f"--columns extension={place}[{column.unit}],... if the curve really starts there"
         )
     at_rest = abs(y[np.argmin(values)]) < AT_REST * np.abs(y).max()
-    if column.kind == "stretch" and 0.0 < values.min() < SLACK and at_rest:
+    if column.kind == "stretch" and 0.0 < values.min() < MIN_FIRST_STRETCH and at_rest:
         raise TensileError(
             f"the column {name!r} begins at {x.min():.5g} without stress instead of near 1, so it seems "
             f"to hold strains; rename it to 'strain' or give --columns strain={place},..."
@@ -309,7 +313,7 @@ def _check_start(x: Array, y: Array, column: CurveColumn, specimen: Specimen) ->
 
 
 def _nominal(y: Array, column: CurveColumn, stretch: Array, test: str, specimen: Specimen) -> Array:
-    values = _directed(in_si(y, column), column)
+    values = _tension_positive(in_si(y, column), column)
     if (column.kind == "pressure") != (test == "balloon"):
         raise TensileError(f"a {test} test cannot have a column {column.header!r}")
     if column.kind == "pressure":
@@ -346,7 +350,7 @@ def _ramp(stretch: Array, stress: Array) -> tuple[Array, Array, list[str], slice
     if span < 1e-3:
         raise TensileError(f"the stretch does not change ({stretch.min():.4g} to {stretch.max():.4g})")
     way = direction(stretch)
-    fallen = np.maximum.accumulate(way * stretch) - way * stretch > TURN * span
+    fallen = np.maximum.accumulate(way * stretch) - way * stretch > REVERSAL_TOLERANCE * span
     if fallen.any():
         end = int(np.argmax((way * stretch)[: np.argmax(fallen) + 1])) + 1
         if stretch[:end].max() - stretch[:end].min() < 0.5 * span or end < LEAST_POINTS:
@@ -359,7 +363,10 @@ def _ramp(stretch: Array, stress: Array) -> tuple[Array, Array, list[str], slice
         stretch, stress = stretch[:end], stress[:end]
     load = way * stress
     peak = int(np.argmax(load))
-    if load[peak] > BREAK * np.abs(load).max() and (_last(load)[peak:] < BREAK * load[peak]).any():
+    if (
+        load[peak] > BREAK_STRESS_SHARE * np.abs(load).max()
+        and (_falling_envelope(load)[peak:] < BREAK_STRESS_SHARE * load[peak]).any()
+    ):
         end = peak + 1
         remarks.append(f"{len(stretch) - end} points after the break at stretch {stretch[end - 1]:.4g} are left out")
         stretch, stress = stretch[:end], stress[:end]
@@ -371,7 +378,7 @@ def _ramp(stretch: Array, stress: Array) -> tuple[Array, Array, list[str], slice
     return stretch, stress, remarks, used
 
 
-def _last(load: Array) -> Array:
+def _falling_envelope(load: Array) -> Array:
     """Return the largest value from each reading on, shape (n,): what falls below half of a load for good is broken."""
     return np.asarray(np.maximum.accumulate(load[::-1])[::-1])
 
@@ -422,7 +429,7 @@ _TAIL = re.compile(r"[ _](%|percent|g?pa|kpa|mpa|psi|ksi|bar|mbar|mn|kn|n|mm|cm|
 _CASES = {"pa": "Pa", "kpa": "kPa", "mpa": "MPa", "gpa": "GPa", "kn": "kN", "n": "N"}
 
 
-class TensileError(errors.Spoken, ValueError):
+class TensileError(errors.OptionMessage, ValueError):
     """An unusable curve; the message is for the user."""
 
 
@@ -469,7 +476,7 @@ def recognise(header: str, place: int) -> CurveColumn | None:
         words, unit = timed[1], timed[2]
     if _TIME.search(words):
         column = CurveColumn("time", _unit(unit), place, header)
-        return column if not unit or _size(column.unit, column) is not None else None
+        return column if not unit or _unit_factor(column.unit, column) is not None else None
     if re.search(r"\b(rate|energy|error|sd|std|width|thickness|time)\b", words):
         return None
     for kind, pattern in _WORDS:
@@ -477,7 +484,11 @@ def recognise(header: str, place: int) -> CurveColumn | None:
             return CurveColumn(kind, _unit(unit), place, header, _sign(kind, header))
     if re.match(r"compression\b", words):  # of the height, or as a share of it
         length = CurveColumn("extension", _unit(unit), place, header, -1)
-        return length if unit and _size(length.unit, length) is not None else dataclasses.replace(length, kind="strain")
+        return (
+            length
+            if unit and _unit_factor(length.unit, length) is not None
+            else dataclasses.replace(length, kind="strain")
+        )
     return None
 
 
@@ -494,12 +505,12 @@ def _unit(text: str) -> str:
     return _CASES.get(unit.lower(), unit) if len(unit) > 1 else unit.replace("n", "N")
 
 
-def told_columns(text: str) -> dict[str, tuple[str, str | None]]:
+def columns_of_text(text: str) -> dict[str, tuple[str, str | None]]:
     """Read ``"strain=Engineering Strain[%],stress=5[MPa]"``: by kind, a header or a number from 1, and a unit or None."""
     told: dict[str, tuple[str, str | None]] = {}
     for part in re.findall(r"[^,\[]+(?:\[[^\]]*\])?", text):
-        kind, found, rest = part.strip().partition("=")
-        if not found or kind not in KINDS:
+        kind, column_name, rest = part.strip().partition("=")
+        if not column_name or kind not in KINDS:
             raise TensileError(f"columns {text!r}: {part.strip()!r} is not KIND=COLUMN[UNIT] with {', '.join(KINDS)}")
         name, _, unit = rest.partition("[")
         told[kind] = (name.strip(), unit.rstrip("]").strip() if "[" in rest else None)
@@ -514,18 +525,18 @@ def told_columns(text: str) -> dict[str, tuple[str, str | None]]:
 def read_table(path: Path, told: Mapping[str, tuple[str, str | None]]) -> CurveTable:
     """Find the header, also below other lines, and the numbers of the two columns of a curve, and its times, in a text or a
     workbook (see `softmodels.common.tables.read_sheets`); a row of units may stand below the header. ``told`` is of
-    `told_columns`, empty to go by the headers.
+    `columns_of_text`, empty to go by the headers.
 
     Raises `TensileError` for a file that cannot be read, no header or several that say what the columns are, or no numbers
     below it.
     """
 
-    def found(sheet: tables.Worksheet) -> _Header | None:
+    def header_of(sheet: tables.Worksheet) -> _Header | None:
         return _told_header(sheet.rows, told) if told else _header(sheet.rows)
 
     try:
         sheets = tables.read_sheets(path)
-        chosen = tables.pick(path, sheets, found)
+        chosen = tables.pick(path, sheets, header_of)
     except OSError as error:
         raise TensileError(f"the file cannot be read ({errors.reason(error)})") from None
     if chosen is not None:
@@ -598,7 +609,9 @@ def _told_header(rows: Sequence[tables.Line], told: Mapping[str, tuple[str, str 
             sign = _sign(kind, " ".join(told_over))
             made[kind] = CurveColumn(kind, unit, place, row[place].strip(), sign)
         else:
-            if numbers and not all(_is_number(row[one.place]) for kind, one in made.items() if kind != "time"):
+            if numbers and not all(
+                _is_number(row[made_column.place]) for kind, made_column in made.items() if kind != "time"
+            ):
                 continue
             columns = tuple(made[kind] for kind in (*DEFORMATIONS, *LOADS, "time") if kind in made)
             if not numbers:
@@ -686,19 +699,19 @@ def _cell(row: Sequence[str], column: CurveColumn) -> str:
 def _row_of_units(columns: Sequence[CurveColumn], cells: Sequence[str]) -> tuple[str, ...] | None:
     """Return the columns' units if a row holds units: in brackets, or one of them suiting its column."""
     bare = [re.sub(r"^[\[(](.*)[\])]$", r"\1", cell) for cell in cells]
-    if not any(one != cell or _is_unit(one, column) for one, cell, column in zip(bare, cells, columns, strict=True)):
+    if not any(unit != cell or _is_unit(unit, column) for unit, cell, column in zip(bare, cells, columns, strict=True)):
         return None
     return tuple(
-        "" if _unit(one) == NONE and KINDS[c.kind] else _unit(one) for one, c in zip(bare, columns, strict=True)
+        "" if _unit(unit) == NONE and KINDS[c.kind] else _unit(unit) for unit, c in zip(bare, columns, strict=True)
     )
 
 
 def _is_unit(text: str, column: CurveColumn) -> bool:
     unit = _unit(text)
-    return bool(unit) and not _is_number(text) and text != "-" and _size(unit, column) is not None
+    return bool(unit) and not _is_number(text) and text != "-" and _unit_factor(unit, column) is not None
 
 
-def _size(unit: str, column: CurveColumn) -> float | None:
+def _unit_factor(unit: str, column: CurveColumn) -> float | None:
     """Return the conversion factor of a unit for a column's kind; None if unknown or of another kind."""
     try:
         return quantity(f"1 {unit}", KINDS[column.kind])
@@ -716,7 +729,7 @@ def _with_units(
         if column.kind in sure or not unit:
             made.append(column)
             continue
-        above, below = _size(column.unit, column), _size(unit, column)
+        above, below = _unit_factor(column.unit, column), _unit_factor(unit, column)
         same = above is not None and below is not None and math.isclose(above, below, rel_tol=1e-6)
         if column.unit and unit != column.unit and not same:
             raise TensileError(
@@ -766,7 +779,7 @@ WRONG_SIGN = 0.05
 """Largest value of the wrong sign, as a share of the largest one, that is noise."""
 
 
-def _directed(values: Array, column: CurveColumn) -> Array:
+def _tension_positive(values: Array, column: CurveColumn) -> Array:
     """Return a column's numbers in SI units with tension positive (a stretch above 1); `TensileError` where they contradict
     what its header says."""
     if not column.sign:
@@ -808,7 +821,7 @@ def _check_directions(stretch: Array, stress: Array, deformation: CurveColumn, l
     """Reject a tension in one column that is a compression in the other."""
     work = stress * (stretch - 1.0)
     if work.sum() < -0.5 * np.abs(work).sum():
-        compressed = next((one.header for one in (deformation, load) if one.sign < 0), None)
+        compressed = next((column.header for column in (deformation, load) if column.sign < 0), None)
         why = f" ({compressed!r} means compression)" if compressed else ""
         raise TensileError(
             f"the columns {deformation.header!r} and {load.header!r} contradict each other: one is tension where the other is "
@@ -830,15 +843,15 @@ AT_STRETCH_1 = 0.005
 LARGEST_ZERO = 0.5
 """Largest stress at stretch 1, as a share of the largest one, that can be the load cell's zero."""
 LEAST_POINTS = 4
-TURN = 0.02
+REVERSAL_TOLERANCE = 0.02
 """Decrease of the stretch, relative to the range, that counts as a reversal."""
-BREAK = 0.5
+BREAK_STRESS_SHARE = 0.5
 """Fraction of the largest stress below which a specimen counts as broken."""
-ELONGATED, SLACK = 0.5, 0.3
+MAX_FIRST_STRAIN, MIN_FIRST_STRETCH = 0.5, 0.3
 """Maximum first value of a strain column, and minimum of a stretch column."""
 AT_REST = 0.05
 """Fraction of the largest stress below which a specimen counts as stress-free."""
-PERCENT = 30.0
+MAX_STRAIN = 30.0
 """Strain no silicone can take: a column that reaches it is in percent."""
 
 
@@ -874,20 +887,20 @@ class Origin:
 # The course of a test in time.
 
 
-CORNER = 0.005
+CORNER_TOLERANCE = 0.005
 """Tolerance of the straight parts of a history of stretch, relative to its range."""
-HELD = 0.05
+MIN_HOLD_SHARE = 0.05
 """Share of a test's time from which on a hold is reported."""
 MOST_CORNERS = 400
 
 
 def corners(time: Array, stretch: Array) -> list[int]:
     """Return the places between which the stretch is straight in time (Douglas & Peucker 1973), first and last included.
-    Noise beyond `CORNER` of the range widens the tolerance, so that it makes no corners."""
-    tolerance = CORNER * float(np.ptp(stretch))
+    Noise beyond `CORNER_TOLERANCE` of the range widens the tolerance, so that it makes no corners."""
+    tolerance = CORNER_TOLERANCE * float(np.ptp(stretch))
     while True:
-        found, open_ends = {0, len(time) - 1}, [(0, len(time) - 1)]
-        while open_ends and len(found) <= MOST_CORNERS:
+        corners, open_ends = {0, len(time) - 1}, [(0, len(time) - 1)]
+        while open_ends and len(corners) <= MOST_CORNERS:
             a, b = open_ends.pop()
             if b - a < 2:
                 continue
@@ -895,16 +908,16 @@ def corners(time: Array, stretch: Array) -> list[int]:
             off = np.abs(stretch[a : b + 1] - line)
             middle = a + int(off.argmax())
             if off.max() > tolerance and a < middle < b:
-                found.add(middle)
+                corners.add(middle)
                 open_ends += [(a, middle), (middle, b)]
-        if len(found) <= MOST_CORNERS:
-            return sorted(found)
+        if len(corners) <= MOST_CORNERS:
+            return sorted(corners)
         tolerance *= 2
 
 
 def segments(time: Array, stretch: Array) -> list[tuple[int, int, bool]]:
     """Return the straight parts of a history of stretch: first and last place, and whether it is held there."""
-    places, still = corners(time, stretch), TURN * float(np.ptp(stretch))
+    places, still = corners(time, stretch), REVERSAL_TOLERANCE * float(np.ptp(stretch))
     return [(a, b, bool(abs(stretch[b] - stretch[a]) < still)) for a, b in itertools.pairwise(places)]
 
 
@@ -917,7 +930,7 @@ def pace(time: Array, stretch: Array) -> list[str]:
     said = []
     if dt[moving].sum() > 0.0:
         said.append(f"stretched at {dx[moving].sum() / dt[moving].sum():.2g} /s; the modulus is that of this rate")
-    if (held := float(dt[~moving].sum())) > HELD * float(dt.sum()):
+    if (held := float(dt[~moving].sum())) > MIN_HOLD_SHARE * float(dt.sum()):
         said.append(f"held for {held:.3g} s")
     return said
 
@@ -931,7 +944,7 @@ def direction(stretch: Array) -> int:
 
 def turns(stretch: Array) -> list[int]:
     """Return the places of the reversals of a history of stretch, first and last included."""
-    room, found, way = TURN * float(np.ptp(stretch)), [0], 0
+    room, places, way = REVERSAL_TOLERANCE * float(np.ptp(stretch)), [0], 0
     last = 0
     for i, value in enumerate(stretch):
         if way == 0:
@@ -940,9 +953,9 @@ def turns(stretch: Array) -> list[int]:
         elif (value - stretch[last]) * way >= 0.0:
             last = i
         elif (stretch[last] - value) * way > room:
-            found.append(last)
+            places.append(last)
             way, last = -way, i
-    return [*found, len(stretch) - 1]
+    return [*places, len(stretch) - 1]
 
 
 def loop(stretch: Array, stress: Array) -> float:
@@ -971,9 +984,9 @@ def loop(stretch: Array, stress: Array) -> float:
 # Noise, and single readings that jump.
 
 
-DENSE = 30
+MIN_POINTS_FOR_NOISE = 30
 """Minimum number of points to separate the noise of a curve from its curvature."""
-JUMP, JUMP_NOISE, JUMP_RANGE = 0.02, 8.0, 3.0
+MIN_JUMP_SHARE, MIN_JUMP_ERRORS, MIN_JUMP_RANGES = 0.02, 8.0, 3.0
 """Least distance of a jump from the readings around it: as a share of the largest value, in standard deviations of the
 noise, and in ranges of these readings."""
 NAMED_JUMPS = 5
@@ -984,21 +997,21 @@ def noise_of(curve: TensileCurve) -> float | Array:
     times one per reading, (n,): that of the moving or of the holding parts, because a drive that runs shakes the load cell."""
     if curve.time is None:
         return _scatter(np.diff(curve.stress, 3))
-    found = np.full(len(curve.stress), _scatter(np.diff(curve.stress, 3)))
+    noise = np.full(len(curve.stress), _scatter(np.diff(curve.stress, 3)))
     parts = segments(curve.time, curve.stretch)
     for still in (False, True):
         of_kind = [slice(a, b + 1) for a, b, held in parts if held is still]
         differences = [np.diff(curve.stress[part], 3) for part in of_kind]
-        if sum(map(len, differences)) >= DENSE - 3:
+        if sum(map(len, differences)) >= MIN_POINTS_FOR_NOISE - 3:
             for part in of_kind:
-                found[part] = _scatter(np.concatenate(differences))
-    return found
+                noise[part] = _scatter(np.concatenate(differences))
+    return noise
 
 
 def _scatter(differences: Array) -> float:
     """Return the standard deviation of noise from third differences, which suppress smooth curvature; the median makes jumps
     count little."""
-    if len(differences) < DENSE - 3:
+    if len(differences) < MIN_POINTS_FOR_NOISE - 3:
         return 0.0
     return float(np.median(np.abs(differences))) / 0.6745 / math.sqrt(20)
 
@@ -1034,10 +1047,14 @@ def _jumps(values: Array, noise: float | Array, stretch: Array) -> npt.NDArray[n
     others = around[around != np.arange(n)[:, None]].reshape(n, 4)
     near = values[others]
     off = np.abs(values - np.median(near, axis=1))
-    found = (off > JUMP * np.abs(values).max()) & (off > JUMP_NOISE * noise) & (off > JUMP_RANGE * np.ptp(near, axis=1))
-    found[0] = False
-    found[-1] &= bool(np.ptp(stretch[-5:]) < TURN * np.ptp(stretch))
-    return found
+    jumps = (
+        (off > MIN_JUMP_SHARE * np.abs(values).max())
+        & (off > MIN_JUMP_ERRORS * noise)
+        & (off > MIN_JUMP_RANGES * np.ptp(near, axis=1))
+    )
+    jumps[0] = False
+    jumps[-1] &= bool(np.ptp(stretch[-5:]) < REVERSAL_TOLERANCE * np.ptp(stretch))
+    return jumps
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -1046,11 +1063,11 @@ def _jumps(values: Array, noise: float | Array, stretch: Array) -> npt.NDArray[n
 
 SLACK_ROWS, SLACK_LEAST = 3, 0.005
 """Least number of rows at constant load, and least change of the stretch over them."""
-LEVEL, STEEPER = 0.2, 6.0
+MAX_LEVEL_SLOPE, MIN_STEEPER_ERRORS = 0.2, 6.0
 """Largest slope of the load over them, as a share of that beyond, and how much steeper this is, in standard errors."""
-SURE = 4.0
+MIN_ZERO_ERRORS = 4.0
 """Least first stress in its standard errors that is off zero."""
-NOTICED = 0.01
+NOTICED_STRAIN = 0.01
 """The same in the stress of a strain this large."""
 START_POINTS = 60
 """Number of averages over steps of stretch in which the start of a test is looked at."""
@@ -1080,7 +1097,7 @@ def taut(curve: TensileCurve) -> TensileCurve:
             f"slack: over its first {start.slack:.3g} of stretch the load stays at {origin.zero / 1e3:.3g} kPa; "
             f"{int((~loaded).sum())} rows of a slack specimen are left out, and the slack and the load cell's zero are fitted"
         )
-        return _only(dataclasses.replace(moved, origin=origin, remarks=(*curve.remarks, said)), loaded)
+        return _kept_rows(dataclasses.replace(moved, origin=origin, remarks=(*curve.remarks, said)), loaded)
     if abs(first - 1.0) > AT_STRETCH_1:
         return curve
     # The same first stress would come of a slack below zero: a preload at which the stretch was set to 1.
@@ -1093,7 +1110,7 @@ def taut(curve: TensileCurve) -> TensileCurve:
     return dataclasses.replace(curve, stress=stress, origin=origin, remarks=(*curve.remarks, said))
 
 
-def _only(curve: TensileCurve, kept: npt.NDArray[np.bool_]) -> TensileCurve:
+def _kept_rows(curve: TensileCurve, kept: npt.NDArray[np.bool_]) -> TensileCurve:
     """Return the rows of a curve that are kept; a history begins at rest, where its specimen becomes taut."""
     if curve.time is None:
         return dataclasses.replace(curve, stretch=curve.stretch[kept], stress=curve.stress[kept])
@@ -1124,18 +1141,20 @@ def _start(x: Array, y: Array) -> _Start | None:
     x = np.maximum.accumulate(x)
     way, load = _averages(x, y, 4 * START_POINTS)
     level = float(np.median(y[:SLACK_ROWS]))
-    risen = np.flatnonzero(_last(level + 0.1 * (load.max() - level) - load) <= 0.0)  # for good
+    risen = np.flatnonzero(_falling_envelope(level + 0.1 * (load.max() - level) - load) <= 0.0)  # for good
     reach = 2.0 * float(way[risen[0]]) if len(risen) else 0.0
     least = float(x[min(7, len(x) - 1)])
     nearer = [_level_and_parabola(x, y, max(reach / part, least)) for part in (1, 2, 4, 8)]
-    if slack := next((one.slack for one in nearer if one.slack), 0.0):
-        found = _level_and_parabola(x, y, max(slack + max(slack, 0.1), least))
-        return found if found.slack else None
+    if slack := next((place.slack for place in nearer if place.slack), 0.0):
+        fitted = _level_and_parabola(x, y, max(slack + max(slack, 0.1), least))
+        return fitted if fitted.slack else None
     # A bend that is no parabola shows in the difference of two reaches.
     both = nearer[:2]
-    off = min(abs(float(y[0])), *(abs(one.zero) for one in both))
-    agree = min(one.zero * float(y[0]) for one in both) > 0.0
-    if agree and off > max(SURE * both[1].error, NOTICED * both[0].slope, abs(both[0].zero - both[1].zero)):
+    off = min(abs(float(y[0])), *(abs(place.zero) for place in both))
+    agree = min(place.zero * float(y[0]) for place in both) > 0.0
+    if agree and off > max(
+        MIN_ZERO_ERRORS * both[1].error, NOTICED_STRAIN * both[0].slope, abs(both[0].zero - both[1].zero)
+    ):
         return both[1]
     return None
 
@@ -1158,29 +1177,34 @@ def _level_and_parabola(x: Array, y: Array, reach: float) -> _Start:
     def fit(slack: float) -> tuple[float, Array, float]:
         u = np.maximum(x - slack, 0.0)
         A = np.column_stack([np.ones_like(u), u, u**2])
-        found, *_ = np.linalg.lstsq(A, y, rcond=None)
-        squares = float(np.sum((A @ found - y) ** 2))
+        coefficients, *_ = np.linalg.lstsq(A, y, rcond=None)
+        squares = float(np.sum((A @ coefficients - y) ** 2))
         variance = squares / max(len(x) - 4, 1) * float(np.linalg.pinv(A.T @ A)[0, 0])
-        return squares, found, math.sqrt(variance)
+        return squares, coefficients, math.sqrt(variance)
 
-    _, found, error = fit(0.0)
-    plain = _Start(0.0, float(found[0]), error, max(float(found[1]), 1e-300))
+    _, coefficients, error = fit(0.0)
+    plain = _Start(0.0, float(coefficients[0]), error, max(float(coefficients[1]), 1e-300))
     tried = [(fit(float(at)), float(at)) for at in x[SLACK_ROWS - 1 : -3] if at > 0.0]
     if not tried:
         return plain
-    (squares, found, _), slack = min(tried, key=lambda one: one[0][0])
+    (squares, coefficients, _), slack = min(tried, key=lambda trial: trial[0][0])
     before = x <= slack
     count = int(before.sum())
-    if slack < SLACK_LEAST or count < SLACK_ROWS or found[1] <= 0.0:
+    if slack < SLACK_LEAST or count < SLACK_ROWS or coefficients[1] <= 0.0:
         return plain
     rest = y[before]
     line = np.polynomial.polynomial.polyfit(x[before], rest, 1)
     off = rest - np.polynomial.polynomial.polyval(x[before], line)
     noise = math.sqrt(max(float(off @ off) / max(count - 2, 1), squares / max(len(x) - 4, 1)))
     doubt = noise * math.sqrt(12.0 / count) / slack  # standard error of the line's slope
-    if abs(line[1]) > LEVEL * found[1] + doubt or found[1] - abs(line[1]) < STEEPER * doubt:
+    if (
+        abs(line[1]) > MAX_LEVEL_SLOPE * coefficients[1] + doubt
+        or coefficients[1] - abs(line[1]) < MIN_STEEPER_ERRORS * doubt
+    ):
         return plain
-    return _Start(slack, float(rest.mean()), max(noise / math.sqrt(count), 1e-3 * abs(float(y.max()))), float(found[1]))
+    return _Start(
+        slack, float(rest.mean()), max(noise / math.sqrt(count), 1e-3 * abs(float(y.max()))), float(coefficients[1])
+    )
 
 
 def small_modulus(curve: TensileCurve) -> float:

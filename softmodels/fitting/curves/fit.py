@@ -78,7 +78,9 @@ class _Task:
         judged = [residuals.on_yardstick(fit, fit.problem.sources) for fit in fits] if len(fits) > 1 else None  # type: ignore[arg-type]
         comparison = compare(fits, judged)
         laws = self._laws(fits, comparison, known)
-        report = FitReport(laws, comparison, tuple(self.curves), _how(self.options), notes=tuple(self._notes(laws)))
+        report = FitReport(
+            laws, comparison, tuple(self.curves), _fit_options(self.options), notes=tuple(self._notes(laws))
+        )
         report = self._compared(report, scale)
         return dataclasses.replace(report, curves=tuple(residuals.counted_from(self.curves, report.chosen.fit.values)))
 
@@ -193,7 +195,7 @@ class _MemoryTask(_Task):
         ends = np.cumsum([len(curve.stretch) for curve in self.curves])
         parts = np.split(closest.residuals[: ends[-1]], ends[:-1])
         sources: list[residuals.TensileResiduals] = list(closest.problem.sources)  # type: ignore[arg-type]
-        return self._fits([one.part_scales(r) for one, r in zip(sources, parts, strict=True)], loss, scale)
+        return self._fits([source.part_scales(r) for source, r in zip(sources, parts, strict=True)], loss, scale)
 
     def _fits(self, scales: Sequence[Array], loss: str, scale: float | None) -> list[least_squares.LeastSquaresFit]:
         """Fit every law with the points' errors scaled."""
@@ -211,7 +213,7 @@ class _MemoryTask(_Task):
                 sources: Sequence[residuals.TensileResiduals] = sources,
                 extra: problem.Extra = extra,
             ) -> least_squares.LeastSquaresFit:  # fmt: skip
-                own = [dataclasses.replace(one, further=further) for one in sources]
+                own = [dataclasses.replace(source, further=further) for source in sources]
                 return fit_law_to_curves(
                     choice, own, extra, changes=changes, loss=loss, errors=self.errors, scale=scale
                 )
@@ -224,8 +226,10 @@ class _MemoryTask(_Task):
             fit = fitted({k: v for k, v in self.options.changes.items() if k not in specimens.SOFTENING}, *flow)
             if self.softens:
                 softer = fitted(self.options.changes, *self.softens, *flow)
-                lead = next(one.aicc for one in compare([fit, softer]).ranked if one.fit is fit)
-                if asked or (softer.converged and lead > DECISIVE and softer.interval(specimens.SOFTENING[0])[0] > 0.0):
+                lead = next(rank.aicc for rank in compare([fit, softer]).ranked if rank.fit is fit)
+                if asked or (
+                    softer.converged and lead > DECISIVE_AICC and softer.interval(specimens.SOFTENING[0])[0] > 0.0
+                ):
                     self.stiffer[choice.name] = math.sqrt(fit.deviance / softer.deviance)
                     fit = softer
             fits.append(fit)
@@ -274,10 +278,10 @@ class _MemoryTask(_Task):
         return said + loop_notes(residuals.counted_from(self.curves, laws[0].fit.values), laws[0].material)
 
 
-MODULUS = 30e3
+START_MODULUS = 30e3
 """Starting shear modulus in Pa without curves."""
 
-DECISIVE = 10.0
+DECISIVE_AICC = 10.0
 """Lead in AICc from which on a memory softens: no support for the other (Burnham & Anderson 2002, section 2.6)."""
 MEMORY_STARTS = 3
 """Number of a law's starts that are tried with branches."""
@@ -300,13 +304,15 @@ def starts_for(choice: problem.LawChoice, sources: Sequence[residuals.TensileRes
 
     def design(material: Material, names: Sequence[str]) -> Array:
         responses = [specimens.respond(material, s.curve.stretch, s.curve.mode, names) for s in sources]
-        return left(np.vstack([one.slopes / s.errors[:, None] for one, s in zip(responses, sources, strict=True)]))
+        return left(
+            np.vstack([response.slopes / s.errors[:, None] for response, s in zip(responses, sources, strict=True)])
+        )
 
     modulus, strain = _modulus(curves), residuals.largest_strain(curves)
     starts = problem.closed_starts(choice, design, left(target), modulus, strain)
     if branches is None:
         return starts
-    weighed = sorted(_weighed(choice, sources, starts, target, branches), key=lambda one: one[0])
+    weighed = sorted(_weighted_starts(choice, sources, starts, target, branches), key=lambda response: response[0])
     spectrum = sources[0].spectrum
     plain = {**choice.from_modulus(0.7 * modulus, strain), **dict.fromkeys(spectrum.names if spectrum else (), 0.1)}
     return [start for _, start in weighed[:MEMORY_STARTS]] or [plain]
@@ -317,7 +323,7 @@ def _modulus(curves: Sequence[TensileCurve]) -> float:
     return float(np.median([small_modulus(curve) for curve in curves]))
 
 
-def _weighed(
+def _weighted_starts(
     choice: problem.LawChoice,
     sources: Sequence[residuals.TensileResiduals],
     starts: Sequence[Mapping[str, float]],
@@ -338,8 +344,8 @@ def _weighed(
         if not np.isfinite(A).all():
             continue
         size = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
-        found, misfit = nnls(A / size, target)
-        factor, *shares = found / size
+        fitted_weights, misfit = nnls(A / size, target)
+        factor, *shares = fitted_weights / size
         if factor > 0.0 and (spectrum := sources[0].spectrum) is not None:
             scaled = {name: v * (factor if choice.unit(name) == "Pa" else 1.0) for name, v in start.items()}
             weights = {n: max(v / factor, 0.01) for n, v in zip(spectrum.names, shares, strict=True)}
@@ -379,7 +385,7 @@ def fit_law_to_curves(
     curves = [source.curve for source in sources]
     more = residuals.further_parameters(_modulus(curves), residuals.largest_strain(curves)) if further else []
     fits = []
-    guesses = starts_for(choice, sources) if sources else [choice.from_modulus(MODULUS)]
+    guesses = starts_for(choice, sources) if sources else [choice.from_modulus(START_MODULUS)]
     for starts in problem.by_bounds(choice, guesses):
         weights = spectrum.parameters(starts[0]) if spectrum else []
         own = (*choice.parameters(starts[0]), *weights, *(p for p in more if p.name in further), *extra.parameters)
@@ -395,7 +401,7 @@ def fit_law_to_curves(
             trouble = error
     if not fits:
         raise FitError(f"{choice.name}: {trouble}")
-    best = min(fits, key=lambda one: (not one.converged, one.deviance))
+    best = min(fits, key=lambda fit: (not fit.converged, fit.deviance))
     return least_squares.settled(best) if spectrum else best
 
 
@@ -407,8 +413,8 @@ def spread(fit: least_squares.LeastSquaresFit) -> float:
 def loops(curves: Sequence[TensileCurve], material: Material) -> list[tuple[str, float, float]]:
     """Return by curve its name, and the loop of its first unloading, measured and of the material, over the work."""
     return [
-        (one.name, loop(one.stretch, one.stress), loop(one.stretch, residuals.predicted(material, one)))
-        for one in curves
+        (curve.name, loop(curve.stretch, curve.stress), loop(curve.stretch, residuals.predicted(material, curve)))
+        for curve in curves
     ]
 
 
@@ -453,9 +459,12 @@ def prepared(curves: Curves, stretch: tuple[float, float] | None = None, history
     """
     given = [curves] if isinstance(curves, TensileCurve | Path | str) else curves
     read = [
-        without_jumps(one) if isinstance(one, TensileCurve) else read_curve(Path(one), history=history) for one in given
+        without_jumps(given_curve)
+        if isinstance(given_curve, TensileCurve)
+        else read_curve(Path(given_curve), history=history)
+        for given_curve in given
     ]
-    read = [taut((one if history else one.ramp()).check()) for one in read]
+    read = [taut((given_curve if history else given_curve.ramp()).check()) for given_curve in read]
     if not read:
         return []
     moduli = [small_modulus(curve) for curve in read]
@@ -474,7 +483,7 @@ def prepared(curves: Curves, stretch: tuple[float, float] | None = None, history
 def fit_curves(
     curves: Curves,
     material: problem.Laws = "yeoh",
-    options: FitOptions = problem.DEFAULTS,
+    options: FitOptions = problem.DEFAULT_OPTIONS,
     *,
     stretch: tuple[float, float] | None = None,
     progress: Callable[[str], None] | None = None,
@@ -510,7 +519,7 @@ def fit_curves(
     return task.report()
 
 
-def _how(options: FitOptions) -> str:
+def _fit_options(options: FitOptions) -> str:
     size = {
         "auto": "weighted by 2 % of the stress and the curve's noise, scaled by the scatter",
         "constant": "unweighted least squares on the nominal stress, its error from the scatter",

@@ -14,7 +14,16 @@ import numpy.typing as npt
 from softmodels.common import units
 from softmodels.common.arrays import Array
 from softmodels.fitting import least_squares, problem
-from softmodels.fitting.curves.curve import HELD, TURN, TensileCurve, TensileError, corners, noise_of, segments, turns
+from softmodels.fitting.curves.curve import (
+    MIN_HOLD_SHARE,
+    REVERSAL_TOLERANCE,
+    TensileCurve,
+    TensileError,
+    corners,
+    noise_of,
+    segments,
+    turns,
+)
 from softmodels.materials import memory, specimens
 from softmodels.materials.laws import Material, MaterialError, NeoHookean
 from softmodels.materials.memory import Memory
@@ -111,8 +120,8 @@ class TensileResiduals:
     def _stress(self, material: Material, curve: TensileCurve, names: Sequence[str]) -> tuple[Array, Array]:
         """Return the nominal stress in Pa along a curve, and its derivatives by the named parameters."""
         if self.spectrum is None:
-            found = specimens.respond(material, curve.stretch, curve.mode, names)
-            return found.stress, found.slopes
+            response = specimens.respond(material, curve.stretch, curve.mode, names)
+            return response.stress, response.slopes
         linear = None if specimens.FLOW[0] in self.further else branch_stresses(curve, self.spectrum)
         return specimens.stress_in_time(material, curve.time, curve.stretch, curve.mode, names, linear)
 
@@ -120,12 +129,12 @@ class TensileResiduals:
         """Return the change of the stress in Pa by one of all stretches."""
         if self.spectrum is None:
             return specimens.respond(material, curve.stretch, curve.mode).tangent
-        ends = [dataclasses.replace(curve, stretch=curve.stretch + step) for step in (-SHIFT, SHIFT)]
+        ends = [dataclasses.replace(curve, stretch=curve.stretch + step) for step in (-STRETCH_STEP, STRETCH_STEP)]
         low, high = (self._stress(material, end, ())[0] for end in ends)
-        return (high - low) / (2.0 * SHIFT)
+        return (high - low) / (2.0 * STRETCH_STEP)
 
 
-SHIFT = 1e-5
+STRETCH_STEP = 1e-5
 """Step of the stretch in a difference: truncation and rounding are both below 1e-8 of the stress."""
 
 
@@ -223,7 +232,7 @@ def largest_strain(curves: Sequence[TensileCurve]) -> float:
 # branch is computed once for each history.
 
 
-SHOWN = 0.02
+MIN_BRANCH_STRESS = 0.02
 """Least stress of a branch over the largest one for its relaxation to be shown: the usual error of a test."""
 LEAST_SHARE = 1e-4
 """Weights below it are left out of the material."""
@@ -233,7 +242,7 @@ SEVERAL_HOLDS = 2.0
 """Ratio of hold times from which on they differ."""
 SEVERAL_RATES = 2.0
 """Ratio of rates that tell a law from its branches."""
-AMPLITUDES = 1.2
+MIN_AMPLITUDE_RATIO = 1.2
 """Ratio of the largest strains of two reversals from which on they show how the softening grows."""
 
 
@@ -278,26 +287,26 @@ def spectrum(curves: Sequence[TensileCurve], holds: Sequence[float] = ()) -> Spe
     between two hold times in s one, which relaxes most between them.
     """
     timed = [curve for curve in curves if curve.time is not None and np.ptp(curve.time) > 0.0]
-    found = [_spectrum_of_curves(timed)] if timed else []
-    if len(told := _distinct(holds)) > 1:
+    spectra = [_spectrum_of_curves(timed)] if timed else []
+    if len(told := _distinct_times(holds)) > 1:
         between = [(b - a) / math.log(b / a) for a, b in itertools.pairwise(told)]
         times = tuple(sorted({float(f"1e{round(math.log10(time))}") for time in between}))
         why = "the shortest hold of a photograph", "the longest hold of a photograph"
-        found.append(Spectrum(times, (told[0], told[-1]), why))
-    if not found:
+        spectra.append(Spectrum(times, (told[0], told[-1]), why))
+    if not spectra:
         raise TensileError("a fit of the memory needs a test with times; all curves are at equilibrium")
-    low, high = min(found, key=lambda one: one.sees[0]), max(found, key=lambda one: one.sees[1])
-    times = tuple(sorted({time for one in found for time in one.times}))
+    low, high = min(spectra, key=lambda branch: branch.sees[0]), max(spectra, key=lambda branch: branch.sees[1])
+    times = tuple(sorted({time for branch in spectra for time in branch.times}))
     return Spectrum(times, (low.sees[0], high.sees[1]), (low.why[0], high.why[1]))
 
 
-def _distinct(holds: Sequence[float]) -> list[float]:
+def _distinct_times(holds: Sequence[float]) -> list[float]:
     """Return the hold times in s that differ clearly, rising."""
-    found: list[float] = []
+    distinct_times: list[float] = []
     for hold in sorted(hold for hold in holds if hold > 0.0):
-        if not found or hold >= SEVERAL_HOLDS * found[-1]:
-            found.append(hold)
-    return found
+        if not distinct_times or hold >= SEVERAL_HOLDS * distinct_times[-1]:
+            distinct_times.append(hold)
+    return distinct_times
 
 
 def _spectrum_of_curves(timed: Sequence[TensileCurve]) -> Spectrum:
@@ -318,7 +327,7 @@ def _spectrum_of_curves(timed: Sequence[TensileCurve]) -> Spectrum:
         largest = np.maximum(
             largest, np.abs(specimens.branch_stress(curve.time, curve.stretch, curve.mode, linear)).max(axis=0) / static
         )
-    shown = largest >= SHOWN
+    shown = largest >= MIN_BRANCH_STRESS
     if not shown.any():
         raise TensileError(
             f"the tests are so slow that relaxation within their {longest:.3g} s would show nowhere; fit the law only, "
@@ -339,8 +348,8 @@ def separates(curves: Sequence[TensileCurve]) -> bool:
             return True
         places = corners(curve.time, curve.stretch)
         dt, dx = np.diff(curve.time[places]), np.diff(curve.stretch[places])
-        still = np.abs(dx) < TURN * np.ptp(curve.stretch)
-        if len(turns(curve.stretch)) > 2 or dt[still].sum() > HELD * dt.sum():
+        still = np.abs(dx) < REVERSAL_TOLERANCE * np.ptp(curve.stretch)
+        if len(turns(curve.stretch)) > 2 or dt[still].sum() > MIN_HOLD_SHARE * dt.sum():
             return True
         speeds.append(float(np.abs(dx).sum() / max(dt.sum(), 1e-300)))
     return max(speeds) > SEVERAL_RATES * min(speeds)
@@ -355,7 +364,7 @@ def may_soften(curves: Sequence[TensileCurve]) -> bool:
         if len(reversals) > 3:
             return True
         if len(reversals) == 3:
-            room, peak = TURN * float(np.ptp(curve.stretch)), curve.stretch[reversals[1]]
+            room, peak = REVERSAL_TOLERANCE * float(np.ptp(curve.stretch)), curve.stretch[reversals[1]]
             places = [i for i in corners(curve.time, curve.stretch) if i >= reversals[1]]
             for a, b in itertools.pairwise(places):
                 back = min(abs(curve.stretch[i] - peak) for i in (a, b)) > room
@@ -374,7 +383,7 @@ def several_amplitudes(curves: Sequence[TensileCurve]) -> bool:
         for place in turns(curve.stretch)[1:-1]
     ]
     peaks = [peak for peak in peaks if peak > 0.1 * max(peaks)]
-    return bool(peaks) and max(peaks) > AMPLITUDES * min(peaks) and len(peaks) > 2
+    return bool(peaks) and max(peaks) > MIN_AMPLITUDE_RATIO * min(peaks) and len(peaks) > 2
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -406,7 +415,7 @@ def branch_stresses(curve: TensileCurve, spectrum: Spectrum) -> Array:
 @functools.lru_cache(maxsize=64)
 def _along(time: bytes, stretch: bytes, mode: str, times: tuple[float, ...]) -> Array:
     return specimens.branch_stress(
-        np.frombuffer(time), np.frombuffer(stretch), mode, [memory.Branch(1.0, one) for one in times]
+        np.frombuffer(time), np.frombuffer(stretch), mode, [memory.Branch(1.0, instant) for instant in times]
     )
 
 
@@ -426,7 +435,7 @@ def further_parameters(modulus: float, strain: float) -> list[problem.Parameter]
 # Standard error of measured stresses: as given, or from the curve's noise.
 
 
-RELATIVE = SHOWN
+DEFAULT_RELATIVE_ERROR = MIN_BRANCH_STRESS
 """Default relative error of a test's stress: cross-section, load cell, crosshead strain."""
 
 LEAST_WEIGHT = 0.01
@@ -453,7 +462,7 @@ class StressError:
                 f"stress error is {units.brief(text)}; it must be a text such as '2%+0.5kPa', 'auto' or 'constant'"
             )
         if text == "auto":
-            return cls(RELATIVE, None, False)
+            return cls(DEFAULT_RELATIVE_ERROR, None, False)
         if text == "constant":
             return cls(0.0, 1e3, False)
         relative, absolute = 0.0, 0.0
@@ -489,7 +498,7 @@ class StressError:
         return np.hypot(whole / np.sqrt(time_weights(curve)), _left_noise(curve))
 
 
-USUAL_ERROR = StressError(RELATIVE, None, False)
+USUAL_ERROR = StressError(DEFAULT_RELATIVE_ERROR, None, False)
 """Error of a test whose errors nobody has stated."""
 
 
@@ -534,13 +543,13 @@ def time_weights(curve: TensileCurve) -> Array:
 
 MOST_POINTS = 100
 """Number of points above which a curve is averaged over steps of stretch."""
-FINEST = 800
+MAX_STEPS = 800
 """Maximum number of steps for sharply bent curves."""
 HISTORY_POINTS = 400
 """The same for a history in time."""
 LEAST_STEPS = 6
 """Minimum number of steps between two corners of a history."""
-KEPT = 0.002
+AVERAGING_TOLERANCE = 0.002
 """Tolerance of the averaged curve, relative to the largest stress; otherwise more steps are used."""
 
 
@@ -548,8 +557,8 @@ def thinned(curve: TensileCurve, most: int = MOST_POINTS) -> TensileCurve:
     """Return a curve of at most about ``most`` points, with a remark on the averaging.
 
     Stretch and stress are averaged over equal steps of stretch; a step without a reading gives no point. Where the averages,
-    joined by straight lines, miss the curve's smoothed readings by more than `KEPT` of the largest stress, the steps are
-    halved. A curve of few points is unchanged. A history in time is averaged between its corners, see `_history_thinned`.
+    joined by straight lines, miss the curve's smoothed readings by more than `AVERAGING_TOLERANCE` of the largest stress,
+    steps are halved. A curve of few points is unchanged; a history in time is averaged between corners (`_history_thinned`).
     """
     if curve.time is not None:
         return _history_thinned(curve, HISTORY_POINTS)
@@ -558,8 +567,10 @@ def thinned(curve: TensileCurve, most: int = MOST_POINTS) -> TensileCurve:
     steps = most
     while True:
         stretch, stress, _ = averaged(curve, steps)
-        missed = _missed(curve, stretch, stress, 2 * steps)
-        if missed <= KEPT * float(np.abs(curve.stress).max()) or 2 * steps > min(FINEST, len(curve.stretch) // 2):
+        missed = _averaging_error(curve, stretch, stress, 2 * steps)
+        if missed <= AVERAGING_TOLERANCE * float(np.abs(curve.stress).max()) or 2 * steps > min(
+            MAX_STEPS, len(curve.stretch) // 2
+        ):
             break
         steps *= 2
     scatter = _scatter(curve, stretch, stress)
@@ -609,7 +620,7 @@ def averaged(curve: TensileCurve, steps: int) -> tuple[Array, Array, npt.NDArray
     return means[0], means[1], counts[here]
 
 
-def _missed(curve: TensileCurve, stretch: Array, stress: Array, halves: int) -> float:
+def _averaging_error(curve: TensileCurve, stretch: Array, stress: Array, halves: int) -> float:
     """Return the largest distance in Pa between the averages, joined by straight lines, and averages over halves of their
     steps."""
     finer, fine, counts = averaged(curve, halves)
@@ -629,9 +640,9 @@ def _scatter(curve: TensileCurve, stretch: Array, stress: Array) -> float:
 # Common basis for comparing laws: the same stretches and errors for every curve, independent of its sampling and fit.
 
 
-STEPS = 25
+STRETCH_STEPS = 25
 """Number of equal steps of stretch for every curve with enough points."""
-TELLS, RESOLVES = 0.01, 0.005
+COMMON_RELATIVE_ERROR, COMMON_RESOLUTION = 0.01, 0.005
 """Common error of tensile tests: relative to the stress, and relative to the largest stress."""
 
 
@@ -652,19 +663,19 @@ def on_yardstick(
 
 
 def evened(curve: TensileCurve) -> TensileCurve:
-    """Return a curve as `STEPS` averages over equal steps of stretch; unchanged with fewer than two points per step.
+    """Return a curve as `STRETCH_STEPS` averages over equal steps of stretch; unchanged with fewer than two points per step.
 
     Every stretch counts the same then, also where a machine wrote more readings near the start. Each average stands at the
     middle of its step: the mean of its few readings lies beside that, which would judge a sparse curve elsewhere than a dense
     one, most of all at the ends, where laws miss most. The noise that averaging takes away is kept in the curve's ``noise``
     and ``readings``.
     """
-    if len(curve.stretch) < 2 * STEPS:
+    if len(curve.stretch) < 2 * STRETCH_STEPS:
         return curve
-    means, stress, _ = averaged(curve, STEPS)
-    edges = np.linspace(curve.stretch[0], curve.stretch[-1], STEPS + 1)
+    means, stress, _ = averaged(curve, STRETCH_STEPS)
+    edges = np.linspace(curve.stretch[0], curve.stretch[-1], STRETCH_STEPS + 1)
     middles = (edges[1:] + edges[:-1]) / 2
-    stretch = middles[np.clip(np.searchsorted(edges, means, "right") - 1, 0, STEPS - 1)]
+    stretch = middles[np.clip(np.searchsorted(edges, means, "right") - 1, 0, STRETCH_STEPS - 1)]
     stress = stress + np.gradient(stress, means) * (stretch - means)
     readings = curve.readings * len(curve.stretch) / len(stretch)
     return dataclasses.replace(curve, stretch=stretch, stress=stress, noise=noise(curve), readings=readings)
@@ -672,5 +683,5 @@ def evened(curve: TensileCurve) -> TensileCurve:
 
 def told(curve: TensileCurve) -> Array:
     """Return the common error in Pa at each point of a curve, shape (n,)."""
-    least = np.maximum(RESOLVES * float(np.abs(curve.stress).max()), _left_noise(curve))
-    return np.hypot(TELLS * curve.stress, least)
+    least = np.maximum(COMMON_RESOLUTION * float(np.abs(curve.stress).max()), _left_noise(curve))
+    return np.hypot(COMMON_RELATIVE_ERROR * curve.stress, least)

@@ -37,19 +37,19 @@ from softmodels.runs import grid
 # deviate from it.
 
 
-SMOOTH = (0.30, 0.04, 0.01, 0.01)
+SMOOTH_CURVE_ERRORS = (0.30, 0.04, 0.01, 0.01)
 """Relative errors of a smooth curve with one to four terms, for the nonlinearity of silicones."""
 TERMS = {3: 1, 4: 2, 5: 2, 6: 2, 7: 3, 8: 3}
 """Number of terms by the number of rows; 4 for more rows. None for fewer than three rows."""
-OUTSIDE = 5.0
+MAX_CURVE_ERRORS = 5.0
 """Distance from the others' curve, in errors, above which a row contradicts it."""
 MOST_SUBSETS = 3000
-GROSS = 1.15
+MIN_GROSS_FACTOR = 1.15
 """At its ends the curve is uncertain: only factors above this count there."""
 
-MEETS = 0.15
+EXCHANGE_TOLERANCE = 0.15
 """Relative tolerance for detecting exchanged rows."""
-CLEARLY = 2.0
+MIN_EXCHANGE_RATIO = 2.0
 """Minimum ratio of the scatter of any other exchange to that of the best one."""
 
 
@@ -96,33 +96,33 @@ class WrongReading:
 
     @property
     def gross(self) -> bool:
-        return not 1 / GROSS < self.factor < GROSS
+        return not 1 / MIN_GROSS_FACTOR < self.factor < MIN_GROSS_FACTOR
 
 
 def wrong_readings(rows: Sequence[HeightRow]) -> list[WrongReading]:
     """Return the rows contradicted by the smooth curve of the others; empty for fewer than three rows."""
-    rows = _telling(rows)
+    rows = _telling_rows(rows)
     if len(rows) < min(TERMS):
         return []
-    inside = _inside(rows)
+    inside = _rows_on_curve(rows)
     if inside is None:
         return []
-    found = []
+    wrong_readings = []
     x = np.array([row.height for row in rows])
     ends = x[inside].min(), x[inside].max()
     for i in np.flatnonzero(~inside).tolist():
         row, expected = rows[i], rows[i].reading(expected_modulus(rows, inside, rows[i].height))
-        one = WrongReading(row.source, row.pressure, expected)
-        if ends[0] <= row.height <= ends[1] or one.gross:
-            found.append(one)
-    return found
+        wrong_reading = WrongReading(row.source, row.pressure, expected)
+        if ends[0] <= row.height <= ends[1] or wrong_reading.gross:
+            wrong_readings.append(wrong_reading)
+    return wrong_readings
 
 
 def expected_without(rows: Sequence[HeightRow], names: Sequence[str], row: HeightRow) -> float:
     """Return the pressure in Pa at a row's height predicted without the named rows; its own if none is
     usable."""
-    rows = _telling(rows)
-    inside = np.array([one.source not in names and one.elastic > 0.0 for one in rows])
+    rows = _telling_rows(rows)
+    inside = np.array([other_row.source not in names and other_row.elastic > 0.0 for other_row in rows])
     if not inside.any():
         return row.pressure
     return row.reading(expected_modulus(rows, inside, row.height))
@@ -131,25 +131,28 @@ def expected_without(rows: Sequence[HeightRow], names: Sequence[str], row: Heigh
 def exchanged(rows: Sequence[HeightRow]) -> tuple[WrongReading, WrongReading] | None:
     """Return the two rows whose exchange removes all contradictions; None if there is no
     unique pair."""
-    rows, found = _telling(rows), []
+    rows, exchanges = _telling_rows(rows), []
     for a, b in itertools.combinations(range(len(rows)), 2):
         swapped = list(rows)
         swapped[a] = dataclasses.replace(rows[a], pressure=rows[b].pressure)
         swapped[b] = dataclasses.replace(rows[b], pressure=rows[a].pressure)
-        inside = _inside(swapped)
+        inside = _rows_on_curve(swapped)
         if inside is not None and inside.all():
-            found.append((_spread(swapped), a, b))
-    found.sort()
-    if not found or (len(found) > 1 and found[1][0] < CLEARLY * found[0][0]):
+            exchanges.append((_spread(swapped), a, b))
+    exchanges.sort()
+    if not exchanges or (len(exchanges) > 1 and exchanges[1][0] < MIN_EXCHANGE_RATIO * exchanges[0][0]):
         return None
-    pair = [rows[k] for k in found[0][1:]]
+    pair = [rows[k] for k in exchanges[0][1:]]
     names = [row.source for row in pair]
-    one, two = (WrongReading(row.source, row.pressure, expected_without(rows, names, row)) for row in pair)
-    meet = abs(one.pressure / two.expected - 1.0) < MEETS and abs(two.pressure / one.expected - 1.0) < MEETS
-    return (one, two) if meet else None
+    first, two = (WrongReading(row.source, row.pressure, expected_without(rows, names, row)) for row in pair)
+    meet = (
+        abs(first.pressure / two.expected - 1.0) < EXCHANGE_TOLERANCE
+        and abs(two.pressure / first.expected - 1.0) < EXCHANGE_TOLERANCE
+    )
+    return (first, two) if meet else None
 
 
-def _telling(rows: Sequence[HeightRow]) -> list[HeightRow]:
+def _telling_rows(rows: Sequence[HeightRow]) -> list[HeightRow]:
     return [row for row in rows if not row.silent]
 
 
@@ -193,10 +196,10 @@ def _basis(heights: Array, width: float, terms: int) -> Array:
 def _error(row: HeightRow, terms: int) -> float:
     """Return the relative standard error of a row's apparent modulus, from its reading, its height and the curve."""
     reading = 2.0 * row.pressure_error / max(abs(row.elastic), row.pressure_error)
-    return math.sqrt(reading**2 + (2.0 * row.height_error / row.height) ** 2 + SMOOTH[terms - 1] ** 2)
+    return math.sqrt(reading**2 + (2.0 * row.height_error / row.height) ** 2 + SMOOTH_CURVE_ERRORS[terms - 1] ** 2)
 
 
-def _inside(rows: Sequence[HeightRow]) -> npt.NDArray[np.bool_] | None:
+def _rows_on_curve(rows: Sequence[HeightRow]) -> npt.NDArray[np.bool_] | None:
     """Return which rows lie on the curve shared by most; None if less than half do."""
     count, terms = len(rows), _terms(len(rows))
     sane = [i for i, row in enumerate(rows) if row.elastic > 0.0]
@@ -212,9 +215,9 @@ def _inside(rows: Sequence[HeightRow]) -> npt.NDArray[np.bool_] | None:
         except np.linalg.LinAlgError:
             continue
         away = np.abs(y - A @ course) / error
-        inside = away < OUTSIDE
+        inside = away < MAX_CURVE_ERRORS
         # The curve with the most rows; of those the closest.
-        cost = float(np.minimum(away, OUTSIDE).sum())
+        cost = float(np.minimum(away, MAX_CURVE_ERRORS).sum())
         if best is None or cost < best[0]:
             best = cost, inside
     if best is None or best[1].sum() <= max(count / 2, terms):
@@ -222,7 +225,7 @@ def _inside(rows: Sequence[HeightRow]) -> npt.NDArray[np.bool_] | None:
     inside = best[1]
     for _ in range(3):  # from interpolation of a few points to least squares of all consistent ones
         pick = np.flatnonzero(inside).tolist()
-        inside = np.abs(y - A @ _course(A[pick], y[pick], error[pick])) / error < OUTSIDE
+        inside = np.abs(y - A @ _course(A[pick], y[pick], error[pick])) / error < MAX_CURVE_ERRORS
         if inside.sum() <= terms:
             return None
     return inside
@@ -236,10 +239,9 @@ def _subsets(indices: Sequence[int], size: int) -> list[tuple[int, ...]]:
     return [tuple(sorted(rng.choice(indices, size, replace=False).tolist())) for _ in range(MOST_SUBSETS)]
 
 
-NARROWEST, WIDEST = 0.82, 1.22
+MIN_WIDTH_RATIO, MAX_WIDTH_RATIO = 0.82, 1.22
 """Maximum ratio of measured to simulated width at half the height."""
-SPACING = 2e-5
-"""Spacing in m of points on a simulated outline."""
+OUTLINE_SPACING = 2e-5
 
 
 def series_of(
@@ -272,12 +274,12 @@ def series_of_shapes(model: device.DeviceModel, shapes: Sequence[Shape]) -> list
 
 def _check_widths(shapes: Sequence[Shape], curves: Sequence[grid.QuadraticCurve], device: str) -> None:
     measured = np.array([_width(shape.points, shape.height / 2) for shape in shapes])
-    halves = [half_outline(shadow_of(curve).curve, SPACING)[0] for curve in curves]
+    halves = [half_outline(shadow_of(curve).curve, OUTLINE_SPACING)[0] for curve in curves]
     simulated = 2.0 * np.array(
         [half[half[:, 1] > s.height / 2, 0].max() for half, s in zip(halves, shapes, strict=True)]
     )
     share = measured / simulated
-    if NARROWEST <= float(np.median(share)) <= WIDEST:
+    if MIN_WIDTH_RATIO <= float(np.median(share)) <= MAX_WIDTH_RATIO:
         return
     i = int(np.argmin(np.abs(share - np.median(share))))
     extent = f"between {share.min():.2f} and {share.max():.2f} times as wide" if len(share) > 1 else "so"
@@ -298,11 +300,11 @@ def _width(points: Array, level: float) -> float:
 # Bench corrections of a fit, in words: reported if large, rejected if implausible.
 
 
-REPORTED = 1.0
+REPORTED_ERRORS = 1.0
 """Corrections above this many standard errors of their prior are reported."""
-PLAIN = 0.01
+REPORTED_FRACTION = 0.01
 """So are fractions above this."""
-BELIEVED = 5.0
+MAX_PRESSURE_ERRORS = 5.0
 """Corrections of pressures above this many standard errors of their prior are rejected, because outlines do not show them."""
 
 
@@ -323,7 +325,7 @@ def _length(name: str, nominal: float) -> Callable[[float], str]:
     return lambda value: f"{name} {value * 1e3:.4g} mm, not {nominal * 1e3:.4g} mm"
 
 
-WORDS: dict[str, tuple[Callable[[float], str], str]] = {
+FACTOR_TEXTS: dict[str, tuple[Callable[[float], str], str]] = {
     "scale": (
         _share("all lengths in the photographs"),
         "check the pitch of the grid or board and the distances of lamp and screen",
@@ -345,8 +347,8 @@ def corrections(fit: least_squares.LeastSquaresFit) -> list[str]:
     """Return a sentence on each correction that is larger than expected."""
     return [
         f"{of}corrected: the fit assumes {says} ({abs(away):.1f} times the expected error); {advice}"
-        for p, away, of, says, advice in _away(fit)
-        if abs(away) > REPORTED or (p.unit == "" and abs(fit.values[p.name]) > PLAIN)
+        for p, away, of, says, advice in _large_corrections(fit)
+        if abs(away) > REPORTED_ERRORS or (p.unit == "" and abs(fit.values[p.name]) > REPORTED_FRACTION)
     ]
 
 
@@ -355,17 +357,20 @@ def unbelievable(fit: least_squares.LeastSquaresFit) -> list[str]:
     return [
         f"{of}to fit the outlines, the fit assumes {says} {abs(away):.0f} times "
         f"the plausible value: pressures and outlines contradict each other; {advice}, or fix it (--fix {p.name})"
-        for p, away, of, says, advice in _away(fit)
-        if p.own_name in WORDS and p.own_name not in ("scale", "zero") and abs(away) > BELIEVED
+        for p, away, of, says, advice in _large_corrections(fit)
+        if p.own_name in FACTOR_TEXTS and p.own_name not in ("scale", "zero") and abs(away) > MAX_PRESSURE_ERRORS
     ]
 
 
-def _away(fit: least_squares.LeastSquaresFit) -> Iterator[tuple[problem.Parameter, float, str, str, str]]:
+def _large_corrections(fit: least_squares.LeastSquaresFit) -> Iterator[tuple[problem.Parameter, float, str, str, str]]:
     """Yield the corrections, with how many standard errors of their prior they are, whose they are, what they say, and the
     advice."""
     for p in fit.free:
-        if (p.own_name in WORDS or is_length(p)) and p.prior and math.isfinite(value := fit.values[p.name]):
-            says, advice = WORDS.get(p.own_name) or (_length(p.own_name, p.prior.mean), "measure it on the cast part")
+        if (p.own_name in FACTOR_TEXTS or is_length(p)) and p.prior and math.isfinite(value := fit.values[p.name]):
+            says, advice = FACTOR_TEXTS.get(p.own_name) or (
+                _length(p.own_name, p.prior.mean),
+                "measure it on the cast part",
+            )
             yield p, (value - p.prior.mean) / p.prior.error, f"{p.device}: " if p.device else "", says(value), advice
 
 
@@ -413,7 +418,7 @@ def exact_lengths(source: OutlineResiduals | HeightResiduals, fit: least_squares
 # is not blamed on a photograph.
 
 
-FEWEST = 4
+MIN_PHOTOGRAPHS = 4
 """Minimum number of photographs to identify a contradicting one."""
 FACTORS = (
     (10.0, "ten times as much: a decimal place, or millimetres for centimetres"),
@@ -421,11 +426,11 @@ FACTORS = (
     (2.0, "twice as much"),
     (0.5, "half of it: the level of only one tube"),
 )
-NEAR = 0.08
+FACTOR_TOLERANCE = 0.08
 """Relative tolerance for recognising a known factor."""
-ALIKE = 0.015
+READING_TOLERANCE = 0.015
 """Relative difference of a reading from its outline's pressure up to which the outline is blamed."""
-DECISIVE = 10.0
+DECISIVE_DEVIANCE = 10.0
 """Increase of the deviance above which one explanation is worse than another."""
 
 
@@ -452,19 +457,23 @@ class WrongRows:
 
 def by_course(rows: Sequence[HeightRow]) -> WrongRows | None:
     """Return the rows contradicted by the curve of the others; None if there are none."""
-    found = wrong_readings(rows)
-    if not found:
+    contradicting = wrong_readings(rows)
+    if not contradicting:
         return None
     pair = exchanged(rows)
     if pair is not None:
-        one, two = pair
+        first, two = pair
         said = (
-            f"{one.source} and {two.source} seem exchanged: expected {reading(one.expected)} for the first and "
-            f"{reading(two.expected)} for the second, but their rows have {reading(one.pressure)} and {reading(two.pressure)}"
+            f"{first.source} and {two.source} seem exchanged: expected {reading(first.expected)} for the first and "
+            f"{reading(two.expected)} for the second, but their rows have {reading(first.pressure)} and {reading(two.pressure)}"
         )
-        return WrongRows((one.source, two.source), said, one.gross or two.gross)
-    gross = any(one.gross for one in found)
-    return WrongRows(tuple(one.source for one in found), "; ".join(map(_sentence, found)), gross)
+        return WrongRows((first.source, two.source), said, first.gross or two.gross)
+    gross = any(contradicting_reading.gross for contradicting_reading in contradicting)
+    return WrongRows(
+        tuple(contradicting_reading.source for contradicting_reading in contradicting),
+        "; ".join(map(_sentence, contradicting)),
+        gross,
+    )
 
 
 def by_fit(
@@ -479,19 +488,21 @@ def by_fit(
     ``names`` has the photograph of each measured residual, shape (count,), other sources names of their own; the series is by
     rising pressure.
     """
-    if len(rows) < FEWEST:
+    if len(rows) < MIN_PHOTOGRAPHS:
         return None
     ranked = left_out(fit, names, [row.source for row in rows])
     for deviance, chosen in ranked[:3]:
         rivals = [
-            one for other, one in ranked if other < deviance + DECISIVE and len(one) <= len(chosen) and one != chosen
+            rank
+            for other, rank in ranked
+            if other < deviance + DECISIVE_DEVIANCE and len(rank) <= len(chosen) and rank != chosen
         ]
         if not good(chosen):
             continue
         if rivals and any(good(rival) for rival in rivals[:2]):
-            all_named = tuple(dict.fromkeys(name for one in (chosen, *rivals) for name in one))
+            all_named = tuple(dict.fromkeys(name for law in (chosen, *rivals) for name in law))
             return WrongRows(all_named, f"{' or '.join(all_named)} contradicts the others; the data do not show which")
-        sentences = [_fine(name, rows) for name in chosen]
+        sentences = [_photograph_error(name, rows) for name in chosen]
         return WrongRows(chosen, "; ".join(filter(None, sentences))) if all(sentences) else None
     return None
 
@@ -501,7 +512,7 @@ def left_out(
 ) -> list[tuple[float, tuple[str, ...]]]:
     """Return the deviance of the others without one or two photographs, by the fit's derivatives; the lowest first, one before
     two."""
-    labels, found = np.array([*names, *[""] * (len(fit.residuals) - fit.count)]), []
+    labels, left_out = np.array([*names, *[""] * (len(fit.residuals) - fit.count)]), []
     size = np.linalg.norm(fit.jacobian, axis=0)
     J, r = fit.jacobian / np.where(size == 0.0, 1.0, size), fit.residuals
     for count in (1, 2):
@@ -510,33 +521,35 @@ def left_out(
             kept = ~np.isin(labels, chosen)
             step, *_ = np.linalg.lstsq(J[kept], -r[kept], rcond=1e-12)
             part.append((float(np.sum((r[kept] + J[kept] @ step) ** 2)), chosen))
-        found += sorted(part)[:3]
-    return found
+        left_out += sorted(part)[:3]
+    return left_out
 
 
-def _fine(name: str, rows: Sequence[HeightRow]) -> str:
+def _photograph_error(name: str, rows: Sequence[HeightRow]) -> str:
     """Return the error of a photograph found by a fit; empty if an unsuitable law may be the reason."""
     i = next(k for k, row in enumerate(rows) if row.source == name)
-    one = WrongReading(name, rows[i].pressure, expected_without(rows, [name], rows[i]))
+    wrong_reading = WrongReading(name, rows[i].pressure, expected_without(rows, [name], rows[i]))
     order = sorted(range(len(rows)), key=lambda k: rows[k].height)
-    if i in (order[0], order[-1]) and not one.gross:
+    if i in (order[0], order[-1]) and not wrong_reading.gross:
         return ""
-    if abs(one.factor - 1.0) > ALIKE:
-        return _sentence(one)
+    if abs(wrong_reading.factor - 1.0) > READING_TOLERANCE:
+        return _sentence(wrong_reading)
     return (
-        f"{name}: the others predict neither its outline nor its reading, {reading(one.pressure)}, though their heights "
-        "agree within a few percent: the part or the camera was moved for it, or its pressure is slightly off"
+        f"{name}: the others predict neither its outline nor its reading, {reading(wrong_reading.pressure)}, though their "
+        "heights agree within a few percent: the part or the camera was moved for it, or its pressure is slightly off"
     )
 
 
-def _sentence(one: WrongReading) -> str:
-    known = next((words for factor, words in FACTORS if abs(one.factor / factor - 1.0) < NEAR), "")
-    if one.factor < 0.0:
-        known = "its sign is wrong" if abs(one.factor + 1.0) < NEAR else "it is negative"
-    share = known or f"{one.factor:.3g} times as much"
+def _sentence(wrong_reading: WrongReading) -> str:
+    known = next(
+        (words for factor, words in FACTORS if abs(wrong_reading.factor / factor - 1.0) < FACTOR_TOLERANCE), ""
+    )
+    if wrong_reading.factor < 0.0:
+        known = "its sign is wrong" if abs(wrong_reading.factor + 1.0) < FACTOR_TOLERANCE else "it is negative"
+    share = known or f"{wrong_reading.factor:.3g} times as much"
     return (
-        f"{one.source} contradicts the others: expected {reading(one.expected)} at its height, its "
-        f"row has {reading(one.pressure)}, {share}"
+        f"{wrong_reading.source} contradicts the others: expected {reading(wrong_reading.expected)} at its height, its "
+        f"row has {reading(wrong_reading.pressure)}, {share}"
     )
 
 
@@ -553,7 +566,7 @@ MODEL_SHAPE = 0.03
 """Maximum rms distance from an outline relative to its height, for law and mesh errors."""
 MODEL_PRESSURE = 0.05
 """The same for a reading."""
-ERRORS = 5.0
+MIN_MISFIT_ERRORS = 5.0
 """Misfits below this many standard errors are ignored, for any height."""
 
 
@@ -568,20 +581,20 @@ def judge_outlines(
     bad: list[int] = []
     warnings: list[str] = []
     for k, (source, residuals) in enumerate(zip(sources, residuals_by_source(sources, fit.residuals), strict=True)):
-        found = {name: pair for name, pair in misfits(source, residuals).items() if fits_badly(*pair)}
-        bad += [k] if found else []
+        bad_misfits = {name: pair for name, pair in misfits(source, residuals).items() if fits_badly(*pair)}
+        bad += [k] if bad_misfits else []
         of = f" of {source.device}" if source.device else ""
         warnings += [
             f"{f'the pressures{of}' if name == source.readings else name}: the law cannot follow "
             f"{'them' if name == source.readings else 'it'} (chi squared {chi2:.0f} of {count} values)"
-            for name, (chi2, count) in found.items()
+            for name, (chi2, count) in bad_misfits.items()
             if name not in fit.excess
         ]
     for k in bad:
         wrong = by_course(rows[k]) or by_fit(fit, _photographs(sources, k, fit), rows[k], good)
         if wrong:  # the parameters of such a fit are meaningless
             return least_squares.Judgement((wrong.whole,), tuple(warnings))
-    objections = (*(text for k in bad for text in _beyond(sources[k], fit)), *unbelievable(fit))
+    objections = (*(text for k in bad for text in _large_misfits(sources[k], fit)), *unbelievable(fit))
     return least_squares.Judgement(objections, tuple(warnings), () if objections else tuple(corrections(fit)))
 
 
@@ -589,12 +602,12 @@ def judge_heights(source: HeightResiduals, fit: least_squares.LeastSquaresFit) -
     """Check a fit to heights against law and mesh errors."""
     left = np.abs(fit.residuals[: fit.count]) / 1e3
     i = int(np.argmax(left / source.measured))
-    if left[i] > MODEL_PRESSURE * source.measured[i] + ERRORS * source.height_errors[i]:
-        one = source.heights[i]
+    if left[i] > MODEL_PRESSURE * source.measured[i] + MIN_MISFIT_ERRORS * source.height_errors[i]:
+        height = source.heights[i]
         return least_squares.Judgement(
             (
-                f"the law does not follow the heights: {one.source} is {one.height * 1e3:.4g} mm high, with a "
-                f"residual of {left[i] * 1e3:.3g} mm at {reading(one.pressure)}; check the pressures, the geometry of the "
+                f"the law does not follow the heights: {height.source} is {height.height * 1e3:.4g} mm high, with a "
+                f"residual of {left[i] * 1e3:.3g} mm at {reading(height.pressure)}; check the pressures, the geometry of the "
                 f"case and whether it is the part in the photographs, or try another law",
             )
         )
@@ -604,22 +617,24 @@ def judge_heights(source: HeightResiduals, fit: least_squares.LeastSquaresFit) -
 def within_chance(sources: Sequence[OutlineResiduals], fit: least_squares.LeastSquaresFit) -> bool:
     """Return whether a fit matches every photograph and the readings within their errors, with a plausible bench."""
     parts = zip(sources, residuals_by_source(sources, fit.residuals), strict=True)
-    return not any(fits_badly(*pair) for one in parts for pair in misfits(*one).values()) and not unbelievable(fit)
+    return not any(fits_badly(*pair) for part in parts for pair in misfits(*part).values()) and not unbelievable(fit)
 
 
 def _photographs(sources: Sequence[OutlineResiduals], k: int, fit: least_squares.LeastSquaresFit) -> list[str]:
     """Return the name of the photograph of each measured residual of the k-th source; that of a reading is its photograph's."""
-    source, before = sources[k], sum(one.count for one in sources[:k])
+    source, before = sources[k], sum(earlier.count for earlier in sources[:k])
     outlines = source.groups.tolist()[: source.count - len(source.read)]
     names = [*[""] * before, *outlines, *(source.shapes[i].source for i in source.read)]
     return [*names, *[""] * (fit.count - len(names))]
 
 
-def _beyond(source: OutlineResiduals, fit: least_squares.LeastSquaresFit) -> list[str]:
+def _large_misfits(source: OutlineResiduals, fit: least_squares.LeastSquaresFit) -> list[str]:
     """Return the misfits beyond any law's and mesh's error."""
     matches = source.matches(fit.values)
-    away = [float(np.sqrt(np.mean(one.distances**2))) for one in matches]
-    limits = [MODEL_SHAPE * one.shape.height + ERRORS * float(np.median(one.shape.error)) for one in matches]
+    away = [float(np.sqrt(np.mean(match.distances**2))) for match in matches]
+    limits = [
+        MODEL_SHAPE * match.shape.height + MIN_MISFIT_ERRORS * float(np.median(match.shape.error)) for match in matches
+    ]
     shapes = [i for i in range(len(matches)) if away[i] > limits[i]]
     if shapes:
         i = max(shapes, key=lambda k: away[k] / limits[k])
@@ -629,10 +644,10 @@ def _beyond(source: OutlineResiduals, fit: least_squares.LeastSquaresFit) -> lis
             f"height of {matches[i].shape.height * 1e3:.4g} mm; are they of another device, or is the geometry of the case "
             f"wrong?"
         ]
-    off = [one.pressure - one.true_pressure for one in matches]
+    off = [match.pressure - match.true_pressure for match in matches]
     share = [
-        abs(by) / (MODEL_PRESSURE * abs(one.shape.pressure) + ERRORS * one.shape.pressure_error)
-        for by, one in zip(off, matches, strict=True)
+        abs(by) / (MODEL_PRESSURE * abs(match.shape.pressure) + MIN_MISFIT_ERRORS * match.shape.pressure_error)
+        for by, match in zip(off, matches, strict=True)
     ]
     i = int(np.argmax(share))
     if share[i] <= 1.0:

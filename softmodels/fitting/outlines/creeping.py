@@ -52,23 +52,25 @@ class Creep:
             for test, steps, base in zip(self.timetable.tests, self._steps, before, strict=True)
         ]
         self._walks = walks
-        found: dict[int, tuple[State, dict[str, sensitivity.Rate]]] = {}
+        photographs: dict[int, tuple[State, dict[str, sensitivity.Rate]]] = {}
         for test, steps, walk in zip(self.timetable.tests, self._steps, walks, strict=True):
             for (leg, share), state, rates in zip(steps, walk.states, walk.rates, strict=True):
                 if share == 1.0:
-                    found |= dict.fromkeys(test[leg].photographs, (state, rates))
-        return found
+                    photographs |= dict.fromkeys(test[leg].photographs, (state, rates))
+        return photographs
 
     def _chosen(self, test: Sequence[Leg], values: Mapping[str, float]) -> list[tuple[int, float]]:
         """Return the steps of a test: at the end of each the number of the leg and the share of it that is done."""
-        model, found = self.model, list[tuple[int, float]]()
+        model, places_and_weights = self.model, list[tuple[int, float]]()
         assert model.spectrum is not None
         model.set_parameters({**values, **dict.fromkeys(model.spectrum.names, USUAL_SHARE)})
-        unit, start = model.system.stress_unit, self._begun()
+        unit, start = model.system.stress_unit, self._state_at_rest()
         for number, leg in enumerate(test):
             rise = (leg.pressure(1.0, values) - leg.pressure(0.0, values)) / unit
             if not leg.duration:
-                found += [(number, share) for share in np.linspace(0.0, 1.0, FEWEST_STEPS + 1)[1:].tolist()]
+                places_and_weights += [
+                    (number, share) for share in np.linspace(0.0, 1.0, FEWEST_STEPS + 1)[1:].tolist()
+                ]
                 start = self._jumped(start, rise)
                 continue
             path = Continuation(model.solver, stability.Pressure(), start=start)
@@ -77,20 +79,20 @@ class Creep:
                     path, schedule.Ramp(rise, leg.duration, FEWEST_STEPS), STEP_TOLERANCE
                 ):
                     start = point.state
-                    found += [(number, share)] if share else []
+                    places_and_weights += [(number, share)] if share else []
             except (stability.PathEnd, newton.NoConvergence) as end:
                 raise problem.CannotEvaluate(
                     f"the device cannot follow the pressures of its photographs: {end}"
                 ) from None
-        return found
+        return places_and_weights
 
-    def _begun(self, in_time: sensitivity.InTime | None = None) -> State:
+    def _state_at_rest(self, in_time: sensitivity.InTime | None = None) -> State:
         """Return the state at rest, where the device has hung for ever, and let its silicone remember only that."""
         model, state = self.model, self._hung
         model.system.potential.commit(state.w, reset=True)
         if model.loaded:
             assert model.spectrum is not None
-            model.system.potential.pass_time(FOREVER * model.spectrum.times[-1])
+            model.system.potential.pass_time(RELAXED_TIME_RATIO * model.spectrum.times[-1])
             if in_time is not None:
                 in_time.begin(state, self._hung_rates)
             model.system.potential.commit(state.w)
@@ -121,7 +123,7 @@ class Creep:
         levels = [level for level in self.timetable.levels if any(level in leg.levels for leg in test)]
         in_time = sensitivity.InTime(model.sensitivity, [self._own(name) for name in names], levels)
         back = {self._own(name): name for name in names}
-        state, along, done, walk = self._begun(in_time), None, 0.0, _Walk(dict(values), [], [])
+        state, along, done, walk = self._state_at_rest(in_time), None, 0.0, _Walk(dict(values), [], [])
         leg_before = 0
         for number, (leg, share) in enumerate(steps):
             done, leg_before = (0.0, leg) if leg != leg_before else (done, leg)
@@ -159,13 +161,13 @@ class Creep:
 STEP_TOLERANCE = 1e-4
 """Error of the stress by one step in time, over the largest stress, for branches of `USUAL_SHARE` each."""
 USUAL_SHARE = 0.2
-FOREVER = 1e6
+RELAXED_TIME_RATIO = 1e6
 """Time that a device has hung before its test, over its longest relaxation time."""
 FEWEST_STEPS = 4
 """Minimum number of steps between two times of a history."""
-REACH = 0.5
+LEVEL_BOUNDS = 0.5
 """Bounds of a level's true pressure, as a share of its reading."""
-DISTINCT = 1e-9
+PRESSURE_TOLERANCE = 1e-9
 """Pressures closer than this, relative to the larger, are one level."""
 
 
@@ -187,11 +189,11 @@ class Leg:
 
     def rises(self, share: float) -> dict[str, float]:
         """Return the derivatives of the pressure after a share of the leg by the hidden parameters."""
-        found: dict[str, float] = {}
+        rises: dict[str, float] = {}
         for level, weight in zip(self.levels, (1.0 - share, share), strict=True):
             if level and weight:
-                found[level] = found.get(level, 0.0) + weight
-        return found
+                rises[level] = rises.get(level, 0.0) + weight
+        return rises
 
     def pressure(self, share: float, values: Mapping[str, float]) -> float:
         """Return the pressure in Pa after a share of the leg."""
@@ -215,7 +217,7 @@ class Timetable:
         tests: list[tuple[outline.History, dict[int, list[int]]]] = []
         for i in order:
             own = histories[i]
-            test = next((one for one in tests if one[0][: len(own)] == own), None)
+            test = next((test_outlines for test_outlines in tests if test_outlines[0][: len(own)] == own), None)
             if test is None:
                 tests.append(test := (own, {}))
             test[1].setdefault(len(own) - 1, []).append(i)
@@ -236,7 +238,7 @@ def _levels(corners: outline.History, looks: Mapping[int, Sequence[int]], levels
     names = [""] * len(corners)
     begin = 0
     for k in range(1, len(corners) + 1):
-        if k < len(corners) and abs(corners[k][1] - corners[begin][1]) <= DISTINCT * abs(corners[begin][1]):
+        if k < len(corners) and abs(corners[k][1] - corners[begin][1]) <= PRESSURE_TOLERANCE * abs(corners[begin][1]):
             continue
         seen = [i for at in range(begin, k) for i in looks.get(at, ())]
         if seen:
@@ -278,7 +280,8 @@ class CreepingResiduals(residuals.OutlineResiduals):
         """Return the hidden pressures of the levels in Pa, starting at their readings."""
         return [
             problem.Parameter(
-                self.named(name), "Pa", shape.pressure, (1 - REACH) * shape.pressure, (1 + REACH) * shape.pressure, hidden=True,
+                self.named(name), "Pa", shape.pressure, (1 - LEVEL_BOUNDS) * shape.pressure,
+                (1 + LEVEL_BOUNDS) * shape.pressure, hidden=True,
                 title=f"the pressure of {shape.name}", device=self.device,
             )
             for name, shape in zip(self._own_hidden, [self.shapes[i] for i in self.read], strict=True)

@@ -42,7 +42,7 @@ from softmodels.path.continuation import Continuation
 from softmodels.path.schedule import apply_preload
 from softmodels.runs import grid
 
-MODULUS = 30e3
+SHAPE_MODULUS = 30e3
 """Shear modulus in Pa of paths used only for the shapes of a device without loads."""
 
 
@@ -50,7 +50,7 @@ class DeviceModel:
     """Paths of one device, whose material's values do not matter, under one law.
 
     Args:
-        height_datum: What heights count from, see `Hanging`.
+        height_datum: What heights count from, see `UnpressurisedShape`.
         modulus: Shear modulus in Pa near to that of the device; matters only under dead loads.
         spectrum: Relaxing branches of the silicone, whose weights are parameters; paths without times leave them relaxed.
 
@@ -66,7 +66,7 @@ class DeviceModel:
         solver: Solver,
         choice: problem.LawChoice,
         height_datum: str = "",
-        modulus: float = MODULUS,
+        modulus: float = SHAPE_MODULUS,
         spectrum: residuals.Spectrum | None = None,
     ):
         self.solver, self.system, self.choice = solver, solver.system, choice
@@ -79,15 +79,15 @@ class DeviceModel:
         if self.motion is not None:
             self.motion.followers.append(self.system.follow_mesh)
         self.sensitivity = Sensitivity(solver, self.motion)
-        self.hanging, self.modulus = Hanging(self.silhouette, self.sensitivity, height_datum), modulus
+        self.hanging, self.modulus = UnpressurisedShape(self.silhouette, self.sensitivity, height_datum), modulus
         self.spectrum = spectrum
         self.common = (*choice.names, *(spectrum.names if spectrum else ()), "poisson")
         self.names = (*self.common, *self.lengths)
         self.rest_volume = solver.system.rest().V
         self.paths = 0
         self._present: dict[str, float] = {}
-        self._asked: _Solved | None = None
-        self._base: _Solved | None = None
+        self._asked: _SolvedStates | None = None
+        self._base: _SolvedStates | None = None
 
     def law(self, values: Mapping[str, float]) -> Material:
         """Return the material of parameter values at equilibrium; Poisson's ratio is the law's unless given."""
@@ -169,12 +169,12 @@ class DeviceModel:
         goals: list[float] = []
         place = np.empty(len(wanted), dtype=int)
         for i in order:
-            if not goals or wanted[i] - goals[-1] > SAME * abs(wanted[order[-1]]):
+            if not goals or wanted[i] - goals[-1] > VALUE_TOLERANCE * abs(wanted[order[-1]]):
                 goals.append(float(wanted[i]))
             place[i] = len(goals) - 1
-        found = self._nearby(values, goals, quantity, place) or self._followed(goals, quantity)
-        states = [found[i] for i in place]
-        self._asked = _Solved(dict(values), quantity, np.asarray(requested, dtype=float), states, {})
+        path_states = self._nearby(values, goals, quantity, place) or self._followed(goals, quantity)
+        states = [path_states[i] for i in place]
+        self._asked = _SolvedStates(dict(values), quantity, np.asarray(requested, dtype=float), states, {})
         return states
 
     def begins(self, path: Continuation) -> float:
@@ -204,7 +204,7 @@ class DeviceModel:
         base = self._base
         if base is None or base.quantity != quantity or len(base.states) != len(place):
             return []
-        eq, found = self.system, []
+        eq, nearby = self.system, []
         unit = eq.volume_unit if quantity == "volume" else eq.stress_unit
         for goal, i in zip(goals, [int(np.argmax(place == k)) for k in range(len(goals))], strict=True):
             state, (along, rates, stress) = base.states[i], base.answers[id(base.states[i])]
@@ -220,9 +220,9 @@ class DeviceModel:
             closest = near(self.solver, state, line, w, P / eq.stress_unit)
             if closest is None:
                 return []
-            found.append(closest)
+            nearby.append(closest)
         self.paths += 1
-        return found
+        return nearby
 
     def curve(self, state: State) -> grid.QuadraticCurve:
         """Return the outer curve of a state of the present parameters above the zero plane, in m."""
@@ -247,7 +247,11 @@ class DeviceModel:
             along, rates = self.sensitivity.rates(state, control, names)
         except newton.NoConvergence as failure:
             raise problem.CannotEvaluate(f"a state has no derivatives: {failure}") from None
-        answers = self._asked.answers if self._asked and any(state is one for one in self._asked.states) else {}
+        answers = (
+            self._asked.answers
+            if self._asked and any(state is asked_state for asked_state in self._asked.states)
+            else {}
+        )
         answers[id(state)] = (
             sensitivity.Rate(along.w / unit, along.P * eq.stress_unit / unit, along.V),
             rates,
@@ -274,12 +278,12 @@ def near(solver: Solver, base: State, line: Control, w: Array, P: float) -> Stat
     try:
         if solver.lagged.needs_update:
             solver.factorise(base)
-        found = solver.solve(line, w, P)
+        nearby_state = solver.solve(line, w, P)
     except newton.NoConvergence:
         return None
-    off, change = float(np.linalg.norm(found.w - w)), float(np.linalg.norm(found.w - base.w))
+    off, change = float(np.linalg.norm(nearby_state.w - w)), float(np.linalg.norm(nearby_state.w - base.w))
     sure = off < LARGEST_CORRECTION * max(change, 1e-300) or off < 1e-3 * float(np.linalg.norm(w))
-    return found if found.V > 0.0 and found.iterations <= AT_ONCE and sure else None
+    return nearby_state if nearby_state.V > 0.0 and nearby_state.iterations <= AT_ONCE and sure else None
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -291,14 +295,14 @@ def near(solver: Solver, base: State, line: Control, w: Array, P: float) -> Stat
 # parameters.
 
 
-HEAVY = 0.005
+MIN_WEIGHT_RATIO = 0.005
 """Pressure of a device's own weight over its height, in shear moduli, above which a fit without gravity gives a warning."""
-MIDDLE = 0.8
+STRAIGHT_SHARE = 0.8
 """Fraction of a shadow's width that has to be straight at zero pressure, as in the measurement's zero."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class _Hung:
+class _UnpressurisedState:
     """The device at zero pressure: parameter values, state, outer curve; and the state's derivatives once computed."""
 
     values: dict[str, float]
@@ -307,7 +311,7 @@ class _Hung:
     rates: dict[str, sensitivity.Rate]
 
 
-class Hanging:
+class UnpressurisedShape:
     """A device at zero pressure, by its silhouette and sensitivity. ``height_datum`` is one of
     `softmodels.fitting.problem.HEIGHTS_FROM`, or empty for the shadow, or for the apex where the undeformed top is not flat.
 
@@ -329,7 +333,7 @@ class Hanging:
             )
         self.from_apex = height_datum in ("apex", "undeformed")
         self.height_datum = height_datum or ("shadow" if silhouette.flat else "apex")
-        self._now: _Hung | None = None
+        self._now: _UnpressurisedState | None = None
 
     def couple(self) -> None:
         """Scale the loads to the system's current shear modulus."""
@@ -356,23 +360,25 @@ class Hanging:
         """Return the derivatives of the level by parameters; see `state`."""
         if not self.loaded:
             return dict.fromkeys(names, 0.0)
-        rates, hung = self.rates(values, names), self._found(values)
+        rates, unpressurised = self.rates(values, names), self._found(values)
         if self.height_datum == "undeformed":
             return dict.fromkeys(names, 0.0)
         # The highest place moves along the curve without a first-order change of height.
-        piece, weights = self._place(hung.curve)
+        piece, weights = self._place(unpressurised.curve)
         moved = {name: self.silhouette.moved(rates[name].w, rates[name].X) for name in names}
         return {name: float(weights @ rate[piece, :, 1]) for name, rate in moved.items()}
 
     def rates(self, values: Mapping[str, float], names: Sequence[str]) -> dict[str, sensitivity.Rate]:
         """Return the derivatives of the state by parameters, at least these; see `state`."""
-        hung = self._found(values)
-        if left := [name for name in names if name not in hung.rates]:
+        unpressurised = self._found(values)
+        if left := [name for name in names if name not in unpressurised.rates]:
             try:
-                hung.rates.update(self.sensitivity.rates(hung.state, controls.pressure_control(0.0), left)[1])
+                unpressurised.rates.update(
+                    self.sensitivity.rates(unpressurised.state, controls.pressure_control(0.0), left)[1]
+                )
             except newton.NoConvergence as failure:
                 raise problem.CannotEvaluate(f"the state at zero pressure has no derivatives: {failure}") from None
-        return hung.rates
+        return unpressurised.rates
 
     def check(self, values: Mapping[str, float]) -> None:
         """Raise `OutlineFitError` for heights from a shadow that is not straight at zero pressure: the zero plane is then
@@ -380,8 +386,8 @@ class Hanging:
         if not self.loaded or self.height_datum != "shadow":
             return
         places, edge = shapes.edge_heights(self._found(values).curve)
-        bend = float(np.ptp(edge[places[:, 0] < MIDDLE * self.silhouette.width]))
-        if bend > zero.STRAIGHT:
+        bend = float(np.ptp(edge[places[:, 0] < STRAIGHT_SHARE * self.silhouette.width]))
+        if bend > zero.STRAIGHT_TOLERANCE:
             raise shapes.OutlineFitError(
                 f"the top of the preloaded device is {bend * 1e3:.2g} mm from straight at zero pressure, "
                 f"so no photograph shows the zero plane; choose the zero of heights: --height-datum undeformed if the "
@@ -395,7 +401,7 @@ class Hanging:
             apex = "" if self.silhouette.flat else "the undeformed top is not flat; heights count from its apex"
             return "; ".join(filter(None, (apex, self._weightless())))
         dead, level = self.system.dead, self.level(values)
-        loads = ", ".join(f"{one.where} ({n:.3g} N)" for one, n in zip(dead.loads, dead.amounts, strict=True))
+        loads = ", ".join(f"{load.where} ({n:.3g} N)" for load, n in zip(dead.loads, dead.amounts, strict=True))
         side = "below" if level < 0.0 else "above"
         away = f"{abs(level) * 1e3:.3g} mm {side} the undeformed top" if level else "level with the undeformed top"
         zero = {
@@ -410,7 +416,7 @@ class Hanging:
         tall = float(np.ptp(self.silhouette.points @ np.asarray(self.system.body.actuator.lift)))
         weight = silicones.SILICONE_DENSITY * loads.STANDARD_GRAVITY * tall
         share = weight / self.system.stress_unit
-        if share < HEAVY:
+        if share < MIN_WEIGHT_RATIO:
             return ""
         much = f"{weight:.3g} Pa, {100 * share:.1f} % of the shear modulus"
         return (
@@ -422,10 +428,10 @@ class Hanging:
         piece, s = shapes.crest(curve) if self.height_datum == "shadow" else (0, -1.0)
         return piece, grid.shapes(s)
 
-    def _found(self, values: Mapping[str, float]) -> _Hung:
+    def _found(self, values: Mapping[str, float]) -> _UnpressurisedState:
         if self._now is None or self._now.values != dict(values):
             state = self._nearby(values) or self._followed()
-            self._now = _Hung(dict(values), state, self.silhouette.curve(state), {})
+            self._now = _UnpressurisedState(dict(values), state, self.silhouette.curve(state), {})
         return self._now
 
     def _nearby(self, values: Mapping[str, float]) -> State | None:
@@ -448,12 +454,12 @@ class Hanging:
             raise problem.CannotEvaluate(end.sentence) from None
 
 
-SAME = 1e-9
+VALUE_TOLERANCE = 1e-9
 """Requested values closer than this, relative to the largest, share a state."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class _Solved:
+class _SolvedStates:
     """States solved together: parameter values, requested values (SI), and derivatives by the state's identity."""
 
     values: dict[str, float]
@@ -523,7 +529,7 @@ class MeasuredDevice:
         material: What it is known to be made of, whose modulus a fit is held against; None if that is not known.
         formulation, solver: See `softmodels.case.case.Case`.
         components: What else is added to it.
-        height_datum: What heights count from where it hangs under loads or its top is not flat, see `Hanging`.
+        height_datum: What heights count from where it hangs under loads or its top is not flat, see `UnpressurisedShape`.
     """
 
     actuator: Actuator
@@ -573,7 +579,7 @@ class MeasuredDevice:
                 if spectrum is not None:
                     material = residuals.remembering(material, spectrum, dict.fromkeys(spectrum.names, 0.0), -math.inf)
                 system = System(body, material, self.formulation, self.components, spectrum is not None)
-                modulus = self.material.shear_modulus_0 if self.material and system.dead.loads else MODULUS
+                modulus = self.material.shear_modulus_0 if self.material and system.dead.loads else SHAPE_MODULUS
                 return DeviceModel(Solver(system, self.solver), choice, self.height_datum, modulus, spectrum)
         except (BodyError, compiling.CompilingError, ComponentError, MeshingError, GeometryError, OSError) as error:
             raise FitError(str(error)) from error

@@ -69,17 +69,19 @@ class _Task:
 
     @property
     def known(self) -> Expected:
-        return expected(self.options.silicone, next((one.material for one in self.devices if one.material), None))
+        return expected(
+            self.options.silicone, next((device.material for device in self.devices if device.material), None)
+        )
 
     def notes(self, more: Sequence[str] = ()) -> list[str]:
         """Return the warnings, and the excluded photographs."""
         left_out = [f"{name} is excluded by --exclude" for name in self.options.exclude]
-        named = dict.fromkeys(one.material for one in self.devices if one.material)
+        named = dict.fromkeys(device.material for device in self.devices if device.material)
         if len(named) > 1 and self.options.silicone is None:
             compared = f"the fit is compared with that of {self.devices[0].name}"
             more = [*more, f"the cases have {len(named)} materials; {compared}"]
         liquid = (
-            f"heights of a column are {units.column_unit()} ({units.LIGHTER}), also where photographs were "
+            f"heights of a column are {units.column_unit()} ({units.DENSITY_NOTE}), also where photographs were "
             "measured by them without "
             "--water-density"
         )
@@ -93,11 +95,16 @@ class _Task:
     def with_outlines(self, outlines: Sequence[Sequence[Outline]], comm: MPI.Comm) -> FitReport:
         notes, rows = self.notes(), tuple[tuple[checks.HeightRow, ...], ...]()
         notes += [
-            f"{one.source} is used in spite of doubts: {'; '.join(one.reasons)}"
-            for own in outlines for one in own if one.reasons
+            f"{own_match.source} is used in spite of doubts: {'; '.join(own_match.reasons)}"
+            for own in outlines for own_match in own if own_match.reasons
         ]  # fmt: skip
         error = residuals.StressError.from_text(self.options.stress_error)
-        holds = [outline.hold_of(one.history) for own in outlines for one in own if one.history and one.pressure > 0.0]
+        holds = [
+            outline.hold_of(own_match.history)
+            for own in outlines
+            for own_match in own
+            if own_match.history and own_match.pressure > 0.0
+        ]
         branches = self._spectrum(holds)
         notes += hold_notes(holds) if branches is None else [branches.sentence]
         # No derivatives by lengths exist for a silicone with a memory.
@@ -133,7 +140,7 @@ class _Task:
         # Solve again on all ranks if a profile was evaluated last.
         sources_of = {law: trials[law.choice.name].sources for law in report.laws}
         states = {
-            law.choice.name: [one for source in sources for one in source.matches(law.fit.values)]
+            law.choice.name: [match for source in sources for match in source.matches(law.fit.values)]
             for law, sources in sources_of.items()
         }
         return dataclasses.replace(report, photographs=states)
@@ -162,8 +169,10 @@ class _Task:
         for choice in self.choices:
             model = self.devices[0].model(choice, comm)
             usable = check_heights(heights, model.silhouette.width)
-            columns = [(one.height, one.pressure, one.pressure_error, one.height_error) for one in usable]
-            rows, _ = checks.series_of(model, [one.source for one in usable], *np.array(columns).T)
+            columns = [
+                (height.height, height.pressure, height.pressure_error, height.height_error) for height in usable
+            ]
+            rows, _ = checks.series_of(model, [height.source for height in usable], *np.array(columns).T)
             if wrong := checks.by_course(rows):
                 raise problem.UnsoundError(wrong.whole)
             source = HeightResiduals(model, usable)
@@ -245,7 +254,7 @@ def fit(
     device: Device | Sequence[tuple[Device, Outlines]],
     outlines: Outlines = (),
     material: problem.Laws = "yeoh",
-    options: FitOptions = problem.DEFAULTS,
+    options: FitOptions = problem.DEFAULT_OPTIONS,
     *,
     curves: Curves = (),
     comm: MPI.Comm | None = None,
@@ -277,26 +286,26 @@ def fit(
     """
     _check_how(options, comm)
     pairs = _pairs(device, outlines)
-    measured = [MeasuredDevice.of(one).counting_from(options.height_datum) for one, _ in pairs]
-    names = device_names([one.name for one in measured])
+    measured = [MeasuredDevice.of(pair_device).counting_from(options.height_datum) for pair_device, _ in pairs]
+    names = device_names([pair_device.name for pair_device in measured])
     task = _Task(
-        tuple(dataclasses.replace(one, name=name) for one, name in zip(measured, names, strict=True)),
+        tuple(dataclasses.replace(pair_device, name=name) for pair_device, name in zip(measured, names, strict=True)),
         problem.law_choices(material, options.poisson),
         options,
         tuple(prepared(several("curves", curves, TensileCurve, "a sm.TensileCurve"), history=options.memory)),
     )
     if len(pairs) == 1:
-        found = [outlines_of(pairs[0][1], options.untrusted, options.exclude)]
+        outlines_by_device = [outlines_of(pairs[0][1], options.untrusted, options.exclude)]
     else:
         without = _without_by_device(options.exclude, names)
-        found = [
+        outlines_by_device = [
             [
-                dataclasses.replace(one, source=f"{name}/{one.source}")
-                for one in outlines_of(given, options.untrusted, left)
+                dataclasses.replace(outline, source=f"{name}/{outline.source}")
+                for outline in outlines_of(given, options.untrusted, left)
             ]
             for (_, given), name, left in zip(pairs, names, without, strict=True)
         ]
-    return task.with_outlines(found, comm or mpi.start())
+    return task.with_outlines(outlines_by_device, comm or mpi.start())
 
 
 PROFILE_POINTS = 6
@@ -312,7 +321,7 @@ def _pairs(device: object, outlines: Outlines) -> list[tuple[Device, Outlines]]:
     if not isinstance(device, Sequence) or isinstance(device, str):
         return [(device, outlines)]  # type: ignore[list-item]
     if not device or not all(
-        isinstance(one, Sequence) and not isinstance(one, str) and len(one) == 2 for one in device
+        isinstance(part, Sequence) and not isinstance(part, str) and len(part) == 2 for part in device
     ):
         raise FitError(
             "several devices are given as pairs of a device and its outlines, such as [(disk, 'outlines_a'), (membrane, "
@@ -320,29 +329,29 @@ def _pairs(device: object, outlines: Outlines) -> list[tuple[Device, Outlines]]:
         )
     if not isinstance(outlines, Sequence) or len(outlines):
         raise FitError("with several devices, give pairs of device and outlines, and leave out the argument outlines")
-    return [(one, given) for one, given in device]
+    return [(device_model, given) for device_model, given in device]
 
 
 def outlines_of(given: Outlines, untrusted: bool, exclude: Sequence[str] = ()) -> list[Outline]:
     """Return the outlines that are not excluded, those of files and folders after the others."""
     outlines = several("outlines", given, (Outline, Path, str), "an outline, or a file or folder of outlines")
-    found = [outline for outline in outlines if isinstance(outline, Outline)]
+    usable = [outline for outline in outlines if isinstance(outline, Outline)]
     files = [Path(outline) for outline in outlines if not isinstance(outline, Outline)]
-    if files or not found:
-        return [*found, *read_outlines(files, untrusted, exclude)]
-    return [found[i] for i in kept([(outline.source, None) for outline in found], exclude)]
+    if files or not usable:
+        return [*usable, *read_outlines(files, untrusted, exclude)]
+    return [usable[i] for i in kept([(outline.source, None) for outline in usable], exclude)]
 
 
 def device_names(names: Sequence[str]) -> list[str]:
     """Return the names of several devices, numbered if two have the same."""
-    found: list[str] = []
+    device_names: list[str] = []
     for name in names:
-        number, one = 1, name
-        while one in found:
+        number, numbered = 1, name
+        while numbered in device_names:
             number += 1
-            one = f"{name}-{number}"
-        found.append(one)
-    return found
+            numbered = f"{name}-{number}"
+        device_names.append(numbered)
+    return device_names
 
 
 def _without_by_device(exclude: Sequence[str], names: Sequence[str]) -> list[list[str]]:
@@ -363,7 +372,7 @@ def fit_heights(
     device: Actuator | Case | MeasuredDevice,
     heights: Sequence[Height] | Path | str,
     material: problem.Laws = "yeoh",
-    options: FitOptions = problem.DEFAULTS,
+    options: FitOptions = problem.DEFAULT_OPTIONS,
     *,
     comm: MPI.Comm | None = None,
 ) -> FitReport:
@@ -427,8 +436,7 @@ def _largest_stretch(source: OutlineResiduals | HeightResiduals, fit: LeastSquar
 # The fit of one law to outlines, from starts in closed form.
 
 
-UNHEARD = 1e6
-"""Factor on the error of an ignored pressure."""
+IGNORED_ERROR_FACTOR = 1e6
 STARTING_SHARE = 0.1
 """Of each branch."""
 
@@ -470,7 +478,11 @@ def fit_law_to_outlines(
     hidden: list[problem.Parameter] = []
     for source in sources:
         measured = [
-            (shape.height, shape.pressure, shape.pressure_error * (UNHEARD if shape.source in doubted else 1.0))
+            (
+                shape.height,
+                shape.pressure,
+                shape.pressure_error * (IGNORED_ERROR_FACTOR if shape.source in doubted else 1.0),
+            )
             for shape in source.shapes
         ]
         heights, pressures, errors = np.array(measured).T
@@ -526,12 +538,15 @@ def try_outlines(
         FitError: The fit fails.
     """
     all_nuisances(sources, free)  # unknown names, before anything is solved
-    series = tuple(tuple(one) for one in rows or [checks.series_of_shapes(one.model, one.shapes) for one in sources])
+    series = tuple(
+        tuple(heights)
+        for heights in rows or [checks.series_of_shapes(heights.model, heights.shapes) for heights in sources]
+    )
     if sources[0].model.spectrum is not None:  # at one pressure the heights differ with the time
         series = ((),) * len(sources)
-    wrong = [found for found in map(checks.by_course, series) if found]
-    doubted = [name for found in wrong for name in found.names]
-    said = "; ".join(found.whole for found in wrong)
+    wrong = [wrong_of_device for wrong_of_device in map(checks.by_course, series) if wrong_of_device]
+    doubted = [name for wrong_of_device in wrong for name in wrong_of_device.names]
+    said = "; ".join(wrong_of_device.whole for wrong_of_device in wrong)
 
     def fitted(
         without: Sequence[str] = (), doubted: Sequence[str] = ()
@@ -551,7 +566,9 @@ def try_outlines(
             return False
 
     try:
-        if any(found.gross for found in wrong):  # a fit distorted by such a row takes a minute and is meaningless
+        if any(
+            wrong_of_device.gross for wrong_of_device in wrong
+        ):  # a fit distorted by such a row takes a minute and is meaningless
             chosen, fit = fitted(doubted)
             return LawTrial(
                 tuple(chosen), fit, Judgement((f"{said} (the reported numbers are of such a fit)",)), series

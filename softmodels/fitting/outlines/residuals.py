@@ -30,7 +30,7 @@ from softmodels.common.errors import known_are, reason
 from softmodels.common.names import keep_arrays
 from softmodels.fitting import least_squares, problem
 from softmodels.fitting.outlines.device import DeviceModel
-from softmodels.fitting.outlines.shapes import FLOOR, TALLEST, OutlineFitError, Shape, kept, shadow_of
+from softmodels.fitting.outlines.shapes import MAX_OUTLINE_HEIGHT, MIN_HEIGHT, OutlineFitError, Shape, kept, shadow_of
 from softmodels.fitting.problem import FitError
 from softmodels.mechanics import newton
 from softmodels.mechanics.system import State
@@ -227,11 +227,11 @@ def residuals_by_source(sources: Sequence[OutlineResiduals], residuals: Array) -
 def misfits(source: OutlineResiduals, residuals: Array) -> dict[str, tuple[float, int]]:
     """Return the chi squared of each photograph's outline, and of the readings, with the number of residuals, the source's the
     first."""
-    found = {}
+    misfits = {}
     for name in dict.fromkeys(source.groups.tolist()):
         part = residuals[: source.count][source.groups == name]
-        found[name] = (float((part**2).sum()), len(part))
-    return found
+        misfits[name] = (float((part**2).sum()), len(part))
+    return misfits
 
 
 def fits_badly(chi2: float, count: int) -> bool:
@@ -323,7 +323,7 @@ def length_words(p: problem.Parameter) -> str:
 def all_nuisances(sources: Sequence[OutlineResiduals], free: Sequence[str]) -> list[problem.Parameter]:
     """Return the parameters of all devices of a fit; a free one is free for every device, or by its full name for one.
     Raises `OutlineFitError` for a name that no device has."""
-    found: dict[str, problem.Parameter] = {}
+    nuisance_by_name: dict[str, problem.Parameter] = {}
     known = [(*problem.BENCH, "poisson", *source.model.lengths, problem.LENGTHS) for source in sources]
     for name in free:
         if not any(
@@ -332,8 +332,8 @@ def all_nuisances(sources: Sequence[OutlineResiduals], free: Sequence[str]) -> l
             nuisances(sources[0], (name,))
     for source, names in zip(sources, known, strict=True):
         for p in nuisances(source, [name for name in names if {name, source.named(name)} & set(free)]):
-            found.setdefault(p.name, p)
-    return list(found.values())
+            nuisance_by_name.setdefault(p.name, p)
+    return list(nuisance_by_name.values())
 
 
 def readings_of(pressures: Array, bench: Mapping[str, float]) -> Array:
@@ -359,17 +359,16 @@ def readings_of(pressures: Array, bench: Mapping[str, float]) -> Array:
 # is repeated with the modulus from the readings until that converges.
 
 
-SETTLED = 0.03
+MODULUS_TOLERANCE = 0.03
 """Relative change of the modulus at convergence of a loaded device."""
-ROUNDS = 12
+MAX_MODULUS_ROUNDS = 12
 MOST_BORNE = 0.7
 """Maximum pressure share of dead loads, relative to the silicone's, for a usable reading."""
-FARTHEST = 3.0
-"""Largest factor on the modulus in one round."""
+MAX_MODULUS_FACTOR = 3.0
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Plain:
+class NeoHookeanDevice:
     """A device of neo-Hookean material with the modulus from its readings, at the measured heights.
 
     Attributes:
@@ -393,26 +392,26 @@ class Plain:
         return np.abs(self.borne) > MOST_BORNE * self.elastic
 
 
-def plain_path(model: DeviceModel, heights: Array, pressures: Array) -> Plain:
+def plain_path(model: DeviceModel, heights: Array, pressures: Array) -> NeoHookeanDevice:
     """Follow the device to the measured heights in m; by the readings in Pa the modulus of a loaded device settles. Raises
     `OutlineFitError` where it cannot reach them, or no stiffness fits its loads."""
     why = ""
-    for _ in range(ROUNDS):
+    for _ in range(MAX_MODULUS_ROUNDS):
         try:
-            found = _plain_at(model, heights)
+            device_path = _plain_at(model, heights)
         except problem.CannotEvaluate as error:
             if not model.loaded:
                 raise
             model.modulus, why = 2.0 * model.modulus, str(error)
             continue
         if not model.loaded:
-            return found
-        told = ~found.silent if not found.silent.all() else found.elastic == found.elastic.max()
+            return device_path
+        told = ~device_path.silent if not device_path.silent.all() else device_path.elastic == device_path.elastic.max()
         # A median, so that one wrong reading does not change the shapes.
-        factor = float(np.median((pressures[told] - found.borne[told]) / found.elastic[told]))
-        if not abs(factor - 1.0) > SETTLED:
-            return found
-        model.modulus *= min(max(factor, 1 / FARTHEST), FARTHEST)
+        factor = float(np.median((pressures[told] - device_path.borne[told]) / device_path.elastic[told]))
+        if not abs(factor - 1.0) > MODULUS_TOLERANCE:
+            return device_path
+        model.modulus *= min(max(factor, 1 / MAX_MODULUS_FACTOR), MAX_MODULUS_FACTOR)
         why = f"the modulus does not converge near {model.modulus / 1e3:.4g} kPa"
     raise OutlineFitError(
         f"no stiffness fits the case's loads and the measured pressures ({why}); check masses, density and forces, "
@@ -420,7 +419,7 @@ def plain_path(model: DeviceModel, heights: Array, pressures: Array) -> Plain:
     )
 
 
-def _plain_at(model: DeviceModel, heights: Array) -> Plain:
+def _plain_at(model: DeviceModel, heights: Array) -> NeoHookeanDevice:
     values = model.choice.from_modulus(model.modulus)
     volumes, hangs = volumes_of(model, values, heights)
     states = model.states(values, volumes)
@@ -431,7 +430,7 @@ def _plain_at(model: DeviceModel, heights: Array) -> Plain:
         names = [name for name in model.choice.names if model.choice.unit(name) == "Pa"]
         slopes = [model.slopes(state, names).pressure for state in states]
         elastic = np.array([sum(values[name] * slope[name] for name in names) for slope in slopes])
-    return Plain(values, volumes, hangs, states, whole - elastic, elastic)
+    return NeoHookeanDevice(values, volumes, hangs, states, whole - elastic, elastic)
 
 
 def starts(
@@ -440,22 +439,22 @@ def starts(
     pressures: Array,
     errors: Array,
     held: Mapping[str, float] = MappingProxyType({}),
-) -> tuple[list[dict[str, float]], Plain]:
+) -> tuple[list[dict[str, float]], NeoHookeanDevice]:
     """Return the starting values of the law, best first, without the numbers that are held, and the path that they come from:
     heights in m, readings and their standard errors in Pa, or anything in proportion to these.
 
-    Raises `OutlineFitError` as `plain_path`, or where its shadow at zero pressure is not straight, see `Hanging.check`.
+    Raises `OutlineFitError` as `plain_path`, or where its shadow at rest is not straight, see `UnpressurisedShape.check`.
     """
-    found = plain_path(model, heights, pressures)
-    plain = found.values
-    target, simulated = (pressures - found.borne) / errors, found.elastic / errors
+    states_of_path = plain_path(model, heights, pressures)
+    plain = states_of_path.values
+    target, simulated = (pressures - states_of_path.borne) / errors, states_of_path.elastic / errors
     factor = max(float(simulated @ target / (simulated @ simulated)), 1e-6)
     scaled = {name: value * factor if model.choice.unit(name) == "Pa" else value for name, value in plain.items()}
     scaled |= held
     names, free = model.choice.names, [name for name in model.choice.names if name not in held]
     if not (model.choice.law.linear and free) or len(heights) < len(plain):
-        return [scaled], found
-    A = np.array([[model.slopes(state, names).pressure[name] for name in names] for state in found.states])
+        return [scaled], states_of_path
+    A = np.array([[model.slopes(state, names).pressure[name] for name in names] for state in states_of_path.states])
     A /= errors[:, None]
     given = A @ [held.get(name, 0.0) for name in names]
     A = A[:, [name not in held for name in names]]
@@ -464,8 +463,8 @@ def starts(
     linear = {**held, **dict(zip(free, (solution / size).tolist(), strict=True))}
     first = names[0]
     if linear[first] <= 0.1 * scaled[first]:
-        return [scaled], found
-    return [linear, scaled], found
+        return [scaled], states_of_path
+    return [linear, scaled], states_of_path
 
 
 def volumes_of(model: DeviceModel, values: dict[str, float], heights: Array) -> tuple[Array, float]:
@@ -493,10 +492,10 @@ def volumes_of(model: DeviceModel, values: dict[str, float], heights: Array) -> 
             f"the case's device does not rise above {max(rises, default=0.0) * 1e3:.4g} mm{why}, but an outline is "
             f"{highest * 1e3:.4g} mm high: check the geometry and the photographs' scale"
         )
-    found = np.asarray(PchipInterpolator(rises, volumes)(np.maximum(heights, 0.0)))
-    if not math.isfinite(found.sum()) or found.min() <= volumes[0]:
+    volumes_at_heights = np.asarray(PchipInterpolator(rises, volumes)(np.maximum(heights, 0.0)))
+    if not math.isfinite(volumes_at_heights.sum()) or volumes_at_heights.min() <= volumes[0]:
         raise OutlineFitError("an outline has no height, so its volume is undetermined")
-    return found, volumes[0]
+    return volumes_at_heights, volumes[0]
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -523,9 +522,9 @@ class HeightResiduals:
         self.parameters = model.names
         self.fixed: frozenset[str] = frozenset()
         self.considered: tuple[str, ...] = ()
-        self.pressures = np.array([one.pressure for one in heights])
-        self.measured = np.array([one.height for one in heights])
-        self.height_errors = np.array([one.height_error for one in heights])
+        self.pressures = np.array([height.pressure for height in heights])
+        self.measured = np.array([height.height for height in heights])
+        self.height_errors = np.array([height.height_error for height in heights])
 
     @property
     def in_words(self) -> str:
@@ -564,22 +563,22 @@ class HeightResiduals:
         states = self.model.states(values, self.pressures, "pressure")
         self.model.set_parameters(values)
         slopes = [self.model.slopes(state, [*lengths], "pressure") for state in states]
-        rise = 1e3 * np.array([one.along_nodes[0, 0, 1] for one in slopes])  # mm per Pa
+        rise = 1e3 * np.array([slope.along_nodes[0, 0, 1] for slope in slopes])  # mm per Pa
         columns = (
-            -rise * min(one.pressure_error for one in self.heights),
+            -rise * min(height.pressure_error for height in self.heights),
             -rise * self.pressures * PRESSURE_SCALE_ERROR,
             -rise * self.pressures**2 / self.pressures.max() * LEAK_ERROR,
             1e3 * self.measured * SCALE_ERROR,
             np.full(len(rise), 1e3 * ZERO_ERROR),
             *(
-                1e3 * prior.error * np.array([one.nodes[name][0, 0, 1] for one in slopes])
+                1e3 * prior.error * np.array([slope.nodes[name][0, 0, 1] for slope in slopes])
                 for name, prior in lengths.items()
             ),
         )
         return np.column_stack(columns)
 
 
-STIFFER = (1.0, 1.1, 1.3, 2.0)
+START_FACTORS = (1.0, 1.1, 1.3, 2.0)
 """Factors on the starting stresses, tried until every pressure has a state."""
 
 
@@ -609,7 +608,7 @@ def read_heights(path: Path, untrusted: bool = False, exclude: Sequence[str] = (
     if chosen is None or len(chosen[1]) < 2:
         raise OutlineFitError(f"{path} is not a table of heights; it needs the columns pressure_Pa and height_m")
     sheet, rows = chosen[0], tables.records(chosen[1])
-    found = []
+    heights = []
     keep = set(kept([(row.get("file") or sheet.place(number), None) for number, row in rows], exclude))
     for place, (line, row) in enumerate(rows):
         if place not in keep:
@@ -633,8 +632,8 @@ def read_heights(path: Path, untrusted: bool = False, exclude: Sequence[str] = (
         known = {
             name: value for name, value in zip(("pressure_error", "height_error"), errors, strict=True) if value > 0.0
         }
-        found.append(Height(row.get("file") or where, pressure, height, **known))
-    return sorted(found, key=lambda one: one.pressure)
+        heights.append(Height(row.get("file") or where, pressure, height, **known))
+    return sorted(heights, key=lambda height_row: height_row.pressure)
 
 
 def _header(rows: Sequence[tables.Line]) -> set[str]:
@@ -644,25 +643,25 @@ def _header(rows: Sequence[tables.Line]) -> set[str]:
 def check_heights(heights: Sequence[Height], width: float) -> list[Height]:
     """Return the usable heights, without those at rest; `OutlineFitError` if none is left, two have one pressure, or the
     unit is mistaken."""
-    for one in heights:
-        if one.pressure < 0.0 and one.height > FLOOR:
+    for earlier in heights:
+        if earlier.pressure < 0.0 and earlier.height > MIN_HEIGHT:
             raise OutlineFitError(
-                f"{one.source} rises {one.height * 1e3:.4g} mm at a negative pressure, {one.pressure:.5g} Pa: is "
-                f"its sign wrong, or are its tubes exchanged? Correct it, or exclude it: --exclude {one.source}"
+                f"{earlier.source} rises {earlier.height * 1e3:.4g} mm at a negative pressure, {earlier.pressure:.5g} Pa: is "
+                f"its sign wrong, or are its tubes exchanged? Correct it, or exclude it: --exclude {earlier.source}"
             )
-    risen = [one for one in heights if one.pressure > 0.0 and one.height > 0.0]
+    risen = [height for height in heights if height.pressure > 0.0 and height.height > 0.0]
     if not risen:
         raise OutlineFitError("no height is above zero at a pressure above zero; give at least one")
-    highest = max(one.height for one in risen)
-    if highest > TALLEST * width or highest < 1e-4 * width:
+    highest = max(earlier.height for earlier in risen)
+    if highest > MAX_OUTLINE_HEIGHT * width or highest < 1e-4 * width:
         raise OutlineFitError(
             f"the largest height is {highest * 1e3:.4g} mm, for a device {width * 2e3:.4g} mm across: check the unit "
             "(heights are in metres)"
         )
-    for one, two in itertools.pairwise(risen):
-        if two.pressure - one.pressure <= 1e-6 * two.pressure:
+    for earlier, two in itertools.pairwise(risen):
+        if two.pressure - earlier.pressure <= 1e-6 * two.pressure:
             raise OutlineFitError(
-                f"{one.source} and {two.source} have the same pressure, {two.pressure:.5g} Pa; give only one"
+                f"{earlier.source} and {two.source} have the same pressure, {two.pressure:.5g} Pa; give only one"
             )
     return risen
 
@@ -682,13 +681,15 @@ def least_squares_of_heights(
     known = [problem.Parameter("poisson", "", choice.poisson, fixed=True)]
     known += [problem.Parameter(p.name, "m", p.start, fixed=True) for p in lengths]
     troubles = []
-    for begin, factor in ((begin, factor) for begin in begins for factor in STIFFER):
+    for begin, factor in ((begin, factor) for begin in begins for factor in START_FACTORS):
         stiffer = {name: value * (factor if choice.unit(name) == "Pa" else 1.0) for name, value in begin.items()}
         parameters = [p.changed(changes.get(p.name, {})) for p in (*choice.parameters(stiffer), *known)]
         source.fixed = frozenset(p.name for p in parameters if p.fixed)
         try:
-            found = least_squares.fit_parameters([source], parameters, loss=loss, errors="unknown", label=choice.name)
-            return dataclasses.replace(found, shared=source.shared(found.values, considered))
+            height_fit = least_squares.fit_parameters(
+                [source], parameters, loss=loss, errors="unknown", label=choice.name
+            )
+            return dataclasses.replace(height_fit, shared=source.shared(height_fit.values, considered))
         except (FitError, problem.CannotEvaluate) as error:
             troubles.append(str(error))
     raise FitError(f"{choice.name}: {troubles[0]}")

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from scipy.interpolate import make_lsq_spline
 
 from geometries import Actuator
-from measurement.outline.edge import SPAN
+from measurement.outline.edge import SMOOTHING_POINTS
 from measurement.outline.outline import History, Outline, OutlineError, hold_of
 from softmodels.common import names, units
 from softmodels.common.arrays import Array
@@ -110,36 +110,35 @@ class Shape:
         return np.asarray(vectors / np.sqrt(values) @ vectors.T)
 
 
-FLOOR = 1e-4
+MIN_HEIGHT = 1e-4
 """Minimum height in m of used points: below, the support and the surrounding flat surface are visible too."""
 
 FLOOR_ERRORS = 5.0
 """The same in standard errors, so that noise is not selected."""
 
-FEWEST = 12
+MIN_OUTLINE_POINTS = 12
 """Minimum number of points above the floor of an outline."""
 
-BIN = 3.0
+BIN_LENGTH = 3.0
 """Length of a bin in units of the errors' autocorrelation."""
 
-KNOT = 60
+POINTS_PER_KNOT = 60
 """Points per knot of the spline that represents the outline's shape when estimating its noise."""
-LONGEST = 60.0
+MAX_CORRELATION_LENGTH = 60.0
 """Maximum autocorrelation length, in points."""
 
-TALLEST = 10.0
+MAX_OUTLINE_HEIGHT = 10.0
 """Maximum height of an outline, in widths of the device."""
 
-SHALLOWEST = 1e-4
+MIN_SERIES_HEIGHT = 1e-4
 """Minimum largest height of a series, in widths of the device."""
 
-STRONGEST = 5e6
+MAX_PRESSURE = 5e6
 """Maximum pressure in Pa of a silicone device."""
 
-CLOSE = 1e-6
-"""Relative tolerance of equal readings."""
+READING_TOLERANCE = 1e-6
 
-ALIKE = 0.1
+HEIGHT_TOLERANCE = 0.1
 """Relative tolerance of equal heights; two states at one pressure past a limit point differ more."""
 
 
@@ -172,28 +171,28 @@ def correlation(outlines: Sequence[Outline]) -> float:
     The shape is taken out by a spline. Where what is left is far below the stated errors there is no noise to judge by, and
     the measurement's own smoothing span is believed.
     """
-    found = []
+    lengths = []
     for outline in outlines:
         part = rising(outline)
-        if part is None or part.stop - part.start < 2 * KNOT:
+        if part is None or part.stop - part.start < 2 * POINTS_PER_KNOT:
             continue
         z, error = outline.z[part], outline.error[part]
         left = z - _spline(z)
         if float(np.sqrt(np.mean(left**2))) > 0.05 * float(np.median(error)):
-            found.append(problem.autocorrelation_time(left))
-    return min(max(float(np.median(found)), 1.0), LONGEST) if found else SPAN / 2
+            lengths.append(problem.autocorrelation_time(left))
+    return min(max(float(np.median(lengths)), 1.0), MAX_CORRELATION_LENGTH) if lengths else SMOOTHING_POINTS / 2
 
 
 def _spline(z: Array) -> Array:
     n = len(z)
     at = np.arange(n, dtype=float)
-    inner = np.linspace(0, n - 1, max(n // KNOT, 2) + 1)[1:-1]
+    inner = np.linspace(0, n - 1, max(n // POINTS_PER_KNOT, 2) + 1)[1:-1]
     knots = np.r_[[0.0] * 4, inner, [n - 1.0] * 4]
     return np.asarray(make_lsq_spline(at, z, knots, k=3)(at))
 
 
 def _floor(outline: Outline) -> float:
-    return max(FLOOR, FLOOR_ERRORS * float(np.median(outline.error)))
+    return max(MIN_HEIGHT, FLOOR_ERRORS * float(np.median(outline.error)))
 
 
 def rising(outline: Outline) -> slice | None:
@@ -203,19 +202,19 @@ def rising(outline: Outline) -> slice | None:
     but for a smoothing span less at both ends.
     """
     high = outline.z > _floor(outline)
-    if len(high) < FEWEST:
+    if len(high) < MIN_OUTLINE_POINTS:
         return None
     steady = np.flatnonzero(high[:-2] & high[1:-1] & high[2:])
     if not len(steady):
         return None
     first, last = int(steady[0]), int(steady[-1]) + 3
-    spare = min(SPAN, (last - first) // 10)
-    return slice(first + spare, last - spare) if last - first - 2 * spare >= FEWEST else None
+    spare = min(SMOOTHING_POINTS, (last - first) // 10)
+    return slice(first + spare, last - spare) if last - first - 2 * spare >= MIN_OUTLINE_POINTS else None
 
 
 def _shape(outline: Outline, part: slice, run: float) -> Shape:
     x, z, error = outline.x[part], outline.z[part], outline.error[part]
-    count = max(round(len(x) / (BIN * run)), 1)
+    count = max(round(len(x) / (BIN_LENGTH * run)), 1)
     # With correlated errors, every few points carry the same information as all.
     stride = max(int(run / 3), 1)
     pick = np.arange(stride // 2, len(x), stride)
@@ -239,19 +238,20 @@ def _check_pressures(outlines: Sequence[Outline]) -> None:
                 f"{outline.source}: its pressure has no standard error, which is needed as a "
                 "weight; give one in the list of photographs"
             )
-        if outline.pressure > STRONGEST:
+        if outline.pressure > MAX_PRESSURE:
             raise OutlineFitError(
                 f"{outline.source}: a pressure of {outline.pressure / 1e3:.4g} kPa is too high for silicone; check its unit"
             )
-    for one, two in itertools.pairwise(outlines):
-        same = two.pressure - one.pressure <= CLOSE * abs(two.pressure)
+    for earlier, two in itertools.pairwise(outlines):
+        same = two.pressure - earlier.pressure <= READING_TOLERANCE * abs(two.pressure)
         if (
             same
-            and one.history == two.history
-            and abs(two.height - one.height) <= ALIKE * max(abs(two.height), abs(one.height), FLOOR)
+            and earlier.history == two.history
+            and abs(two.height - earlier.height)
+            <= HEIGHT_TOLERANCE * max(abs(two.height), abs(earlier.height), MIN_HEIGHT)
         ):
             raise OutlineFitError(
-                f"{one.source} and {two.source} have the same pressure, {two.pressure:.5g} Pa, and the same height: the "
+                f"{earlier.source} and {two.source} have the same pressure, {two.pressure:.5g} Pa, and the same height: the "
                 "measurement would count twice, so give only one of them"
             )
 
@@ -260,12 +260,12 @@ def _check_sizes(outlines: Sequence[Outline], actuator: Actuator, width: float) 
     tallest = max(outlines, key=lambda outline: float(outline.z.max()))
     top, span = float(tallest.z.max()), max(float(np.ptp(outline.x)) for outline in outlines)
     device = f"a {type(actuator).__name__} of {width * 2e3:.4g} mm across"
-    if top > TALLEST * width or span > 50 * width:
+    if top > MAX_OUTLINE_HEIGHT * width or span > 50 * width:
         raise OutlineFitError(
             f"{tallest.source} is {top * 1e3:.4g} mm high and up to {span * 1e3:.4g} mm wide, which is impossible for "
             f"{device}; outlines are in metres, so check the unit of the photographs' grid and of the device"
         )
-    if 0.0 < span < 0.05 * width or 0.0 < top < SHALLOWEST * width:
+    if 0.0 < span < 0.05 * width or 0.0 < top < MIN_SERIES_HEIGHT * width:
         raise OutlineFitError(
             f"the highest outline, {tallest.source}, is {top * 1e3:.4g} mm high and {span * 1e3:.4g} mm wide; for {device} "
             f"this suggests a wrong unit (outlines are in metres)"
@@ -297,10 +297,10 @@ def _check_place(shapes: Sequence[Shape], width: float) -> None:
 # gathered to all ranks, so that all further computation is plain numpy and identical everywhere.
 
 
-UNEVEN = 1e-3
+MAX_TOP_UNEVENNESS = 1e-3
 """Maximum unevenness of an undeformed top, in widths of the device, for heights to count from it."""
 
-MIDDLE = 0.75
+CHECKED_TOP_SHARE = 0.75
 """Fraction of a device's width within which its top is checked; beyond, edges may be rounded."""
 
 OUTER = "outer"
@@ -330,7 +330,7 @@ class Silhouette:
         self._mix = np.eye(3) if self._blocks.shape[1] == 3 else STRAIGHT
         self._space, self._nodes = grid.space, edge_nodes(eq, grid.space, edges)
         self._dofs = state_values.displacement_maps(eq, grid)[0][self._nodes]
-        self._along = _sideways(actuator)
+        self._along = _sideways_vector(actuator)
         places = self._everywhere(self._here())
         self._order, self._turned = _chain(places, np.asarray(actuator.lift), self._along, eq.length_unit)
         self.follow()
@@ -393,13 +393,13 @@ class Silhouette:
         """Height of the undeformed top above its apex in m, negative below it, away from the rim; 0 for a flat one."""
         x, z = np.moveaxis(self._in_plane(self.points - self.top), -1, 0)
         # Only up to where the curve leaves the middle: parts that return below are not the top.
-        on_top = np.cumprod((x < MIDDLE * self.width).all(axis=1)).astype(bool)
+        on_top = np.cumprod((x < CHECKED_TOP_SHARE * self.width).all(axis=1)).astype(bool)
         return float(np.abs(z[on_top]).max(initial=0.0))
 
     @property
     def flat(self) -> bool:
         """Whether the undeformed top is flat, so that outlines can count their heights from it."""
-        return self.unevenness <= UNEVEN * self.width
+        return self.unevenness <= MAX_TOP_UNEVENNESS * self.width
 
 
 def outer_edges(body: Body) -> npt.NDArray[np.int32]:
@@ -418,8 +418,8 @@ def outer_edges(body: Body) -> npt.NDArray[np.int32]:
     topology.create_connectivity(2, 1)
     edges_of = topology.connectivity(2, 1)
 
-    def edges(found: Sequence[int] | npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
-        return np.unique(np.concatenate([edges_of.links(facet) for facet in found] or [np.empty(0, dtype=np.int32)]))
+    def edges(outer: Sequence[int] | npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
+        return np.unique(np.concatenate([edges_of.links(facet) for facet in outer] or [np.empty(0, dtype=np.int32)]))
 
     plane = body.entities.get(body.actuator.cut_planes[0].name, (2, ()))[1]
     return np.intersect1d(edges(facets), edges(plane)).astype(np.int32)
@@ -436,12 +436,12 @@ def edge_nodes(eq: System, space: fem.FunctionSpace, edges: npt.NDArray[np.int32
     for row, edge in enumerate(edges):
         cell = cells_of.links(edge)[0]
         number = int(np.flatnonzero(edges_of.links(cell) == edge)[0])
-        found = sorted(layout.entity_closure_dofs(1, number))  # a cell's vertices come first
-        nodes[row] = space.dofmap.cell_dofs(cell)[found]
+        edge_nodes_sorted = sorted(layout.entity_closure_dofs(1, number))  # a cell's vertices come first
+        nodes[row] = space.dofmap.cell_dofs(cell)[edge_nodes_sorted]
     return nodes
 
 
-def _sideways(actuator: Actuator) -> Array:
+def _sideways_vector(actuator: Actuator) -> Array:
     """Return the unit vector of the outline's plane perpendicular to the lift, from the axis towards the slice."""
     if actuator.dimension == 2:
         return np.array([1.0, 0.0, 0.0])
@@ -494,8 +494,8 @@ def _chain(edges: Array, lift: Array, along: Array, size: float) -> tuple[npt.ND
 # curve dips behind something higher and farther out, the edge runs level from that rim to where the curve comes up again.
 
 
-SAMPLES = 17  # samples per piece at which heights are compared
-DEEPEST = 1e-7
+SAMPLES_PER_PIECE = 17  # samples per piece at which heights are compared
+MAX_DIP_DEPTH = 1e-7
 """Depth in m of ignored dips."""
 
 
@@ -516,23 +516,23 @@ class Shadow:
 
 def shadow_of(curve: grid.QuadraticCurve) -> Shadow:
     """Return the visible edge of a curve that runs from the axis outwards and down."""
-    s, count = np.linspace(-1.0, 1.0, SAMPLES), len(curve.nodes)
+    s, count = np.linspace(-1.0, 1.0, SAMPLES_PER_PIECE), len(curve.nodes)
     places, above = edge_heights(curve)
-    hidden = above - places[:, 1] > DEEPEST
+    hidden = above - places[:, 1] > MAX_DIP_DEPTH
     if not hidden.any():
-        return _assembled(curve, [_Part(k, -1.0, 1.0) for k in range(count)])
+        return _assembled_edge(curve, [_Part(k, -1.0, 1.0) for k in range(count)])
     parts: list[_Part] = []
-    for k, seen in enumerate(~hidden.reshape(count, SAMPLES)):
+    for k, seen in enumerate(~hidden.reshape(count, SAMPLES_PER_PIECE)):
         edges = np.flatnonzero(np.diff(np.r_[False, seen, False].astype(int)))
         for first, end in edges.reshape(-1, 2).tolist():
-            place, begin = k * SAMPLES + first, float(s[first])
+            place, begin = k * SAMPLES_PER_PIECE + first, float(s[first])
             if place and hidden[place - 1]:  # going outwards, a trough ends here at its rim
                 before = np.flatnonzero(~hidden[:place])
                 begin = _summit(curve, k, begin)
                 parts.append(_Part(k, begin, begin, float(places[before[-1], 0]) if len(before) else 0.0))
             if s[end - 1] > begin:
                 parts.append(_Part(k, begin, float(s[end - 1])))
-    return _assembled(curve, parts)
+    return _assembled_edge(curve, parts)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -546,17 +546,16 @@ class _Part:
 
 
 def edge_heights(curve: grid.QuadraticCurve) -> tuple[Array, Array]:
-    """Return the places of a curve, shape (n, 2), `SAMPLES` of each piece, and the height of the visible edge there, shape
-    (n,)."""
-    s, count = np.linspace(-1.0, 1.0, SAMPLES), len(curve.nodes)
-    places = curve.at(np.repeat(np.arange(count), SAMPLES), np.tile(s, count))[0]
+    """Return places of a curve, shape (n, 2), `SAMPLES_PER_PIECE` a piece, and heights of the visible edge, shape (n,)."""
+    s, count = np.linspace(-1.0, 1.0, SAMPLES_PER_PIECE), len(curve.nodes)
+    places = curve.at(np.repeat(np.arange(count), SAMPLES_PER_PIECE), np.tile(s, count))[0]
     return places, np.maximum.accumulate(places[::-1, 1])[::-1]  # the highest from here outwards
 
 
 def crest(curve: grid.QuadraticCurve) -> tuple[int, float]:
     """Return the highest place of a curve: its piece and the parameter there."""
-    piece, place = divmod(int(np.argmax(edge_heights(curve)[0][:, 1])), SAMPLES)
-    return piece, _summit(curve, piece, float(np.linspace(-1.0, 1.0, SAMPLES)[place]))
+    piece, place = divmod(int(np.argmax(edge_heights(curve)[0][:, 1])), SAMPLES_PER_PIECE)
+    return piece, _summit(curve, piece, float(np.linspace(-1.0, 1.0, SAMPLES_PER_PIECE)[place]))
 
 
 def _summit(curve: grid.QuadraticCurve, piece: int, s: float) -> float:
@@ -565,7 +564,7 @@ def _summit(curve: grid.QuadraticCurve, piece: int, s: float) -> float:
     return float(np.clip(s - slope / bend, -1.0, 1.0)) if bend < 0.0 else s
 
 
-def _assembled(curve: grid.QuadraticCurve, parts: list[_Part]) -> Shadow:
+def _assembled_edge(curve: grid.QuadraticCurve, parts: list[_Part]) -> Shadow:
     """Return the edge of its parts in order, from the axis outwards."""
     source = np.array([part.piece for part in parts])
     weights = grid.shapes(np.array([[part.begin, part.end, (part.begin + part.end) / 2] for part in parts]))
@@ -611,10 +610,10 @@ def read_outlines(files: Sequence[Path], untrusted: bool = False, exclude: Seque
     """
     names: list[Path] = []
     for file in files:
-        found = sorted(p for p in file.glob("*.csv") if p.name != "heights.csv") if file.is_dir() else [file]
-        if not found:
+        outline_files = sorted(p for p in file.glob("*.csv") if p.name != "heights.csv") if file.is_dir() else [file]
+        if not outline_files:
             raise OutlineFitError(f"the folder {file} holds no outlines; create them with softmodels measure photos")
-        names += found
+        names += outline_files
     if not names:
         raise OutlineFitError("no measurements; give outlines made by softmodels measure photos")
     outlines = []
@@ -641,14 +640,14 @@ def kept(rows: Sequence[tuple[str, Path | None]], exclude: Sequence[str]) -> lis
     of them, or if nothing is left."""
     left = {}
     for name in exclude:
-        found = [
+        places = [
             i for i, (source, file) in enumerate(rows)
             if name in (source, Path(source).stem, *((str(file), file.name, file.stem) if file else ()))
         ]  # fmt: skip
-        if not found:
+        if not places:
             known = ", ".join(source for source, _ in rows)
             raise OutlineFitError(f"--exclude {name}: there is no such photograph; there are {known}")
-        left.update(dict.fromkeys(found))
+        left.update(dict.fromkeys(places))
     keep = [i for i in range(len(rows)) if i not in left]
     if rows and not keep:
         raise OutlineFitError("--exclude removes all measurements; keep at least one")

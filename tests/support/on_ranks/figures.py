@@ -171,14 +171,14 @@ def design(comm) -> list[float]:
     from softmodels.design.extremes import PeakStretch
     from softmodels.design.model import DesignModel
     from softmodels.design.quantities import AddedVolume, LimitMargin, Mass, Rise
-    from softmodels.design.trials import JudgedLoad
+    from softmodels.design.trials import EvaluatedLoad
     from softmodels.materials.laws import NeoHookean
 
     quantities = (
         Rise(at=2000.0),
         PeakStretch(at=2000.0),
         AddedVolume(at=2000.0),
-        Rise(at=JudgedLoad("volume", 40e-6)),
+        Rise(at=EvaluatedLoad("volume", 40e-6)),
         LimitMargin(),
         Mass(),
     )
