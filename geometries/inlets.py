@@ -18,9 +18,9 @@ from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
 from softmodels.common.lazy import pyvista, scipy
 
-VOXELS = 800_000
+VOXEL_COUNT = 800_000
 """Voxels of the grid, about."""
-SMALLEST_BALL = 1.4
+MIN_BALL_VOXELS = 1.4
 """Radius of the smallest ball in voxels."""
 BALL_GROWTH = 1.15
 MAX_MOUTH_SHARE = 0.35
@@ -30,7 +30,7 @@ MAX_MOUTH_IN_BALLS = 2.2
 MIN_VOLUME_SHARE = 0.05
 """Volume over that of the largest air space, below which a pocket is a hole for a screw or the like and stays open."""
 MIN_VOXELS_IN_POCKET = 60
-DIRECTIONS, MIN_DIRECTIONS = 12, 10
+SECTOR_COUNT, MIN_SECTORS = 12, 10
 """Sectors around a bore's axis, and those of them that show a wall where it is a bore."""
 PLUG_LENGTH = 2.0
 """Length of a plug over the bore's radius."""
@@ -120,7 +120,7 @@ class Grid:
         """Return the voxels of a closed surface, with room for a ball of the largest radius on all sides."""
         low, high = points.min(axis=0), points.max(axis=0)
         room = largest_ball(points)
-        step = float(np.cbrt(np.prod(high - low + 2.0 * room) / VOXELS))
+        step = float(np.cbrt(np.prod(high - low + 2.0 * room) / VOXEL_COUNT))
         room += 3.0 * step
         count = np.ceil((high - low + 2.0 * room) / step).astype(int) + 1
         surface = pyvista.PolyData.from_regular_faces(points, triangles)
@@ -144,7 +144,7 @@ def air_spaces(points: Array, triangles: NDArray[np.int64]) -> list[AirSpace]:
     grid = Grid.around(points, triangles)
     away = grid.step * scipy.ndimage.distance_transform_edt(grid.air)
     candidates = []
-    radius, last = SMALLEST_BALL * grid.step, largest_ball(points)
+    radius, last = MIN_BALL_VOXELS * grid.step, largest_ball(points)
     while radius <= last:
         candidates += _pockets(grid, away, radius)
         radius *= BALL_GROWTH
@@ -250,7 +250,7 @@ class _Wall:
             # Walls of the bore, not the part's outside around its mouth, nor those of the chamber behind it.
             near = (across < (1.0 + band) * radius + 0.5 * grid.step) & (-0.5 * radius < along) & (along < 2.5 * radius)
             near &= np.abs(self.normals @ axis) < slant
-            if near.sum() < 2 * DIRECTIONS:
+            if near.sum() < 2 * SECTOR_COUNT:
                 break
             axis = _least(self.normals[near], axis)
             plane = offset[near] - np.outer(offset[near] @ axis, axis)
@@ -269,16 +269,16 @@ class _Wall:
         away = np.linalg.norm(across, axis=1)
         near = (away < 1.35 * radius + step) & (np.abs(self.normals @ axis) < 0.5) & (np.abs(along) < 8.0 * radius)
         first, second = _across(axis)
-        sector = ((np.arctan2(across[near] @ second, across[near] @ first) / np.pi + 1.0) * 0.5 * DIRECTIONS).astype(
+        sector = ((np.arctan2(across[near] @ second, across[near] @ first) / np.pi + 1.0) * 0.5 * SECTOR_COUNT).astype(
             int
         )
         bins = np.floor(along[near] / step).astype(int)
         low = bins.min(initial=0)
-        seen = np.zeros((bins.max(initial=0) - low + 2, DIRECTIONS), dtype=bool)
-        seen[bins - low, np.minimum(sector, DIRECTIONS - 1)] = True
+        seen = np.zeros((bins.max(initial=0) - low + 2, SECTOR_COUNT), dtype=bool)
+        seen[bins - low, np.minimum(sector, SECTOR_COUNT - 1)] = True
         # A long triangle has points on a lattice of its own: a neighbour counts as well.
         padded = np.pad(seen, ((1, 1), (0, 0)))
-        whole = (padded[:-2] | padded[1:-1] | padded[2:]).sum(axis=1) >= MIN_DIRECTIONS
+        whole = (padded[:-2] | padded[1:-1] | padded[2:]).sum(axis=1) >= MIN_SECTORS
         if not whole.any():
             return 0.0, PLUG_LENGTH * radius, 1.3 * radius
         runs, _ = scipy.ndimage.label(whole)

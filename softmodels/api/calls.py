@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from softmodels.pictures.comparison import Comparison
 
 
-type Told = bool | Callable[[dict[str, float]], object] | None
+type Progress = bool | Callable[[dict[str, float]], object] | None
 """Progress reports of each state: none, a bar (True), or a function that gets its row of ``path.csv``."""
 
 
@@ -48,7 +48,7 @@ def inflate(
     times: Values | None = None,
     strokes: Values | None = None,
     valve: Values | None = None,
-    progress: Told = None,
+    progress: Progress = None,
     folder: str | Path | None = None,
     resume: bool = False,
     branch: bool = False,
@@ -91,7 +91,7 @@ def inflate(
 def run(
     case: Case | str | Path,
     *,
-    progress: Told = None,
+    progress: Progress = None,
     folder: str | Path | None = None,
     resume: bool = False,
     branch: bool = False,
@@ -322,7 +322,7 @@ def solve_in_folder(
     if ended.error is not None:
         # The end of a path is no error where there are states up to it.
         end = isinstance(ended.error, RunError) and not isinstance(ended.error, outcomes.UnwrittenError)
-        if not end or not loaded or ended.status == outcomes.BAD_INPUT:
+        if not end or not loaded or ended.status == outcomes.EXIT_BAD_INPUT:
             raise ended.error
     assert folder is not None
     return run_of(folder, ended, comm)

@@ -141,12 +141,12 @@ class Run(cards.ResultCard):
         ``why`` is the sentence of the command line, with arguments instead of its options.
         """
         status = self._ended.status
-        if status == outcomes.DONE:
+        if status == outcomes.EXIT_DONE:
             return None
         marks = self.table.where("stroke_limit")[-1:] if self.case.supply else ()
         marks = marks or self.table.where("limit")
-        row = marks[0] if status == outcomes.NO_EQUILIBRIUM and marks else self.table[-1]
-        kind = {outcomes.NO_EQUILIBRIUM: "limit", outcomes.STOPPED: "stopped"}.get(status, "lost")
+        row = marks[0] if status == outcomes.EXIT_NO_EQUILIBRIUM and marks else self.table[-1]
+        kind = {outcomes.EXIT_NO_EQUILIBRIUM: "limit", outcomes.EXIT_STOPPED: "stopped"}.get(status, "lost")
         return Limit(
             kind, row["pressure"], row["added_volume"], {name: row[name] for name in self.case.actuator.probes},
             row["max_stretch"], (row["max_stretch_x"], row["max_stretch_y"], row["max_stretch_z"]),
@@ -206,7 +206,9 @@ class Run(cards.ResultCard):
         """
         quantity, wanted = self._asked(value)
         there = self._array(VARIABLES.get(quantity, self.case.variable))
-        near = np.flatnonzero(np.abs(there - wanted) <= SAME * np.abs(there).max(initial=abs(wanted))).tolist()
+        near = np.flatnonzero(
+            np.abs(there - wanted) <= SAME_VALUE_TOLERANCE * np.abs(there).max(initial=abs(wanted))
+        ).tolist()
         if near:
             asked = [k for k in near if self.table[k]["requested"]]
             return self[asked[0] if asked else near[0]]
@@ -233,7 +235,7 @@ class Run(cards.ResultCard):
         if column not in figures:
             raise CaseError(f"the path has no column {units.brief(column)}; {errors.known_are(column, figures)}")
         there, wanted = self.path[column].astype(float), _number(value, f"{column} of a state")
-        if near := np.flatnonzero(np.abs(there - wanted) <= SAME * np.abs(there).max()).tolist():
+        if near := np.flatnonzero(np.abs(there - wanted) <= SAME_VALUE_TOLERANCE * np.abs(there).max()).tolist():
             return self[near[0]]
         if self.case.program:
             raise RunError("states of a program are not interpolated; request one by its step number")
@@ -510,7 +512,7 @@ class Run(cards.ResultCard):
 
 VARIABLES = {"pressure": "pressure", "volume": "added_volume", "stroke": "stroke", "step": "load_step"}
 """Variable of the table of each requestable quantity."""
-SAME = 1e-6
+SAME_VALUE_TOLERANCE = 1e-6
 """Relative distance below which two values are the same."""
 
 
@@ -702,15 +704,15 @@ class SolvedState(cards.ResultCard):
 
     def _tensor(self, name: str) -> Array:
         """Return a field that may have to be computed; `RunError` if it depends on the states before, and was not stored."""
-        if name not in self.fields and name not in self._further:
+        if name not in self.fields and name not in self._computed_fields:
             raise RunError(
                 f"{name} of a silicone with a memory depends on the states before and is not stored; run again with "
                 f"fields=[{name!r}]"
             )
-        return self.fields[name] if name in self.fields else self._further[name]
+        return self.fields[name] if name in self.fields else self._computed_fields[name]
 
     @functools.cached_property
-    def _further(self) -> Mapping[str, Array]:
+    def _computed_fields(self) -> Mapping[str, Array]:
         """The fields that follow from displacement and p, those that the run did not store computed."""
         past = self.case.timed and self.case.remembers
         missing = [name for name in requestable() if name not in self.fields and not (past and "stress" in name)]
@@ -718,7 +720,7 @@ class SolvedState(cards.ResultCard):
 
     @checked
     @one_at_a_time
-    def along(self, begin: Place, end: Place, points: int = states.POINTS) -> Line:
+    def along(self, begin: Place, end: Place, points: int = states.LINE_POINTS) -> Line:
         """Return the values along a straight line of the undeformed device, which moves with it.
 
         Args:
@@ -735,13 +737,13 @@ class SolvedState(cards.ResultCard):
 
     @checked
     @one_at_a_time
-    def through(self, point: Place, points: int = states.POINTS) -> Line:
+    def through(self, point: Place, points: int = states.LINE_POINTS) -> Line:
         """Return the values straight through the wall at the surface point nearest to a place, see `along`."""
         return self._probe.line(self._probe.through(self._place("point", point)), self._everything, points)
 
     @property
     def _everything(self) -> Mapping[str, Array]:
-        return {**self._further, **self.fields, "cauchy_stress": self._tensor("cauchy_stress")}
+        return {**self._computed_fields, **self.fields, "cauchy_stress": self._tensor("cauchy_stress")}
 
     @functools.cached_property
     def _probe(self) -> states.Probe:
@@ -780,7 +782,9 @@ class SolvedState(cards.ResultCard):
         # Copies, because VTK writes into its inputs and users may change a grid.
         grid = pyvista.UnstructuredGrid({formats.CELL_TYPES[self.cell_name]: self.cells.copy()}, self.points.copy())
         for name, values in self.fields.items():
-            grid.point_data[name] = values.reshape(-1, formats.TENSOR).copy() if values.ndim == 3 else values.copy()
+            grid.point_data[name] = (
+                values.reshape(-1, formats.TENSOR_COMPONENTS).copy() if values.ndim == 3 else values.copy()
+            )
         return grid
 
     @checked

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 # The small picture on a result's card.
 
 
-SMALL = 640
+CARD_WIDTH_PX = 640
 """Width of a card's picture in pixels; it is shown at two thirds of it."""
 
 type Drawing = Figure | Picture.Image | None
@@ -59,7 +59,7 @@ def picture(result: object) -> bytes:
         if found is None:
             return b""
         image = drawn(found) if isinstance(found, Figure) else found
-    image.thumbnail((SMALL, SMALL), Picture.Resampling.LANCZOS)
+    image.thumbnail((CARD_WIDTH_PX, CARD_WIDTH_PX), Picture.Resampling.LANCZOS)
     stream = io.BytesIO()
     image.save(stream, "WEBP", quality=85)
     return stream.getvalue()
@@ -166,9 +166,9 @@ def _check_rendering() -> None:
         raise RunError("this machine cannot render; softmodels doctor names what is missing")
 
 
-TICKS = 5
+COLOUR_BAR_LABELS = 5
 """Labels of a colour bar."""
-FOOT, HEAD = 0.17, 0.05
+FOOT_SHARE, HEAD_SHARE = 0.17, 0.05
 """Shares of a window for the colour bar and for the title."""
 
 
@@ -178,7 +178,7 @@ def _fill(plotter: pyvista.Plotter, shown: offscreen.Look, step: int, field: str
     offscreen.add_lights(plotter)
     plotter.set_background("white")
     plotter.enable_anti_aliasing("msaa", multi_samples=4)
-    ticks = scale.ticks() if scale.power != 1.0 else np.linspace(scale.low, scale.top, TICKS).tolist()
+    ticks = scale.ticks() if scale.power != 1.0 else np.linspace(scale.low, scale.top, COLOUR_BAR_LABELS).tolist()
     labels = {float(scale.norm(value)): f"{value:.3g}" for value in ticks}
     title = f"{scale.what} ({scale.unit})" if scale.unit else scale.what
     bar = {"title": title, "n_labels": 0, "color": INK, "width": 0.6, "position_x": 0.2, "position_y": 0.06}
@@ -192,8 +192,8 @@ def _fill(plotter: pyvista.Plotter, shown: offscreen.Look, step: int, field: str
     direction, (wide, high) = np.asarray(camera.direction), plotter.window_size
     upwards = np.cross(direction, np.cross(camera.up, direction))
     # The device stands between the title and the colour bar, and as wide as the window.
-    reach = camera.scale * max(1.0, camera.size[0] / camera.size[1] * high / wide) / (1.0 - FOOT - HEAD)
-    focus = np.asarray(camera.focus) - (FOOT - HEAD) * reach * upwards / np.linalg.norm(upwards)
+    reach = camera.scale * max(1.0, camera.size[0] / camera.size[1] * high / wide) / (1.0 - FOOT_SHARE - HEAD_SHARE)
+    focus = np.asarray(camera.focus) - (FOOT_SHARE - HEAD_SHARE) * reach * upwards / np.linalg.norm(upwards)
     plotter.camera_position = [focus + 40 * camera.scale * direction, focus, camera.up]
     plotter.camera.parallel_projection = True
     plotter.camera.parallel_scale = reach

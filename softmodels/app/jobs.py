@@ -226,7 +226,7 @@ class WarmWorker:
 
 
 FOLDER = "jobs"
-JOB_STATES = {outcomes.DONE: DONE, outcomes.NO_EQUILIBRIUM: DONE, outcomes.STOPPED: STOPPED}
+JOB_STATES = {outcomes.EXIT_DONE: DONE, outcomes.EXIT_NO_EQUILIBRIUM: DONE, outcomes.EXIT_STOPPED: STOPPED}
 """States by exit status; some photographs refused has that of a limit point. All others are `FAILED`."""
 RECORDED_ELSEWHERE = "recorded elsewhere, not run"
 """State of a job that another machine, or anyone without this one's `machine_key`, recorded as waiting or running."""

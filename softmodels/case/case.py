@@ -59,7 +59,17 @@ from softmodels.mechanics.component import Component
 from softmodels.mechanics.regions import RATIO_PREFIX, RegionPart, number_of, variable_numbers, with_number
 from softmodels.mechanics.solver import METHODS
 from softmodels.mechanics.system import FORMULATIONS
-from softmodels.path.steps import LEAST_TOLERANCE, PRESSURE, STROKE, TOLERANCE, VOLUME, Prescribed, Step, Steps, timed
+from softmodels.path.steps import (
+    MIN_STRESS_TOLERANCE,
+    PRESSURE,
+    STRESS_TOLERANCE,
+    STROKE,
+    VOLUME,
+    Prescribed,
+    Step,
+    Steps,
+    timed,
+)
 from softmodels.path.supply import AirSupply
 
 __all__ = ["CONTROLS", "FORMULATIONS", "STIFFNESS_RANGE", "Case", "CaseError", "entries"]
@@ -239,7 +249,7 @@ class Case:
     time_tolerance: float = _value(
         "solver", schema.Quantity(),
         "error of the stress by one step in time, over the largest stress, and with "
-        "--inertia of the displacement", TOLERANCE, hidden=True,
+        "--inertia of the displacement", STRESS_TOLERANCE, hidden=True,
     )  # fmt: skip
     inertia: bool = _value(
         "load", schema.Flag(),
@@ -248,7 +258,7 @@ class Case:
     spectral_radius: float = _value(
         "solver", schema.Quantity(),
         "with --inertia, what one step leaves of a vibration that it is far too long for, 0 to 0.99",
-        memory.RADIUS, hidden=True,
+        memory.SPECTRAL_RADIUS, hidden=True,
     )  # fmt: skip
     fields: tuple[str, ...] = _value(
         "output", schema.Several(schema.Words()),
@@ -302,15 +312,15 @@ class Case:
 
     def _check_inertia(self) -> None:
         """Reject tolerances out of range, and inertia without times or mass, or with volumes or travels in time."""
-        if not LEAST_TOLERANCE <= self.time_tolerance < 1.0:
+        if not MIN_STRESS_TOLERANCE <= self.time_tolerance < 1.0:
             raise CaseError(
-                f"time_tolerance is {self.time_tolerance:g}; it must be {LEAST_TOLERANCE:g} or more and below 1, such as "
-                f"{TOLERANCE:g} (states are solved no closer, and the number of steps grows as 1 over its square root)"
+                f"time_tolerance is {self.time_tolerance:g}; it must be {MIN_STRESS_TOLERANCE:g} or more and below 1, such as "
+                f"{STRESS_TOLERANCE:g} (states are solved no closer, and the number of steps grows as 1 over its square root)"
             )
         if not 0.0 <= self.spectral_radius <= memory.MAX_SPECTRAL_RADIUS:
             raise CaseError(
                 f"spectral_radius is {self.spectral_radius:g}; it must be from 0 to {memory.MAX_SPECTRAL_RADIUS:g}, "
-                f"such as {memory.RADIUS:g}"
+                f"such as {memory.SPECTRAL_RADIUS:g}"
             )
         if not self.inertia:
             return

@@ -395,7 +395,7 @@ def _turned(rest: Array, now: Array, lift: Vector) -> float:
 # Parse series of requested values.
 
 
-ML = 1e-6
+M3_PER_ML = 1e-6
 """m3 in one ml."""
 WITH_VACUUM = {"pressure": "cavity1.pressure_cm", "volume": "cavity1.volume_ml"}
 """Requested quantities that may be below 0, and their series in a case file."""
@@ -565,7 +565,7 @@ def one_of_text(unit: str, text: str, what: str, pascal_in_cm: float) -> units.A
 def _reader(unit: str, text: str, own: str, what: str, pascal_in_cm: float) -> Callable[[float], units.Amount]:
     """Return what makes amounts of numbers in a text's own unit; volumes are kept in ml, as case files have them."""
     if own == unit or (not own and _is_zero(text)):
-        usual = pascal_in_cm if unit == "cm" else ML
+        usual = pascal_in_cm if unit == "cm" else M3_PER_ML
         return lambda number: units.Amount(number * usual, number, unit)
     factor = factor_of(own, "Pa" if unit == "cm" else "m^3")
     if factor is None:
@@ -578,7 +578,7 @@ def _reader(unit: str, text: str, own: str, what: str, pascal_in_cm: float) -> C
         )
     if unit == "cm":
         return lambda number: units.Amount(number * factor, number, own)
-    return lambda number: units.Amount(number * (factor / ML) * ML, number * (factor / ML), unit)
+    return lambda number: units.Amount(number * (factor / M3_PER_ML) * M3_PER_ML, number * (factor / M3_PER_ML), unit)
 
 
 def _is_zero(text: str) -> bool:

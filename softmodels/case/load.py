@@ -45,7 +45,7 @@ from softmodels.path.steps import (
     timed,
     times_of,
 )
-from softmodels.path.supply import AMBIENT, AirSupply, Reservoir
+from softmodels.path.supply import AMBIENT_PRESSURE, AirSupply, Reservoir
 
 
 class Load:
@@ -162,10 +162,11 @@ class Load:
                 f"{type(actuator).__name__} has no cavity for a pressure or a volume; load it by a force (--force with "
                 "--force-N) or by its weight (--gravity with --weight-share 0:1)"
             )
-        if (lowest := self.lowest()) <= -AMBIENT:
+        if (lowest := self.lowest()) <= -AMBIENT_PRESSURE:
             raise CaseError(
                 f"a pressure of {lowest / case.cm:g} cm ({lowest / 1e3:.4g} kPa) is below absolute vacuum, "
-                f"{-AMBIENT / case.cm:.0f} cm ({-AMBIENT / 1e3:.5g} kPa) at an ambient pressure of {AMBIENT / 1e3:.5g} kPa; "
+                f"{-AMBIENT_PRESSURE / case.cm:.0f} cm ({-AMBIENT_PRESSURE / 1e3:.5g} kPa) at an ambient pressure of "
+                f"{AMBIENT_PRESSURE / 1e3:.5g} kPa; "
                 "pumps reach about -90 kPa, ejectors -85 kPa"
             )
         if self.program:
@@ -320,14 +321,15 @@ class Load:
         volumes = [0.0, *self.of(VOLUME), *self._in_program(VOLUME)]
         if cavity and min(volumes) <= -cavity:
             raise CaseError(
-                f"an added volume of {min(volumes) / entries.ML:g} ml empties a cavity of {cavity * 1e6:.4g} ml; "
+                f"an added volume of {min(volumes) / entries.M3_PER_ML:g} ml empties a cavity of {cavity * 1e6:.4g} ml; "
                 "give a volume above "
                 f"{-cavity * 1e6:.4g} ml"
             )
         largest = max(volumes)
         if largest > VOLUME_RANGE * cavity:
             raise CaseError(
-                f"an added volume of {largest / entries.ML:g} ml against a cavity of {cavity * 1e6:.4g} ml is out of range; "
+                f"an added volume of {largest / entries.M3_PER_ML:g} ml against a cavity of {cavity * 1e6:.4g} ml "
+                f"is out of range; "
                 f"give at most {VOLUME_RANGE:g} times the cavity volume"
             )
 
@@ -346,9 +348,9 @@ TIME_KEY = "time_s"
 """Key of the times at which the steps of a program end."""
 STROKE_KEY, PRELOAD = "stroke_ml", "at_pressure"
 _UNITS = {
-    VOLUME: (entries.ML, "ml"),
-    STROKE: (entries.ML, "ml"),
-    FLOW: (entries.ML / 60.0, "ml/min"),
+    VOLUME: (entries.M3_PER_ML, "ml"),
+    STROKE: (entries.M3_PER_ML, "ml"),
+    FLOW: (entries.M3_PER_ML / 60.0, "ml/min"),
     VALVE: (1.0, "open"),
 }
 """SI units in one of what case files have, and its name."""

@@ -535,7 +535,7 @@ def _zero(value: float) -> float:
 # The command ``limit``.
 
 
-SAMPLES = 32
+CURVE_SAMPLES = 32
 
 
 @dataclasses.dataclass(frozen=True)
@@ -554,7 +554,7 @@ class LimitOptions:
                                    "membrane=2mm+-0.2mm (a thickness) or offset=0mm+-0.2mm (the cavity's height in the part); "
                                    "may be repeated.")  # fmt: skip
     count: int | None = commands.option("--samples", type=click.IntRange(2, 4096),
-                               help=f"Number of sampled devices.  [default: {SAMPLES}]")  # fmt: skip
+                               help=f"Number of sampled devices.  [default: {CURVE_SAMPLES}]")  # fmt: skip
     normal: bool = commands.flag_option(
         "Tolerances are two standard deviations of a normal distribution; default: uniform."
     )
@@ -608,7 +608,7 @@ class LimitRequest:
                 raise CaseError(f"--hold and --{other} cannot be combined; leave out one of them")
         around = _as_asked(case, device, materials, how.water_density, -100.0 if how.vacuum else 100.0)
         column = LimitColumn(around.cm, _working_cm(how.working_pressure, around.cm))
-        return cls(around, materials, tolerances, how.count or SAMPLES, how.normal, column, hold)
+        return cls(around, materials, tolerances, how.count or CURVE_SAMPLES, how.normal, column, hold)
 
 
 def _working_cm(text: str | None, pascal_in_cm: float) -> float | None:

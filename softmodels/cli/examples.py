@@ -45,9 +45,9 @@ from softmodels.runs import outcomes
 
 WRITTEN = ("case.toml", "photographs/", "setup.toml", "setup.png", "outlines/", "fit/", "compared.json")
 """Files that the demonstration writes into its folder."""
-CENTRE = 1.3e-3
+AXIS_POSITION = 1.3e-3
 """Position of the device's axis along the screen in m, unknown to the fit."""
-LEAK = 0.01
+LEAK_SHARE = 0.01
 """Share of the largest pressure that the hose leaks."""
 HALF_WIDTH = 0.2
 """Half width in m of the support, which ends outside of the picture."""
@@ -100,7 +100,7 @@ def polygon(half: Array) -> Array:
     places = np.vstack([half[:0:-1] * [-1.0, 1.0], half])
     places[:, 1] = np.maximum(places[:, 1], 0.0)
     sides = [[HALF_WIDTH, 0.0], [HALF_WIDTH, -HALF_WIDTH], [-HALF_WIDTH, -HALF_WIDTH], [-HALF_WIDTH, 0.0]]
-    return np.vstack([places, sides]) + np.array([CENTRE, photographer.SURFACE_HEIGHT])
+    return np.vstack([places, sides]) + np.array([AXIS_POSITION, photographer.SURFACE_HEIGHT])
 
 
 def take_photographs(
@@ -123,7 +123,7 @@ def take_photographs(
     rng, first = np.random.default_rng(2013), 200 if times else 100
     keep(folder / f"IMG_{first:04d}.JPG", photographer.photograph(scene, None, seed=first)[0])
     rest = np.array([[0.0, 0.0], [truth.actuator.outer_radius, 0.0]])
-    readings = [0.0, *readings_of(np.array(truth.pressures), {"leak": LEAK})]
+    readings = [0.0, *readings_of(np.array(truth.pressures), {"leak": LEAK_SHARE})]
     rows, before, levels = ["file,left,right" + (",hold,rise" if times else "")], math.nan, ""
     columns = ["", *times] if times else [""] * len(readings)
     for number, (half, reading, column) in enumerate(zip([rest, *halves], readings, columns, strict=True), first + 1):
@@ -160,7 +160,7 @@ def write_case(folder: Path, truth: DemoTruth) -> None:
 def compared(folder: Path, truth: DemoTruth) -> tuple[list[str], bool]:
     """Return a line per parameter, truth against fit, and whether every 95 % interval contains the truth."""
     about = tomllib.loads((folder / "fit" / "fitted.toml").read_text())["fit"]
-    known = {**{name: value for name, value in truth.values.items() if value}, "leak": LEAK}
+    known = {**{name: value for name, value in truth.values.items() if value}, "leak": LEAK_SHARE}
     lines, good = [], True
     for name, value in known.items():
         low, high = about["intervals_95"][name]
@@ -200,34 +200,35 @@ def demo(output: Path | None, megapixels: float) -> None:
         click.echo(f"$ python -m {module} {' '.join(words)}")
         line, environment = processes.python(module, *words)
         status = subprocess.run(line, env=environment, check=False).returncode
-        if status != outcomes.DONE:
+        if status != outcomes.EXIT_DONE:
             options.fail(
-                f"{module} {words[0]} ended with exit status {status}; the files so far are in {place}", outcomes.FAILED
+                f"{module} {words[0]} ended with exit status {status}; the files so far are in {place}",
+                outcomes.EXIT_FAILED,
             )
     lines, good = compared(place, TRUTH)
     click.echo("\n".join(["compared with the truth:", *lines]))
     report = {"good": good, "lines": lines}
     (place / "compared.json").write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
-    sys.exit(outcomes.DONE if good else outcomes.FAILED)
+    sys.exit(outcomes.EXIT_DONE if good else outcomes.EXIT_FAILED)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The command ``examples``: small files to try every command with, generated from fixed seeds.
 
 
-MEGAPIXELS = 3.8
-LENS = (-0.06, 0.02)
+PHOTOGRAPH_MEGAPIXELS = 3.8
+LENS_COEFFICIENTS = (-0.06, 0.02)
 """The camera's k1 and k2: straight lines of the grid are bent by some pixels."""
 POSES = [(0, 0), (20, 0), (-20, 12), (8, 25), (12, -25), (-12, -18), (0, 30), (25, 8), (-25, -8), (15, 15)]
 """Tilt and pan in degrees of the board relative to the camera."""
-SIDE = 0.025
+SQUARE_SIDE = 0.025
 """Side of the board's squares in m."""
-NOISE = 150.0
+STRESS_NOISE = 150.0
 """Standard deviation of the tensile curve's stress in Pa."""
-MEMORY_NOISE, SAMPLING = 50.0, 0.25
+MEMORY_NOISE, SAMPLING_INTERVAL = 50.0, 0.25
 """The same of the tests with times, and their sampling interval in s."""
 BRANCHES = ((0.15, 1.0), (0.1, 10.0), (0.08, 100.0))
-SOFTENED = (2.5, 4e3, 0.2)
+SOFTENING_NUMBERS = (2.5, 4e3, 0.2)
 CYCLES = ((0, 1), (10, 2), (20, 1), (30, 2), (40, 1), (60, 3), (80, 1), (100, 3), (120, 1))
 HOLD = ((0, 1), (1, 2), (300, 2))
 FAST = ((0, 1), (3, 2.5), (6, 1))
@@ -276,7 +277,7 @@ class Folder:
 
 def bench() -> photographer.Scene:
     """Return the demo's camera with a smaller sensor and a distorting lens."""
-    return dataclasses.replace(scene_of(MEGAPIXELS), distortion=LENS)
+    return dataclasses.replace(scene_of(PHOTOGRAPH_MEGAPIXELS), distortion=LENS_COEFFICIENTS)
 
 
 def board_scenes() -> Iterator[photographer.Scene]:
@@ -284,7 +285,7 @@ def board_scenes() -> Iterator[photographer.Scene]:
     scene = bench()
     for tilt, pan in POSES:
         yield dataclasses.replace(
-            scene, tilt=float(tilt), pan=float(pan), roll=0.0, pixel_size=1.35 * 10 * SIDE / scene.width
+            scene, tilt=float(tilt), pan=float(pan), roll=0.0, pixel_size=1.35 * 10 * SQUARE_SIDE / scene.width
         )
 
 
@@ -292,16 +293,18 @@ def tensile_curve() -> str:
     """Return a noisy tensile test of the device's silicone up to stretch 3, as a machine's table."""
     law = problem.LawChoice.from_text(TRUTH.law).material(TRUTH.values)
     stretch = np.linspace(1.0, 3.0, 201)[1:]
-    noisy = specimens.nominal_stress(law, stretch) + NOISE * np.random.default_rng(30).standard_normal(len(stretch))
+    noisy = specimens.nominal_stress(law, stretch) + STRESS_NOISE * np.random.default_rng(30).standard_normal(
+        len(stretch)
+    )
     lines = [f"{100 * (x - 1):.1f},{y / 1e3:.4f}" for x, y in zip(stretch, noisy, strict=True)]
-    about = f"# computed, not measured: {told_truth()}; noise of {NOISE:g} Pa, seed 30"
+    about = f"# computed, not measured: {told_truth()}; noise of {STRESS_NOISE:g} Pa, seed 30"
     return "\n".join([about, "strain (%),stress (kPa)", *lines]) + "\n"
 
 
 def memory_curve(corners: Sequence[tuple[float, float]], seed: int) -> str:
     """Return a noisy uniaxial test of `remembering` as a machine's table, straight between corners of times in s and
     stretches."""
-    time = np.arange(0.0, corners[-1][0] + SAMPLING / 2, SAMPLING)
+    time = np.arange(0.0, corners[-1][0] + SAMPLING_INTERVAL / 2, SAMPLING_INTERVAL)
     stretch = np.interp(time, *np.transpose(corners))
     noise = MEMORY_NOISE * np.random.default_rng(seed).standard_normal(len(time))
     noisy = specimens.stress_in_time(remembering(), time, stretch)[0] + noise
@@ -313,13 +316,13 @@ def memory_curve(corners: Sequence[tuple[float, float]], seed: int) -> str:
 def remembering() -> Material:
     """Return the silicone of the tests with times."""
     law = problem.LawChoice.from_text("yeoh").material({"c1": 8e3, "c2": 90.0, "c3": 0.5})
-    return law.with_memory(BRANCHES, SOFTENED)
+    return law.with_memory(BRANCHES, SOFTENING_NUMBERS)
 
 
 def told_memory() -> str:
     """Return that silicone in words."""
     branches = ", ".join(f"{share:g} at {time:g} s" for share, time in BRANCHES)
-    r, m, beta = SOFTENED
+    r, m, beta = SOFTENING_NUMBERS
     law = "yeoh, c1 = 8 kPa, c2 = 90 Pa, c3 = 0.5 Pa"
     return f"{law}, branches {branches}, softening r {r:g}, m {m / 1e3:g} kPa, beta {beta:g}"
 
@@ -424,7 +427,9 @@ def make_files(folder: Path, tell: Callable[[str], None]) -> None:
         draw(folder / f"{name}.step")
     for number, scene in enumerate(board_scenes(), 1):
         tell(f"board {number}")
-        shipped(folder / "boards" / f"board{number:02d}.jpg", photographer.chessboard(scene, side=SIDE, seed=number))
+        shipped(
+            folder / "boards" / f"board{number:02d}.jpg", photographer.chessboard(scene, side=SQUARE_SIDE, seed=number)
+        )
     _, halves = inflated(TRUTH, mpi.start())
     photographs = folder / "photographs"
     take_photographs(photographs, TRUTH, halves, bench(), tell, keep=shipped)

@@ -403,9 +403,9 @@ def fit_material(files: tuple[Path, ...], how: FitGiven) -> None:
         if folder is not None:  # the files of an earlier fit are not mistaken for this one's
             with contextlib.suppress(OSError):
                 comparison.retire(folder.path)
-        options.fail(str(error), outcomes.FAILED)
+        options.fail(str(error), outcomes.EXIT_FAILED)
     if folder is None:
-        sys.exit(outcomes.DONE if report.chosen.sound else outcomes.FAILED)
+        sys.exit(outcomes.EXIT_DONE if report.chosen.sound else outcomes.EXIT_FAILED)
     options.write_into(folder, lambda place: _write_fit(report, folder.path, place, how), "the results")
     if not how.quiet:
         processes.say(comparison.as_text(report))
@@ -416,7 +416,7 @@ def fit_material(files: tuple[Path, ...], how: FitGiven) -> None:
             processes.say(text)
     if not report.chosen.sound:
         processes.say(f"softmodels: {report.chosen.choice.name}: {report.chosen.warnings[0]}", err=True)
-    sys.exit(outcomes.DONE if report.chosen.sound else outcomes.FAILED)
+    sys.exit(outcomes.EXIT_DONE if report.chosen.sound else outcomes.EXIT_FAILED)
 
 
 def _closing(report: comparison.FitReport, folder: Path) -> str:
@@ -506,7 +506,7 @@ def _write_fit(report: comparison.FitReport, folder: Path, place: Path, how: Fit
 # The command ``curve``: stress of a material in test specimens and its balloon's pressure, without a mesh.
 
 
-POINTS = 201
+CURVE_POINTS = 201
 TABLE_POINTS = 11
 
 
@@ -568,7 +568,7 @@ def curve(how: CurveOptions) -> None:
         raise TensileError(
             "the balloon's radius and thickness must be above zero, and the thickness less than the radius"
         )
-    stretches = np.linspace(low, high, POINTS)
+    stretches = np.linspace(low, high, CURVE_POINTS)
     many = [
         specimens.MaterialCurves.of(name, one, stretches) for name, one in zip(how.material, materials, strict=True)
     ]
@@ -688,7 +688,7 @@ def score(files: tuple[Path, ...], how: ScoreOptions) -> None:
         try:
             scores += scoring.against_outlines(materials, device, outlines, comm, errors)
         except FitError as trouble:
-            options.fail(str(trouble), outcomes.FAILED)
+            options.fail(str(trouble), outcomes.EXIT_FAILED)
     if folder is None:
         return
 

@@ -163,7 +163,7 @@ class Command(click.Command):
         try:
             return super().invoke(ctx)
         except MemoryError as error:
-            fail(outcomes.no_memory(error), outcomes.FAILED)
+            fail(outcomes.no_memory(error), outcomes.EXIT_FAILED)
         except (StartError, materials.OwnModuleError) as error:
             fail(str(error), getattr(error, "status", 2))
         except Exception as error:
@@ -287,7 +287,7 @@ class CaseOptions:
 # single process does.
 
 
-EACH = 30_000
+UNKNOWNS_PER_RANK = 30_000
 """Unknowns per rank above which another rank pays off: on two cores, a path with 25,000 unknowns is as fast on one core while
 the other draws; one with 88,000 takes two thirds of the time on two."""
 PER_NODE = 3.2
@@ -296,13 +296,14 @@ PER_NODE = 3.2
 
 def ranks_for(case: Case, wanted: int | None, quiet: bool = False) -> int:
     """Return the number of ranks for a case, unless a launcher has decided it: as wanted, or as many of the cores as have
-    `EACH` unknowns or more. `StartError` if a launcher has started another number, or there is none to start them."""
+    `UNKNOWNS_PER_RANK` unknowns or more. `StartError` if a launcher has started another number, or there is
+    none to start them."""
     if (size := mpi.launched()) is not None:
         if wanted and size and wanted != size:
             raise StartError(f"--ranks {wanted} differs from the {size} ranks that mpirun has started; leave it out")
         return 1
     if wanted is None:
-        paying = _unknowns(case, quiet) // EACH if processes.cores() > 1 and _launcher() else 1
+        paying = _unknowns(case, quiet) // UNKNOWNS_PER_RANK if processes.cores() > 1 and _launcher() else 1
         return max(1, min(processes.cores(), paying))
     if wanted > 1 and not _launcher():
         raise StartError(

@@ -157,7 +157,9 @@ def compare_command(folders: Sequence[Path], output: Path | None, quiet: bool) -
 @click.option(
     "--at", "value", metavar="VALUE", help="State, by its load, such as 70cm, 7kPa or 40ml.  [default: the last]"
 )
-@click.option("--points", type=click.IntRange(2), default=states.POINTS, show_default=True, help="Number of points.")
+@click.option(
+    "--points", type=click.IntRange(2), default=states.LINE_POINTS, show_default=True, help="Number of points."
+)
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), help="Write all values to this CSV file, and a PNG beside it."
 )

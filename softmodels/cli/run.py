@@ -49,7 +49,7 @@ def run(
         case.values[-1], case.load.told, labels.state_labels(case), how.quiet or not mpi.is_root(comm)
     )
     drawing = DrawingProcess(case, how) if how.draws and mpi.is_root(comm) else None
-    teller = Teller(case, progress, drawing, comm.size, how)
+    reporter = Reporter(case, progress, drawing, comm.size, how)
 
     @contextlib.contextmanager
     def solving() -> Iterator[Callable[[], bool]]:
@@ -58,14 +58,14 @@ def run(
 
     place = recording.ResultsPlace(folder, how.resume, inputs, how.draws)
     try:
-        recording.solved_into(place, case, comm, progress, branch=how.branch, observer=teller, solving=solving)
+        recording.solved_into(place, case, comm, progress, branch=how.branch, observer=reporter, solving=solving)
     finally:
         if drawing is not None:
             drawing.leave()
-    return mpi.on_root(comm, lambda: teller.status)
+    return mpi.on_root(comm, lambda: reporter.status)
 
 
-class Teller(recording.Observer):
+class Reporter(recording.Observer):
     """Prints how a run goes on, and has its results drawn at the end; on rank 0. ``status`` is the exit status, once it has
     ended."""
 
@@ -78,7 +78,7 @@ class Teller(recording.Observer):
         how: commands.RunOptions,
     ):
         self.case, self.progress, self.drawing, self.ranks = case, progress, drawing, ranks
-        self.quiet, self.petsc, self.status = how.quiet, bool(how.petsc), outcomes.DONE
+        self.quiet, self.petsc, self.status = how.quiet, bool(how.petsc), outcomes.EXIT_DONE
 
     def opened(self, results: store.Results) -> None:
         self.progress.say(f"writing results to {results.own.path}")
@@ -94,7 +94,7 @@ class Teller(recording.Observer):
         if results is None:
             processes.say(f"softmodels: {commands.bounded(message)}", err=True)
             return
-        good = bool(results.stored) and self.status != outcomes.BAD_INPUT
+        good = bool(results.stored) and self.status != outcomes.EXIT_BAD_INPUT
         took = self._drawn(results) if good else None
         drawn = (
             "" if self.drawing is None or took is None else f"{self.drawing.made(results.own.path)}, in {took:.1f} s"
@@ -116,13 +116,13 @@ class Teller(recording.Observer):
         if not isinstance(cause, PETSc.Error):
             return ended.status, spoken(ended.message)
         if self.petsc and not (results and results.stored):
-            return outcomes.BAD_INPUT, f"PETSc stopped ({mpi.petsc_reason(cause)}); check the options after --"
+            return outcomes.EXIT_BAD_INPUT, f"PETSc stopped ({mpi.petsc_reason(cause)}); check the options after --"
         more = "rerun with -- -snes_monitor -ksp_error_if_not_converged for details"
-        return outcomes.FAILED, f"PETSc stopped ({mpi.petsc_reason(cause)}); {more}"
+        return outcomes.EXIT_FAILED, f"PETSc stopped ({mpi.petsc_reason(cause)}); {more}"
 
     def _drawn(self, results: store.Results) -> float | None:
         """Draw a run that has not failed; the seconds it took, None where there are no pictures."""
-        if self.drawing is None or self.status not in (outcomes.DONE, outcomes.NO_EQUILIBRIUM):
+        if self.drawing is None or self.status not in (outcomes.EXIT_DONE, outcomes.EXIT_NO_EQUILIBRIUM):
             return None
         if not self.quiet:
             processes.say(self.drawing.begins, err=True)

@@ -39,7 +39,7 @@ from softmodels.mechanics import assembly, component, mpi
 from softmodels.mechanics.body import Body, in_section, in_space
 from softmodels.mechanics.component import Component, ComponentError, direction
 
-STIFFNESS = 300.0
+CONTACT_STIFFNESS = 300.0
 """Shear moduli of pressure per penetration of one size of the device: a contact pressure of one shear modulus, more than
 soft actuators take, sinks in by 0.3 % of the size. The default disk presses on a plate with 0.2 % less than on a rigid one;
 1000 takes half as many iterations more."""
@@ -64,7 +64,7 @@ class ContactPart(component.EnergyComponent):
     faces: str
     stiffness: float
     softest: ClassVar[float] = MIN_STIFFNESS
-    usual: ClassVar[float] = STIFFNESS
+    usual: ClassVar[float] = CONTACT_STIFFNESS
 
     @property
     def roles(self) -> list[str]:
@@ -150,7 +150,9 @@ class RigidShape(ContactPart):
         0.0, "length over which an STL file's edges are rounded; 0 for 0.4 of a facet's edge", zero=True
     )
     stiffness: float = schema.field_of(
-        schema.Quantity(), "shear moduli of contact pressure per sinking in by one size of the device", STIFFNESS
+        schema.Quantity(),
+        "shear moduli of contact pressure per sinking in by one size of the device",
+        CONTACT_STIFFNESS,
     )
     guide: str = schema.field_of(
         schema.Words(), "direction along which the shape can move, such as z; default: fixed", ""
@@ -370,7 +372,7 @@ class Obstacle(ContactPart):
         faces: Roles of the facets that it stops, such as ``"top"`` or ``"bottom, outer"``; others pass through it.
         plane: ``"z = 9 mm"``, ``"normal 0.6, 0, 0.8 at 9 mm"``, or a cut plane's name. The device keeps to the side
             on which the faces lie at rest.
-        stiffness: Contact pressure per penetration, in shear moduli over `Actuator.size`; see `STIFFNESS`.
+        stiffness: Contact pressure per penetration, in shear moduli over `Actuator.size`; see `CONTACT_STIFFNESS`.
 
     Raises:
         ComponentError: No such plane, or a stiffness out of `MIN_STIFFNESS` to `MAX_STIFFNESS`.
@@ -385,7 +387,9 @@ class Obstacle(ContactPart):
         "image",
     )
     stiffness: float = schema.field_of(
-        schema.Quantity(), "shear moduli of contact pressure per sinking in by one size of the device", STIFFNESS
+        schema.Quantity(),
+        "shear moduli of contact pressure per sinking in by one size of the device",
+        CONTACT_STIFFNESS,
     )
 
     table: ClassVar[str] = "contact"
@@ -770,7 +774,7 @@ PATH_POINTS = 8
 HARDENING_START = 0.25
 """Fraction of the rejected penetration above which the shape stiffens. The energy is of the undeformed area, which
 a wrapped membrane stretches to ten or twenty times itself, so that it would penetrate ten or twenty times as deep."""
-HARDENING = 16.0
+HARDENING_RATE = 16.0
 """Rate of stiffening: at the rejected penetration the contact is some 19 times as
 hard."""
 NEAR_GAP = 0.1
@@ -820,7 +824,9 @@ class ShapeTerm(component.EnergyTerm):
         place = ufl.variable(ufl.SpatialCoordinate(mesh) + body.displacement(setting.displacement))
         components = [place[0], place[1], place[2]] if mesh.topology.dim == 3 else [place[0], 0.0, place[1]]
         depth = ufl.max_value(-shapes.distance(components, constants), 0.0)
-        energy = stiffness * (penalty(depth, onset) + HARDENING / (6 * soft) * ufl.max_value(depth - soft, 0.0) ** 3)
+        energy = stiffness * (
+            penalty(depth, onset) + HARDENING_RATE / (6 * soft) * ufl.max_value(depth - soft, 0.0) ** 3
+        )
         push = ufl.diff(energy, place)  # on the shape; the device gets the opposite force
         self.energies, self.pushes = [], []
         for role in shape.roles:
@@ -969,7 +975,7 @@ class SampledShapeTerm(StandingTerm[pressing.PressedByDistance]):
         size = self.actuator.size
         self.numbers, self.deepest = shape.form.numbers(size), shape.deepest(size)
         self.penalty = pressing.HardeningPenalty(
-            shape.stiffness, shape.onset, HARDENING_START * self.deepest, HARDENING
+            shape.stiffness, shape.onset, HARDENING_START * self.deepest, HARDENING_RATE
         )
         self.move(self.nodes.places)
 
@@ -1056,11 +1062,11 @@ class GuidedShapeTerm(assembly.AssembledTerm[pressing.GivingWay]):
         self.along = in_section(shape.gives_way, self.actuator.dimension)
         self._per_pascal, self._s = 0.0, 0.0
 
-    def _stand(self) -> pressing.Stand:
+    def _stand(self) -> pressing.Support:
         """Return its spring or weight for the modelled slice, with forces in shear moduli times squared sizes."""
         size, share = self.actuator.size, copies_around(self.actuator, self.standing.crossed)
         unit = float(self.setting.per_pascal.value) / size / share
-        return pressing.Stand(
+        return pressing.Support(
             self.shape.spring * unit, self.shape.weight_against(self.setting.gravity) * unit / size, ONSET_DEPTH
         )
 

@@ -308,7 +308,7 @@ class StrainTerm(component.EnergyTerm):
 # face.
 
 
-TINY = 1e-20
+MIN_SQUARED_LENGTH = 1e-20
 """Squared length relative to the size below which no direction is defined: there is no hoop on the axis."""
 MAX_SCALAR_PRODUCT = 1e-9
 """Largest scalar product of unit vectors that count as perpendicular."""
@@ -336,7 +336,7 @@ class Helix:
         place = ufl.as_vector([X[0], 0, X[1]]) if body.axisymmetric else X
         axis, (cosine, sine) = self._axis, (self._slopes[0], self._slopes[1])
         arm = ufl.cross(axis, place)
-        direction = cosine * axis + hand * sine * arm / ufl.sqrt(ufl.dot(arm, arm) + TINY)
+        direction = cosine * axis + hand * sine * arm / ufl.sqrt(ufl.dot(arm, arm) + MIN_SQUARED_LENGTH)
         if normal is None:
             return direction
         return direction - ufl.dot(direction, normal) * normal

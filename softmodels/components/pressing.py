@@ -838,7 +838,7 @@ class PressedOn(PressedSamples):
         return np.asarray(own + np.einsum("sai,sab,sbj->sij", rates, self._energies.second[touching], rates))
 
     def gap_rates(self, places: Array) -> Array:
-        near, D = self._all_near, np.linalg.norm(self.S, axis=1) + TINY
+        near, D = self._all_near, np.linalg.norm(self.S, axis=1) + SMALLEST_DENOMINATOR
         rates = np.einsum("pai,pi->pa", sum_rates(near)[:, :, : places.shape[1]], places[near.i])
         rates = _summed(near.i, rates, len(D))
         found = rates[:, 0] / D - self.N / D**3 * _dot(self.S, rates[:, 1:])
@@ -867,7 +867,7 @@ class PressedOn(PressedSamples):
 
 AT_LIMIT = 1e-9
 """Tolerance relative to e for sliding, because accepted states reach e only to rounding."""
-TINY = 1e-300
+SMALLEST_DENOMINATOR = 1e-300
 """Added to denominators to avoid division by zero."""
 
 
@@ -937,7 +937,7 @@ class Rubbed(PressedSamples):
         self._places = self.surface.places(self.nodes)
         push = pressed.slopes()[on]
         self._push = np.linalg.norm(push, axis=1)
-        self._normal = push / (self._push + TINY)[:, None]
+        self._normal = push / (self._push + SMALLEST_DENOMINATOR)[:, None]
         self.limits = rubbing.coefficient * self._push
         self._far = (self._places - grip.held)[on]
         # A sample in contact since then is anchored where it touched, after a free motion. For a body from
@@ -945,12 +945,12 @@ class Rubbed(PressedSamples):
         before, self._moved, self._depth = grip.gaps[on], np.linalg.norm(self._far, axis=1), -self.gaps[on]
         self._gone = np.clip(before, 0.0, self._moved)
         self._new, self._unknown = self._gone > 0.0, before >= self._moved
-        self._whole = self._gone + self._depth + TINY
+        self._whole = self._gone + self._depth + SMALLEST_DENOMINATOR
         self._share = np.where(self._new, self._depth / self._whole, 1.0)
         self._way = self._share[:, None] * self._far
         s = self._way - self._normal * _dot(self._normal, self._way)[:, None]
         self._size = np.linalg.norm(s, axis=1)
-        self._along = s / (self._size + TINY)[:, None]
+        self._along = s / (self._size + SMALLEST_DENOMINATOR)[:, None]
         self._grip, self._grip_rate = rubbing.rates(self._size)
         self.slides = self._size > (1 - AT_LIMIT) * rubbing.onset
         self.pulls = (self.limits * self._grip)[:, None] * self._along
@@ -979,7 +979,7 @@ class Rubbed(PressedSamples):
         """Return the derivative of the pulls by s, the limits held, shape (t, d, d)."""
         eye, along = np.eye(a.shape[1]), _outer(a, a)
         across = 2 / self.rubbing.onset - self._size / self.rubbing.onset**2  # g / |s|, also where that is 0 / 0
-        across = np.where(self._size < self.rubbing.onset, across, 1 / (self._size + TINY))
+        across = np.where(self._size < self.rubbing.onset, across, 1 / (self._size + SMALLEST_DENOMINATOR))
         drawn = across[:, None, None] * (eye - along) + self._grip_rate[:, None, None] * along
         return np.asarray(self.limits[:, None, None] * drawn)
 
@@ -1008,8 +1008,8 @@ class Rubbed(PressedSamples):
         n, far = self._normal, places - held
         # The normal rotates with the normal force, and the share depends on the penetration, whose gradient is n.
         turn = self._push_rates(places)
-        turn = (turn - n * _dot(n, turn)[:, None]) / (self._push + TINY)[:, None]
-        gone = np.where(self._unknown, _dot(self._far, far) / (self._moved + TINY), gaps)
+        turn = (turn - n * _dot(n, turn)[:, None]) / (self._push + SMALLEST_DENOMINATOR)[:, None]
+        gone = np.where(self._unknown, _dot(self._far, far) / (self._moved + SMALLEST_DENOMINATOR), gaps)
         share = np.where(self._new, (self._gone * _dot(n, places) - self._depth * gone) / self._whole**2, 0.0)
         way = self._share[:, None] * far + share[:, None] * self._far
         return np.asarray(
@@ -1020,7 +1020,7 @@ class Rubbed(PressedSamples):
         """Return the derivatives of the `FrictionHistory.held` and ``gaps`` of `kept` along the same, of all samples."""
         on, kept = self.touching, places.copy()
         way, a = self._way_rates(places[on], held[on], gaps[on]), self._along
-        across = (way - a * _dot(a, way)[:, None]) * (self.rubbing.onset / (self._size + TINY))[:, None]
+        across = (way - a * _dot(a, way)[:, None]) * (self.rubbing.onset / (self._size + SMALLEST_DENOMINATOR))[:, None]
         kept[on] -= np.where((self._size < self.rubbing.onset)[:, None], way, across)
         return kept, self.pressed.gap_rates(places)
 
@@ -1080,7 +1080,7 @@ MAX_STEP = 0.02
 
 
 @dataclasses.dataclass(frozen=True)
-class Stand:
+class Support:
     """The support of a body: a spring (force per way), and a stand under its weight, a force below zero where it is pulled off
     and only the spring holds it.
 
@@ -1125,7 +1125,7 @@ class GivingWay:
     """
 
     def __init__(
-        self, pressed: Callable[[Array], PressedSamples], stand: Stand, along: Array, nodes: Array, start: float
+        self, pressed: Callable[[Array], PressedSamples], stand: Support, along: Array, nodes: Array, start: float
     ):
         self.stand, self.along = stand, along
         low, high, s, all_along = -math.inf, math.inf, start, np.tile(along, len(nodes))

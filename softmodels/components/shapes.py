@@ -24,7 +24,7 @@ CYLINDER_LENGTH = 1e3
 """Half length of a cylinder in sizes of the device."""
 MAX_SHAPE_DEPTH = 0.05
 """Penetration relative to the size at which a state is rejected: the device would pass through the shape."""
-ALONG = 16
+QUARTER_POINTS = 16
 """Points of a quarter circle that is drawn."""
 type Numbers = tuple[Array, Array, float | None, float, float]
 """Place of its middle, direction of its line, radius, half the line's length, and 1 or, of a hollow one, -1; in sizes.
@@ -172,7 +172,7 @@ class Round(Swept):
         return abs(float(self.axis @ normal))
 
     def profile(self, reach: float) -> Array:
-        angle = np.linspace(0.0, np.pi / 2, ALONG)
+        angle = np.linspace(0.0, np.pi / 2, QUARTER_POINTS)
         end = self.radius * np.column_stack([np.sin(angle), np.cos(angle)])
         shift = np.array([self.half(1.0), 0.0])
         return np.concatenate([end[::-1] * (-1, 1) - shift, end + shift])

@@ -47,9 +47,11 @@ class PeakMeasure(quantities.FormMeasure):
         def excess(field: Expr) -> Expr:
             x = (field - rest) / self._q - 1.0
             rounded = ufl.conditional(
-                ufl.gt(x, state_values.ROUNDED), x, (x + state_values.ROUNDED) ** 2 / (4 * state_values.ROUNDED)
+                ufl.gt(x, state_values.ROUNDING_HALF_WIDTH),
+                x,
+                (x + state_values.ROUNDING_HALF_WIDTH) ** 2 / (4 * state_values.ROUNDING_HALF_WIDTH),
             )
-            return ufl.conditional(ufl.gt(x, -state_values.ROUNDED), rounded, 0.0)
+            return ufl.conditional(ufl.gt(x, -state_values.ROUNDING_HALF_WIDTH), rounded, 0.0)
 
         forms, combine = over_parts(design, fields, [excess, None], self._peak)
         super().__init__(design, forms, combine, counted_in_stress=counted_in_stress)
@@ -57,8 +59,10 @@ class PeakMeasure(quantities.FormMeasure):
 
     def _peak(self, values: Array) -> tuple[float, Array]:
         q, (above, volume) = float(self._q.value), values
-        share = above / (state_values.SHARE * volume)
-        return self._rest + q * (1.0 + share), q / (state_values.SHARE * volume) * np.array([1.0, -above / volume])
+        share = above / (state_values.PEAK_VOLUME_SHARE * volume)
+        return self._rest + q * (1.0 + share), q / (state_values.PEAK_VOLUME_SHARE * volume) * np.array(
+            [1.0, -above / volume]
+        )
 
     def value(self, state: State | None) -> float:
         self._settle()
@@ -82,7 +86,7 @@ class PeakMeasure(quantities.FormMeasure):
             return ""
         shown = f"{top / 1e3:.4g} kPa" if self.counted_in_stress else f"{top:.4g}"
         return (
-            f"the mean over the {100 * state_values.SHARE:g} % of the silicone where it is largest; the largest "
+            f"the mean over the {100 * state_values.PEAK_VOLUME_SHARE:g} % of the silicone where it is largest; the largest "
             f"point value is {shown} "
             f"on this mesh, and grows with refinement at sharp corners and clamped edges"
         )
@@ -439,7 +443,7 @@ class GapMeasure(NodesMeasure):
             self._walls = state_values.FacingWalls(grid.points, grid.cells, grid.cell_name, planes)
         gaps, rates = self._near(self._walls, shift), np.zeros_like(shift)
         if not len(gaps.values):  # within the search distance
-            return state_values.LAST_REACH * self._walls.size, "no walls are near each other", rates
+            return state_values.OVERLAP_REACH * self._walls.size, "no walls are near each other", rates
         if not self._rho:
             self._rho = MINIMUM_SHARPNESS / float(gaps.thickness.min())
         least = float(gaps.values.min())
@@ -452,10 +456,10 @@ class GapMeasure(NodesMeasure):
     @staticmethod
     def _near(walls: state_values.FacingWalls, shift: Array) -> state_values.Gaps:
         """Return the gaps up to twice the least one, or as far as they are looked for."""
-        reach = state_values.REACH * walls.size
+        reach = state_values.GAP_REACH * walls.size
         while True:
             gaps = walls.gaps(shift, reach)
-            if np.min(gaps.values, initial=np.inf) < reach / 2 or reach >= state_values.LAST_REACH * walls.size:
+            if np.min(gaps.values, initial=np.inf) < reach / 2 or reach >= state_values.OVERLAP_REACH * walls.size:
                 return gaps
             reach *= 2.0
 

@@ -173,7 +173,7 @@ def _run(under_way: model.Evaluator) -> DesignResult:
         stopped = True
     judged = [end for end in ends if end.best is not None]
     if not judged:
-        raise RunError("stopped by the user before any design was evaluated", outcomes.STOPPED)
+        raise RunError("stopped by the user before any design was evaluated", outcomes.EXIT_STOPPED)
     end = min(judged, key=StartEnd.order)
     best, folder = end.best, under_way.folder
     assert best is not None
@@ -194,7 +194,7 @@ def _starts(under_way: model.Evaluator) -> Iterator[Array]:
         raise RunError(
             f"the given device cannot be evaluated: {trial.failure}; start from one that reaches the requested "
             f"pressures, such as with thicker walls",
-            outcomes.NO_EQUILIBRIUM,
+            outcomes.EXIT_NO_EQUILIBRIUM,
         )
     yield theta
     assert under_way.form is not None
@@ -663,7 +663,7 @@ def run_variants(
         try:
             variants.append(Variant(words, choice, run_in(choice, own, comm, **how)))
         except RunError as error:
-            if error.status == outcomes.STOPPED:
+            if error.status == outcomes.EXIT_STOPPED:
                 raise
             variants.append(Variant(words, choice, None, str(error)))
         finally:

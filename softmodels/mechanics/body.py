@@ -35,7 +35,7 @@ class Body:
     Attributes:
         actuator: The geometry.
         mesh: DOLFINx mesh in units of ``actuator.size``; 3-D, or the (r, z) half section of an axisymmetric device.
-        cavity: Facet tags on the cavities' walls: `CAVITY` on the first one's, numbers after `SHEET` on others'.
+        cavity: Facet tags on the cavities' walls: `CAVITY_TAG` on the first one's, numbers after `SHEET_TAG` on others'.
         entities: Local mesh entities by role: name to (dimension, indices). A text such as ``"tip within z > 14 mm"`` is found
             there too, see `softmodels.mechanics.body`.
         skew: B, shape (d, d) with d the mesh's dimension: rows are directions in which a role may hold the body.
@@ -116,7 +116,7 @@ class Body:
         d, fdim = self.actuator.dimension, self.mesh.topology.dim - 1
         lips = np.unique(np.concatenate([self.entities[role][1] for role in roles]))
         facets = np.concatenate([self.cavity.indices, lips])
-        tags = np.concatenate([self.cavity.values, np.full(len(lips), SHEET, dtype=np.int32)])
+        tags = np.concatenate([self.cavity.values, np.full(len(lips), SHEET_TAG, dtype=np.int32)])
         order = np.argsort(facets)
         share = fem.Function(fem.functionspace(self.mesh, ("P", 2)))
         seal = Seal(tuple(roles), in_section(point, d), in_section(normal, d), share)
@@ -142,7 +142,7 @@ class Body:
         """Return the UFL measures over the reference body and its (first) cavity's wall, for the slice in 3-D, for the device
         in 2-D."""
         dx = ufl.Measure("dx", self.mesh, metadata={"quadrature_degree": QUADRATURE_DEGREE})
-        return dx, self._on_facets(self.cavity)(CAVITY)
+        return dx, self._on_facets(self.cavity)(CAVITY_TAG)
 
     @property
     def normal(self) -> Expr:
@@ -172,14 +172,14 @@ class Body:
 
     def sheet_face(self, role: str) -> tuple[ufl.Measure, Expr]:
         """Return the UFL measure over the facets of a role, and their `normal`; `BodyError` if it has none."""
-        return self._on_facets(self._tags(role, self.mesh.topology.dim - 1))(SHEET), self.normal
+        return self._on_facets(self._tags(role, self.mesh.topology.dim - 1))(SHEET_TAG), self.normal
 
     def measure(self, role: str) -> ufl.Measure:
         """Return the UFL measure over the facets or the edges of a role; `BodyError` if it has neither."""
         if not self.is_edge(role):
             return self.sheet_face(role)[0]
         tags, degree = self._tags(role, self.mesh.topology.dim - 2), {"quadrature_degree": SURFACE_DEGREE}
-        return ufl.Measure("dr", self.mesh, subdomain_data=tags, metadata=degree)(SHEET)
+        return ufl.Measure("dr", self.mesh, subdomain_data=tags, metadata=degree)(SHEET_TAG)
 
     def is_edge(self, role: str) -> bool:
         """Return whether a role is of edges, in a section of their points."""
@@ -189,7 +189,7 @@ class Body:
         return ufl.Measure("ds", self.mesh, subdomain_data=tags, metadata={"quadrature_degree": SURFACE_DEGREE})
 
     def _tags(self, role: str, wanted: int) -> meshes.MeshTags:
-        """Return `SHEET` on the entities of a role, which have a dimension."""
+        """Return `SHEET_TAG` on the entities of a role, which have a dimension."""
         dimension, found = self.entities.get(role, (-1, np.empty(0, dtype=np.int32)))
         if dimension != wanted:
             faces = ", ".join(name for name, (of, _) in self.entities.items() if of == self.mesh.topology.dim - 1)
@@ -197,7 +197,7 @@ class Body:
                 raise ComponentError(f"{role!r} is an edge, which has no area; name a face: {faces}")
             raise BodyError(f"the mesh has no face named {role!r}; it has {faces}")
         found = np.sort(found)
-        return meshes.meshtags(self.mesh, wanted, found, np.full(len(found), SHEET, dtype=np.int32))
+        return meshes.meshtags(self.mesh, wanted, found, np.full(len(found), SHEET_TAG, dtype=np.int32))
 
     @property
     def hoop(self) -> Expr | float:
@@ -254,7 +254,7 @@ class Body:
         """Return an integral over a cavity's walls, and its share over the faces that seal the first one."""
         ds = self._on_facets(self.cavity)
         walls = integrand * ds(int(_cavity_tags(number + 1)[-1]))
-        return walls + self.seal.share * integrand * ds(SHEET) if self.seal and not number else walls
+        return walls + self.seal.share * integrand * ds(SHEET_TAG) if self.seal and not number else walls
 
     def volumes(self, w: Expr) -> list[ufl.Form]:
         """Return UFL forms of the deformed cavities' volumes, one for each, of the skew components w."""
@@ -318,7 +318,7 @@ class Body:
 
 
 def _cavity_tags(count: int) -> npt.NDArray[np.int32]:
-    return np.array([CAVITY, *range(SHEET + 1, SHEET + count)][:count], dtype=np.int32)
+    return np.array([CAVITY_TAG, *range(SHEET_TAG + 1, SHEET_TAG + count)][:count], dtype=np.int32)
 
 
 def _skew(actuator: Actuator, holds: Sequence[Hold]) -> npt.NDArray[np.float64]:
@@ -579,7 +579,7 @@ QUADRATURE_DEGREE = 2
 SURFACE_DEGREE = 4
 LENGTH_TOLERANCE = 1e-9
 """Lengths below this fraction of the device's size count as zero."""
-CAVITY, SHEET = 1, 2
+CAVITY_TAG, SHEET_TAG = 1, 2
 """Tags of the cavity's and a sheet's facets in the forms, the same for every mesh to avoid recompiling."""
 
 
@@ -587,7 +587,7 @@ CAVITY, SHEET = 1, 2
 # The measure over some of a mesh's cells, such as a region's.
 
 
-CELLS = SHEET
+CELLS = SHEET_TAG
 """Tag of the cells in the forms, the same for all regions so that they share compiled forms."""
 
 

@@ -92,12 +92,15 @@ def _check_stop() -> None:
 
 
 def _wait_for(source: Path) -> None:
-    """Wait until a module is no longer being compiled by another run; remove a mark older than `LONGEST`."""
+    """Wait until a module is no longer being compiled by another run; remove a mark older than `MAX_COMPILE_SECONDS`."""
     tell = _listening[-1][0] if _listening else lambda text: None
     told = False
     while (age := _age(source)) is not None:
         if not told:
-            tell(f"waiting for another run to compile its kernels (or, if it was killed, {LONGEST - age:.0f} s longer)")
+            tell(
+                f"waiting for another run to compile its kernels (or, if it was killed, "
+                f"{MAX_COMPILE_SECONDS - age:.0f} s longer)"
+            )
             told = True
             for name in [*_running]:  # the other run may wait for them
                 _finish(name)
@@ -110,7 +113,7 @@ def _age(source: Path) -> float | None:
         if source.with_suffix(".c.cached").exists():
             return None
         age = time.time() - source.stat().st_mtime
-        if age < LONGEST:
+        if age < MAX_COMPILE_SECONDS:
             return age
         source.unlink()
     except OSError:  # finished, removed by another run, or owned by another user
@@ -140,7 +143,7 @@ PROCESSOR = Path("/proc/cpuinfo")
 """Linux' description of the processors, of which the first is read."""
 FEATURES = (b"flags", b"Features")
 """The line with its instruction set, on x86 and on ARM."""
-READ = 1 << 14
+BYTES_AT_ONCE = 1 << 14
 
 
 def compiler_flags(processor: Path = PROCESSOR) -> list[str]:
@@ -162,7 +165,7 @@ def _instructions(processor: Path) -> bytes:
     """Return the line of a processor's instruction set; empty if unknown."""
     try:
         with processor.open("rb") as file:
-            start = file.read(READ)
+            start = file.read(BYTES_AT_ONCE)
     except OSError:
         return b""
     return next((line for line in start.splitlines() if line.startswith(FEATURES)), b"")
@@ -170,16 +173,16 @@ def _instructions(processor: Path) -> bytes:
 
 JIT = {"cffi_extra_compile_args": compiler_flags()}
 """Compiler flags in DOLFINx's options."""
-LABEL = 1_000_000
+FIRST_LABEL = 1_000_000
 """Number of the first label of a UFL variable that is compiled, above all that UFL gives out: they count up, and are part of a
 kernel's name in the cache."""
 
-LONGEST = 180.0
+MAX_COMPILE_SECONDS = 180.0
 """Seconds after which the compilation of a module counts as abandoned: a solid slice takes half a minute on a slow machine."""
 
 LONG = (
     "another run is compiling the same kernels, or was killed while doing so; run again "
-    f"after {LONGEST / 60:g} minutes, when its leftovers are removed"
+    f"after {MAX_COMPILE_SECONDS / 60:g} minutes, when its leftovers are removed"
 )
 """Message if DOLFINx has waited in vain for another run."""
 _listening: list[tuple[Callable[[str], None], Callable[[], None]]] = []

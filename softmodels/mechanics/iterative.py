@@ -253,7 +253,7 @@ CHEBYSHEV_STEPS = 4
 """Steps of Chebyshev's iteration before and after the coarser level."""
 POWER_ITERATIONS, EIGENVALUE_SAFETY_FACTOR = 15, 1.1
 """Steps of the power method towards the largest eigenvalue, and what it is multiplied with."""
-READ = 4
+ENTRIES_AT_ONCE = 4
 """Entries that C code reads at once."""
 
 
@@ -280,7 +280,7 @@ class QuadraticLevel:
         self._columns = np.empty(count, dtype=np.int32)
         self.scratch[:] = -1
         self._c.lib.level_pattern(*pattern, seen, starts, buffer("int32_t[]", self._columns))
-        self._values = np.zeros(d * d * count + READ, dtype=np.float32)
+        self._values = np.zeros(d * d * count + ENTRIES_AT_ONCE, dtype=np.float32)
         size = d * self.nodes
         self._inverse, self._change, self._r = np.empty((self.nodes, d, d)), np.empty(size), np.empty(size)
 

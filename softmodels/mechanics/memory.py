@@ -190,7 +190,7 @@ class History:
     def _stress(self) -> fem.Expression:
         """The Cauchy stress of that state, without the pressure that keeps the volume."""
         # a fixed label, because it is part of the signature in the kernel cache
-        F = ufl.classes.Variable(self.strain.F, ufl.classes.Label(compiling.LABEL))
+        F = ufl.classes.Variable(self.strain.F, ufl.classes.Label(compiling.FIRST_LABEL))
         strain = laws.Strain(F)
         stress = ufl.diff(self._stored(strain), F) * F.T / strain.J
         return fem.Expression(stress, self.points, jit_options=compiling.JIT)
@@ -340,7 +340,7 @@ def _numbers(flow: types.SimpleNamespace, branch: memory.Branch) -> list[tuple[f
 # beta = (1 - am + af)^2/4. All are of second order; rho = 1 is the trapezoidal rule.
 
 
-RADIUS = 0.9
+SPECTRAL_RADIUS = 0.9
 """Default of the spectral radius: what one step leaves of a vibration that it is far too long for."""
 MAX_SPECTRAL_RADIUS = 0.99
 """Largest one of a run: at 1 the pressure-like unknown of incompressible silicone keeps every error for ever, and after some
@@ -365,7 +365,9 @@ class Motion:
     left of those before, and of their rounding errors: in short steps they come from small differences of places.
     """
 
-    def __init__(self, system: component.Equations, inertia: assembly.Inertia, density: float, radius: float = RADIUS):
+    def __init__(
+        self, system: component.Equations, inertia: assembly.Inertia, density: float, radius: float = SPECTRAL_RADIUS
+    ):
         self.comm, self.n = system.comm, system.n
         self.radius = radius
         self._am, self._af = (2 * radius - 1) / (radius + 1), radius / (radius + 1)

@@ -434,7 +434,7 @@ def launched() -> int | None:
 # Available memory, and the need of a device's linear solver.
 
 
-GIGABYTE = 1e9
+GIGA_BYTE = 1e9
 GROUPS = Path("/sys/fs/cgroup")
 """Files with Linux' container limits."""
 USABLE_MEMORY_SHARE = 0.9

@@ -616,7 +616,7 @@ MIN_FORCING_TERM = 1e-7  # of the same with a stiff sheet: GMRES reaches it with
 OUT_OF_MEMORY = (-5, -7, -8, -9, -11, -12, -13, -14, -15, -17, -18, -19, -20)
 """MUMPS' INFOG(1) if it could not allocate, or if its workspace was too small (its guide, section 8)."""
 
-MEGABYTE = 1e6
+MEGA_BYTE = 1e6
 ENTRY_BYTES = 16
 """Bytes of an entry and its index."""
 COPIES_WHILE_DISTRIBUTED = 3
@@ -678,7 +678,7 @@ class Factorisation(Preconditioner):
             factor.setMumpsIcntl(23, 1)
             direct.setUp()
         copies = 1 if K.comm.size == 1 else COPIES_WHILE_DISTRIBUTED
-        factors, copy = factor.getMumpsInfo(15) * MEGABYTE, copies * entries_here(K) / 2 * ENTRY_BYTES
+        factors, copy = factor.getMumpsInfo(15) * MEGA_BYTE, copies * entries_here(K) / 2 * ENTRY_BYTES
         direct.destroy()
         return factors + copy, (DOUBLE_PRECISION_MEMORY_RATIO if rounded else 1.0) * factors + copy
 

@@ -153,10 +153,10 @@ class Sensitivity:
         part = self._part(where)
         if part is None or isinstance(part, regions.RegionPart):
             return Force(*self.material_force(name.removeprefix("region.")), 0.0)
-        moved = [one.nudged(own, 1j * _STEP) if one is part else one for one in eq.components]
+        moved = [one.nudged(own, 1j * _COMPLEX_STEP) if one is part else one for one in eq.components]
         found = self._load_force(moved)
         if part.label in eq.potential.terms:
-            found = found + self._terms(part).force(part.nudged(own, 1j * _STEP))
+            found = found + self._terms(part).force(part.nudged(own, 1j * _COMPLEX_STEP))
         return Force(found, 0.0, 0.0)
 
     def _load_force(self, moved: Sequence[Component]) -> Array:
@@ -165,10 +165,10 @@ class Sensitivity:
         found, dead = np.zeros(eq.n), eq.dead
         for i, (amount, shares) in enumerate(dead.magnitudes(moved)):
             drive, unit = dead.amounts[i] / dead.units[i], dead.units[i]
-            if change := np.imag(amount) / _STEP / unit:
+            if change := np.imag(amount) / _COMPLEX_STEP / unit:
                 found -= change * eq.assemble(dead.forms[i])
             rates = [
-                np.imag(share) / _STEP / float(known.value)
+                np.imag(share) / _COMPLEX_STEP / float(known.value)
                 for share, (known, _) in zip(shares, dead.shares[i], strict=True)
             ]
             for rate, form in zip(rates, dead.forms[i], strict=False):
@@ -188,7 +188,7 @@ class Sensitivity:
         where, _, own = name.rpartition(".")
         part, X = self._part(where), self._velocity(name)
         for one in self._frictions:
-            one.turn(part.nudged(own, 1j * _STEP) if part is not None and part.label == one.label else None, X)
+            one.turn(part.nudged(own, 1j * _COMPLEX_STEP) if part is not None and part.label == one.label else None, X)
 
     def _velocity(self, name: str) -> Array | None:
         """Return the motion of the mesh's nodes with a length; None of other parameters."""
@@ -292,7 +292,7 @@ class _TermDirection:
         """Return the residual's derivative along the imaginary parts of a nudged part's numbers."""
         eq = self.eq
         for constant, value in self.term.constants_of(moved):
-            self.turns[constant].value = np.imag(value) / _STEP
+            self.turns[constant].value = np.imag(value) / _COMPLEX_STEP
         found = eq.assemble(self._forms).copy()
         if isinstance(self.term, assembly.AssembledTerm):
             b = self.term.add_relocated(eq.w.x.array, _relocation(moved, eq), np.zeros(eq.n))
@@ -319,8 +319,8 @@ class MeasuredSlope:
     def rates(self) -> Array:
         """Return the constant's derivatives by the integrals, shape (integrals, ...)."""
         here = np.array([self.eq.integral(form) for form in self._values])
-        steps = 1j * _STEP * np.eye(len(here))
-        return np.array([np.imag(self.measured.value(here + step)) / _STEP for step in steps])
+        steps = 1j * _COMPLEX_STEP * np.eye(len(here))
+        return np.array([np.imag(self.measured.value(here + step)) / _COMPLEX_STEP for step in steps])
 
     def turned(self, moving: fem.Function) -> list[fem.Form]:
         """Return the forms of the load's change with a motion of the mesh's nodes, in a function of their space."""
@@ -427,15 +427,17 @@ class _Directions:
         """Point the direction along one number of the main material, or of a region's with its name in front, as in
         ``base.c1``; return the main shear modulus' derivative by it."""
         where, _, number = name.rpartition(".")
-        moved = material if where or not name else specimens.nudged(material, number, 1j * _STEP)
+        moved = material if where or not name else specimens.nudged(material, number, 1j * _COMPLEX_STEP)
         mu = complex(moved.shear_modulus_0)
         for law in self.laws:
             own = law.region.material if law.region.name else moved
             law.turn(
-                specimens.nudged(own, number, 1j * _STEP) if where and law.region.name == where else own, mu, self.mixed
+                specimens.nudged(own, number, 1j * _COMPLEX_STEP) if where and law.region.name == where else own,
+                mu,
+                self.mixed,
             )
-        self.per_pascal.value = np.imag(1 / mu) / _STEP
-        return mu.imag / _STEP
+        self.per_pascal.value = np.imag(1 / mu) / _COMPLEX_STEP
+        return mu.imag / _COMPLEX_STEP
 
 
 class _LawDirection:
@@ -482,14 +484,14 @@ class _LawDirection:
         for field, constant in self.turns.items():
             value = np.asarray(getattr(moved, field), dtype=complex)
             unit = type(moved).__dataclass_fields__[field].metadata["unit"]
-            constant.value = np.imag(value / mu if unit == "Pa" else value) / _STEP
+            constant.value = np.imag(value / mu if unit == "Pa" else value) / _COMPLEX_STEP
         bulk = moved.bulk
         stiff = isinstance(bulk, float) and math.isinf(bulk)
         ratio = (0.0 if stiff else mu / bulk) if mixed else bulk / mu
-        self.bulk.value = np.imag(ratio) / _STEP
+        self.bulk.value = np.imag(ratio) / _COMPLEX_STEP
         if self.history is not None:
             for constant, (_, value) in zip(self.memory_rates, self.history.numbers(moved, mu), strict=True):
-                constant.value = np.imag(value) / _STEP
+                constant.value = np.imag(value) / _COMPLEX_STEP
 
 
 class HistoryDirection(Protocol):
@@ -507,7 +509,7 @@ class LawHistory:
 
     def __init__(self, eq: System, law: _LawDirection):
         assert law.history is not None
-        self.history, self._begun, before = law.history, law.begun, eq.potential.before
+        self.history, self._start, before = law.history, law.begun, eq.potential.before
         self._before, self._w = fem.Function(eq.space), fem.Function(eq.space)
         self._values = fem.Function(self.history.values.function_space)
         begin, end = self.history.beginning, self.history.ending
@@ -517,7 +519,7 @@ class LawHistory:
             + law.along(one)
             for one in (begin, end)
         ]
-        slopes[1] += ufl.derivative(end, eq.w, self._w) + ufl.derivative(end, self.history.begun, self._begun)
+        slopes[1] += ufl.derivative(end, eq.w, self._w) + ufl.derivative(end, self.history.begun, self._start)
         self._begin, self._end = (fem.Expression(one, self.history.points, jit_options=compiling.JIT) for one in slopes)
 
     def at_rest(self) -> Array:
@@ -527,7 +529,7 @@ class LawHistory:
     def begin(self, before: Array, values: Array) -> None:
         """Set how the beginning of the step changes: derivatives of the dofs there, with ghosts, and of what is remembered
         there, as `History.values`."""
-        history, begun = self.history, self._begun.x.array.reshape(-1, self.history.width)
+        history, begun = self.history, self._start.x.array.reshape(-1, self.history.width)
         self._before.x.array[:], self._values.x.array[:] = before, values
         if history.step.value == 0.0:
             begun[:] = history.at_once(values.reshape(-1, history.size))
@@ -543,7 +545,7 @@ class LawHistory:
 
     def rest(self) -> None:
         """Let the beginning of a step stay as it is, for `Sensitivity.rates`."""
-        self._begun.x.array[:] = 0.0
+        self._start.x.array[:] = 0.0
 
 
 class FrictionDirection:
@@ -592,7 +594,7 @@ class FrictionDirection:
 
 def _relocation(moved: Component, eq: System) -> Array:
     """Return the motion in sizes of a shape along the imaginary part of a nudged one's place, shape (d,)."""
-    along = np.imag(getattr(moved, "at", np.zeros(3))) / _STEP
+    along = np.imag(getattr(moved, "at", np.zeros(3))) / _COMPLEX_STEP
     return body.in_section(along / eq.length_unit, eq.body.mesh.topology.dim)
 
 
@@ -600,7 +602,7 @@ def _relocation(moved: Component, eq: System) -> Array:
 # Linear extension of boundary motion to inner mesh nodes by an elastic solid, and its transpose.
 
 
-POISSON = 0.3
+SOLID_POISSON = 0.3
 """Poisson's ratio of the solid."""
 AXIS = "axis"
 """Role of a section's axis, on which nodes slide as on a cut plane."""
@@ -631,7 +633,7 @@ class Extension:
 
         def stress(z: ufl.core.expr.Expr) -> ufl.core.expr.Expr:
             strain = self._strain(z)
-            return strain + POISSON / (1 - 2 * POISSON) * ufl.tr(strain) * ufl.Identity(self.dimension)
+            return strain + SOLID_POISSON / (1 - 2 * SOLID_POISSON) * ufl.tr(strain) * ufl.Identity(self.dimension)
 
         a = (
             weight
@@ -911,7 +913,7 @@ def scale_of(device: Actuator, name: str) -> float:
 ADJOINT_TOLERANCE = 1e-10  # of the linear solves
 CONTACT_DEPTH = 0.02
 """Of a contact, in sizes."""
-_STEP = 1e-30  # into the complex plane: exact to rounding
+_COMPLEX_STEP = 1e-30  # into the complex plane: exact to rounding
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -287,7 +287,7 @@ class SolverMethod:
         if not self.memory:
             return ""
         how = "iterations with multigrid" if self.name == "iterative" else "a factorisation"
-        return f"linear equations: {how}, about {self.memory / mpi.GIGABYTE:.2g} GB" + (
+        return f"linear equations: {how}, about {self.memory / mpi.GIGA_BYTE:.2g} GB" + (
             f" ({self.why})" if self.why else ""
         )
 
@@ -332,12 +332,12 @@ def select_solver(system: System, method: str) -> SolverMethod:
     if direct[0] <= room and method != "iterative":
         return SolverMethod("direct", mpi.needed(system.comm, beside + usual)[1])
     if fits and method == "auto":
-        told = f"about {direct[1] / mpi.GIGABYTE:.2g} GB of {room * system.comm.size / mpi.GIGABYTE:.2g} GB free"
+        told = f"about {direct[1] / mpi.GIGA_BYTE:.2g} GB of {room * system.comm.size / mpi.GIGA_BYTE:.2g} GB free"
         return SolverMethod("iterative", iterative[1], f"a factorisation would take {told}")
     least = iterative if method == "iterative" else direct
     advice = ", or --solver iterative" if fits else ""
     raise mpi.TooLargeError(
-        f"the model has {unknowns} unknowns, and its solution needs about {least[1] / mpi.GIGABYTE:.2g} GB "
-        f"of memory, where {room * system.comm.size / mpi.GIGABYTE:.2g} GB are free; use a larger --cell-size, a smaller "
+        f"the model has {unknowns} unknowns, and its solution needs about {least[1] / mpi.GIGA_BYTE:.2g} GB "
+        f"of memory, where {room * system.comm.size / mpi.GIGA_BYTE:.2g} GB are free; use a larger --cell-size, a smaller "
         f"slice of the device{advice}"
     )

@@ -24,9 +24,9 @@ from softmodels.mechanics.potential import Potential
 
 Ints = npt.NDArray[np.int32]
 
-LANES = 8
+PARALLEL_LANES = 8
 """Number of cells or faces that the C code processes in parallel lanes."""
-AT_ONCE = 512
+CELLS_AT_ONCE = 512
 """Number of cells or faces whose second derivatives are computed at once, so that they stay in the processor's cache."""
 FACES = np.array([(1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2)])
 """Corners of a reference tetrahedron's faces."""
@@ -182,7 +182,7 @@ class _Block:
         self._shapes, self._linear = np.ascontiguousarray(quadratic[0]), np.ascontiguousarray(linear[0])
         self._slopes = np.ascontiguousarray(quadratic[1:].transpose(1, 2, 0))
         strains = 12 if side is not None else 10 if pressure else 9
-        self._moduli = np.empty((len(self._dofs), len(points), strains * (strains + 1) // 2, LANES))
+        self._moduli = np.empty((len(self._dofs), len(points), strains * (strains + 1) // 2, PARALLEL_LANES))
         self._c = c
         name = {9: "of_gradients", 10: "with_pressure", 12: "with_values"}[strains]
         self._product = getattr(c.lib, f"moduli_{name}")
@@ -216,12 +216,12 @@ class _Block:
         self._measure()
         buffer = self._c.ffi.from_buffer
         points, entries = self._moduli.shape[1:3]
-        for first in range(0, len(self._entities), AT_ONCE):
-            some = self._entities[first : first + AT_ONCE]
+        for first in range(0, len(self._entities), CELLS_AT_ONCE):
+            some = self._entities[first : first + CELLS_AT_ONCE]
             values = expression.eval(self._mesh, some)
             if self._side is not None:
-                values = self._in_order(values, self._places[first : first + AT_ONCE])
-            into, weights = self._moduli[first // LANES :], self._weights[first:]
+                values = self._in_order(values, self._places[first : first + CELLS_AT_ONCE])
+            into, weights = self._moduli[first // PARALLEL_LANES :], self._weights[first:]
             arrays = [buffer("double[]", array) for array in (values, weights, into)]
             self._c.lib.moduli_take(len(some), points, entries, *arrays)
 
@@ -245,11 +245,11 @@ def _tabulated(degree: int, points: Array) -> Array:
 
 
 def _side_by_side[T: np.generic](rows: npt.NDArray[T]) -> npt.NDArray[T]:
-    """Return the rows of entities, shape (n, k), with `LANES` of them as the last index: shape (n / LANES, k, LANES), filled
-    up."""
-    count = -(-len(rows) // LANES)
-    filled = np.concatenate([rows, np.repeat(rows[-1:], count * LANES - len(rows), axis=0)])
-    return np.ascontiguousarray(filled.reshape(count, LANES, rows.shape[1]).transpose(0, 2, 1))
+    """Return the rows of entities, shape (n, k), with `PARALLEL_LANES` of them as the last index: shape
+    (n / PARALLEL_LANES, k, PARALLEL_LANES), filled up."""
+    count = -(-len(rows) // PARALLEL_LANES)
+    filled = np.concatenate([rows, np.repeat(rows[-1:], count * PARALLEL_LANES - len(rows), axis=0)])
+    return np.ascontiguousarray(filled.reshape(count, PARALLEL_LANES, rows.shape[1]).transpose(0, 2, 1))
 
 
 class NoModuliError(ValueError):
@@ -279,7 +279,7 @@ def second_derivatives(density: Expr, w: fem.Function, on_faces: bool, mixed: bo
     from ufl.classes import Label, Variable
 
     gradient = ufl.grad(w)
-    H, W = (Variable(of, Label(compiling.LABEL + k)) for k, of in enumerate((gradient, w)))
+    H, W = (Variable(of, Label(compiling.FIRST_LABEL + k)) for k, of in enumerate((gradient, w)))
     density = replace(expand_derivatives(density), {gradient: H, w: W})
     _let_go()
     allowed = {0, 1, 2} if on_faces else {3} if mixed else set()

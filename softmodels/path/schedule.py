@@ -27,7 +27,7 @@ from softmodels.path.steps import (
     FLOW,
     PRESSURE,
     SOURCE_PRESSURE,
-    TOLERANCE,
+    STRESS_TOLERANCE,
     VALVE,
     VOLUME,
     Steps,
@@ -370,7 +370,9 @@ class Filling(Drive):
         return super().ended(path, time, step, failure)
 
 
-def march(path: Continuation, drive: Drive, tolerance: float = TOLERANCE) -> Iterator[tuple[float, stability.Point]]:
+def march(
+    path: Continuation, drive: Drive, tolerance: float = STRESS_TOLERANCE
+) -> Iterator[tuple[float, stability.Point]]:
     """Follow a device through one stage, along a path that begins where the stage does (its own control is not looked at).
     Yield which share of the stage is done, and the point; the first one is its beginning. `LostInTime` or `SnapInTime` if there
     is no equilibrium any more, `PathEnd` if a step failed, however short; the tolerance is as `TOLERANCE`."""
@@ -553,7 +555,7 @@ class Stage:
         return cls(start, make(start.drives, change, held, volumes), requested, goal, duration)
 
     def follow(
-        self, solver: Solver, control: str, report: Callable[[str], None], tolerance: float = TOLERANCE
+        self, solver: Solver, control: str, report: Callable[[str], None], tolerance: float = STRESS_TOLERANCE
     ) -> Iterator[tuple[float, stability.Point]]:
         """Follow the stage to its end under a control of `Continuation`; ``tolerance`` is that of steps in time, see `march`.
 
@@ -636,7 +638,7 @@ class Settings:
 
     control: str = "auto"
     report: Callable[[str], None] = lambda text: None
-    tolerance: float = TOLERANCE
+    tolerance: float = STRESS_TOLERANCE
 
 
 DEFAULT_SETTINGS = Settings()

@@ -40,9 +40,9 @@ SOURCE_PRESSURE, FLOW, VALVE = "source_pressure", "flow", "valve"
 """Quantities of a supply in time: Pa, m3/s at ambient pressure, and 0 (closed) to 1 (open)."""
 OF_SUPPLY = (SOURCE_PRESSURE, FLOW, VALVE)
 MAX_STEPS = 1000
-TOLERANCE = 5e-5
+STRESS_TOLERANCE = 5e-5
 """Maximum error of the silicone's stress by one step in time, over the largest stress so far."""
-LEAST_TOLERANCE = 1e-8
+MIN_STRESS_TOLERANCE = 1e-8
 """The least that may be asked for: ten times the tolerance of Newton's method."""
 
 
@@ -66,7 +66,7 @@ class Prescribed:
 
     Attributes:
         quantity: `PRESSURE`, `VOLUME` and so on, or one of `load_quantities`.
-        values: SI units; `Amount` where they come from a text. They rise, or all fall from 0; of a program it is one.
+        values: SI units; `Amount` where they reached from a text. They rise, or all fall from 0; of a program it is one.
         of: The cavity (``"cavity1"``) or the dead load (``"force.tip"``, ``"gravity"``) of a program. Otherwise empty for all
             cavities together, or the only dead load of its kind; or that load's own name.
         doubt: A sentence where the text is ambiguous.
@@ -199,24 +199,24 @@ def durations_of(times: Sequence[float]) -> list[float]:
     return found
 
 
-def time_at(steps: Steps, come: float) -> float:
+def time_at(steps: Steps, reached: float) -> float:
     """Return the time in s after so many steps, 1.5 for half of the second."""
-    return _between(steps, times_of(steps), 0.0, come)
+    return _between(steps, times_of(steps), 0.0, reached)
 
 
-def value_at(steps: Steps, quantity: str, come: float) -> float:
+def value_at(steps: Steps, quantity: str, reached: float) -> float:
     """Return the value of a supply's quantity after so many steps; before the first one it is 0, a valve's as there."""
     values = next(one.values for one in courses(steps) if one.quantity == quantity)
-    return _between(steps, values, values[0] if quantity == VALVE else 0.0, come)
+    return _between(steps, values, values[0] if quantity == VALVE else 0.0, reached)
 
 
-def _between(steps: Steps, values: Sequence[float], first: float, come: float) -> float:
+def _between(steps: Steps, values: Sequence[float], first: float, reached: float) -> float:
     """Return the value after so many steps; at the end of one, and where it stays, as it was written."""
     ends = values if begins_at_rest(steps) else (first, *values)
-    step = int(come)
-    if come == step or ends[step] == ends[step + 1]:
+    step = int(reached)
+    if reached == step or ends[step] == ends[step + 1]:
         return ends[step]
-    return float(np.interp(come, np.arange(len(ends)), ends))
+    return float(np.interp(reached, np.arange(len(ends)), ends))
 
 
 def prescribes(steps: Steps, quantity: str) -> bool:

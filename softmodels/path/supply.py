@@ -97,7 +97,7 @@ register_supply = SUPPLIES.register
 
 GASES = {"isothermal": 1.0, "adiabatic": 1.4, "liquid": math.inf}
 """Exponent of the gas law by name; a liquid is incompressible."""
-AMBIENT = 101.325e3
+AMBIENT_PRESSURE = 101.325e3
 
 
 @register_supply
@@ -119,7 +119,7 @@ class Syringe(AirSupply):
     )
     dead_volume: float = schema.field_of(schema.Quantity("m^3"), "volume of tubes and T-junction", 5e-6, usual=0.01)
     ambient: float = schema.field_of(
-        schema.Quantity("Pa"), "absolute ambient pressure, at which everything was filled", AMBIENT
+        schema.Quantity("Pa"), "absolute ambient pressure, at which everything was filled", AMBIENT_PRESSURE
     )
     gas: str = schema.field_of(schema.Choice(tuple(GASES)), "gas law", "isothermal")
     leak: float = schema.field_of(
@@ -261,7 +261,7 @@ class Reservoir(AirSupply):
     )
     leak_bore: float = schema.field_of(schema.Length(), "inner diameter of the laminar leak", 1e-4)
     ambient: float = schema.field_of(
-        schema.Quantity("Pa"), "absolute ambient pressure, at which everything was filled", AMBIENT
+        schema.Quantity("Pa"), "absolute ambient pressure, at which everything was filled", AMBIENT_PRESSURE
     )
     gas: str = schema.field_of(schema.Choice(("isothermal", "adiabatic")), "gas law", "isothermal")
     name: ClassVar[str] = "reservoir"
@@ -488,9 +488,9 @@ class Gas(stability.Supply):
     def flow(self, source: Source, P: float) -> tuple[float, float]:
         """Return the net flow per s into the device, and its derivative by the pressure."""
         pressure = P * self.pressure_unit
-        (come, rate), (gone, loss) = self.supply.supplied(source, pressure), self.supply.lost(pressure)
+        (inflow, rate), (outflow, loss) = self.supply.supplied(source, pressure), self.supply.lost(pressure)
         unit = 1.0 / (self.supply.ambient * self.volume_unit)
-        return (come - gone) * unit, (rate - loss) * unit * self.pressure_unit
+        return (inflow - outflow) * unit, (rate - loss) * unit * self.pressure_unit
 
     def step(self, last: stability.Point, sources: tuple[Source, Source], step: float) -> GasStep:
         """Return the curve on which a step in time of a length in s ends, from a point, by what the source does at its two

@@ -482,7 +482,7 @@ class Look:
         everything = np.arange(len(skin.images))
         shown, normals = skin.device(moved), skin.device(skin.normals(moved))
         translucent: list[Layer] = []
-        for chosen, style in ((skin.part > grid.OUTSIDE, walls), (skin.part == grid.OUTSIDE, outside)):
+        for chosen, style in ((skin.part > grid.OUTSIDE_LABEL, walls), (skin.part == grid.OUTSIDE_LABEL, outside)):
             if chosen.any() and style is not None:
                 data = surface(shown, skin.device_triangles(chosen, everything), normals)
                 translucent.append((data, {"color": "#8fa8c0", "smooth_shading": True, **style}))
@@ -504,9 +504,9 @@ class Look:
         """
         skin = self.states.skin
         if not self.opened:
-            return skin.device_triangles(skin.part == grid.OUTSIDE, self.kept)
-        cuts = self._single(skin.device_triangles(skin.part == grid.CUT, self.kept))
-        return np.concatenate([skin.device_triangles(skin.part != grid.CUT, self.kept), cuts])
+            return skin.device_triangles(skin.part == grid.OUTSIDE_LABEL, self.kept)
+        cuts = self._single(skin.device_triangles(skin.part == grid.CUT_LABEL, self.kept))
+        return np.concatenate([skin.device_triangles(skin.part != grid.CUT_LABEL, self.kept), cuts])
 
     def _single(self, corners: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
         """Of lines or triangles between the shown images, those that are there once; vertices, shape (k, 2 or 3)."""
@@ -592,12 +592,14 @@ def hot_spot(states: StoredStates, step: int) -> HotSpot:
     flat = np.array([np.hypot(*rest[:2]), 0.0, rest[2]]) if states.actuator.dimension == 2 else rest
     # The wall that the nearest cell has nodes on, and of these the one nearest to the place.
     cell = states.cells[np.argmin(np.linalg.norm(states.points[states.cells].mean(axis=1) - flat, axis=1))]
-    part_of = np.full(len(states.points), grid.CUT)
+    part_of = np.full(len(states.points), grid.CUT_LABEL)
     for walls in range(skin.cavities + 1):
         part_of[skin.nodes[skin.triangles[skin.part == walls]]] = walls
     near = cell[np.argsort(np.linalg.norm(states.points[cell] - flat, axis=1))]
-    part = next((int(part_of[node]) for node in near if part_of[node] != grid.CUT), None)
-    name = {None: "inside the silicone", grid.OUTSIDE: "on the outer face"}.get(part, f"on the wall of cavity {part}")
+    part = next((int(part_of[node]) for node in near if part_of[node] != grid.CUT_LABEL), None)
+    name = {None: "inside the silicone", grid.OUTSIDE_LABEL: "on the outer face"}.get(
+        part, f"on the wall of cavity {part}"
+    )
     name = "on the cavity's wall" if part == skin.cavities == 1 else name
     words = states.words
     under = (

@@ -229,14 +229,14 @@ def packed(look: offscreen.Look, steps: list[int]) -> tuple[dict[str, object], b
     states, skin, count = look.states, look.states.skin, len(look.states.points)
     flat = states.actuator.dimension == 2
     node = skin.nodes + count * skin.turned
-    order = np.argsort(skin.part[skin.part != grid.CUT], kind="stable")  # the outside first
-    triangles, edges = node[skin.triangles[skin.part != grid.CUT][order]], node[skin.edges]
+    order = np.argsort(skin.part[skin.part != grid.CUT_LABEL], kind="stable")  # the outside first
+    triangles, edges = node[skin.triangles[skin.part != grid.CUT_LABEL][order]], node[skin.edges]
     cells, split = solid_cells(states)
 
     def whole(nodal: Array, turned: Array) -> Array:
         return np.concatenate([nodal, turned]) if flat else nodal
 
-    places = [whole(moved, moved @ grid.turn(grid.SECTOR).T) for moved in map(states.moved, steps)]
+    places = [whole(moved, moved @ grid.turn(grid.SECTOR_DEGREES).T) for moved in map(states.moved, steps)]
     low = np.min([place.min(axis=0) for place in places], axis=0)
     span = float(max(np.max([place.max(axis=0) for place in places], axis=0) - low))
     pieces = [
@@ -258,7 +258,8 @@ def packed(look: offscreen.Look, steps: list[int]) -> tuple[dict[str, object], b
     colours = (style.colormap(look.colours)(np.linspace(0, 1, 256))[:, :3] * 255).round().astype(int)
     meta = {
         "subject": style.subject(states.case), "vertices": len(places[0]), "triangles": len(triangles),
-        "outside": int((skin.part == grid.OUTSIDE).sum()), "edges": len(edges), "cells": len(cells), "split": split.tolist(),
+        "outside": int((skin.part == grid.OUTSIDE_LABEL).sum()), "edges": len(edges), "cells": len(cells),
+        "split": split.tolist(),
         "low": low.tolist(), "span": span, "planes": skin.planes.tolist(),
         "images": skin.images.reshape(-1, 9).round(12).tolist(),
         "box": [rest.min(axis=0).tolist(), rest.max(axis=0).tolist()],
@@ -298,7 +299,7 @@ def _limit(states: StoredStates, told: dict[str, object]) -> pages.Fact:
     if states.case.program:
         name = "Limit point of the loads"
     if limit_points := curves.limits(rows):
-        beyond = told.get("status") == outcomes.NO_EQUILIBRIUM
+        beyond = told.get("status") == outcomes.EXIT_NO_EQUILIBRIUM
         note = "there is no equilibrium at what was requested beyond it" if beyond else ""
         if not beyond and not states.case.program and row["requested"] and row[raised]:
             note = f"{limit_points[0][raised] / row[raised]:.3g} times the last requested {words.kept[0]}"

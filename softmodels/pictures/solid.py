@@ -201,7 +201,9 @@ def best_plane(skin: grid.Surface, points: Array, up: Array, axial: bool, motion
     vertices = skin.device(skin.points(points))
     count = max(skin.cavities, 1)
     cavities = [vertices[skin.device_triangles(skin.part == k)] for k in range(1, count + 1)]
-    corners = np.concatenate(cavities) if skin.cavities else vertices[skin.device_triangles(skin.part == grid.OUTSIDE)]
+    corners = (
+        np.concatenate(cavities) if skin.cavities else vertices[skin.device_triangles(skin.part == grid.OUTSIDE_LABEL)]
+    )
     places = [_centre(corners), *(_centre(walls) for walls in cavities if len(walls))]
     best, most = (np.eye(3)[1], places[0]), (-1, -1.0)
     bend = None if motion is None else _normal_to_bend(points, motion)
@@ -255,7 +257,9 @@ def cut_open(states: StoredStates, step: float, plane: Plane, viewer: Array, sca
     skin = states.skin
     place = _point_beside(skin.device(skin.points(states.points)), normal, place)
     u, values = states.field(step, "displacement"), scale.share(states.field(step, scale.field))
-    shell = offscreen.surface(skin.device(skin.points(states.points)), skin.device_triangles(skin.part != grid.CUT))
+    shell = offscreen.surface(
+        skin.device(skin.points(states.points)), skin.device_triangles(skin.part != grid.CUT_LABEL)
+    )
     shell.point_data["displacement"] = skin.device(skin.points(u))
     shell.point_data["values"] = np.tile(values[skin.nodes], len(skin.images))
     style: offscreen.Style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0)}
@@ -462,10 +466,10 @@ def hot_spots(look: offscreen.Look) -> Figure:
     """
     states, step, scale = look.states, look.states.main, look.scales["largest_stretch"]
     skin, hot, everything = states.skin, offscreen.hot_spot(states, step), np.arange(len(states.skin.images))
-    outside = hot.part == grid.OUTSIDE or not skin.cavities
+    outside = hot.part == grid.OUTSIDE_LABEL or not skin.cavities
     points = skin.device(skin.points(states.moved(step)))
     values = np.tile(scale.share(states.field(step, scale.field))[skin.nodes], len(skin.images))
-    walls = skin.device_triangles(skin.part == grid.OUTSIDE if outside else skin.part > grid.OUTSIDE)
+    walls = skin.device_triangles(skin.part == grid.OUTSIDE_LABEL if outside else skin.part > grid.OUTSIDE_LABEL)
     style: offscreen.Style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0)}
     layers = [(offscreen.surface(points, walls, None, values), style)]
     # Of the translucent outside only what is behind the walls, whose colours are those of the bar.

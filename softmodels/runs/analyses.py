@@ -185,7 +185,7 @@ def _search(model: Model, preload: LoadedState | None = None) -> Limit:
     path, fields = model.continuation(preload=preload), model.fields
     kind, why, last, passed = "none", "", None, list[tuple[float, float]]()
     try:
-        vacuum = MAX_VACUUM_SHARE * supply.AMBIENT / model.system.stress_unit
+        vacuum = MAX_VACUUM_SHARE * supply.AMBIENT_PRESSURE / model.system.stress_unit
         goal = load.STIFFNESS_RANGE if model.system.direction > 0 else vacuum
         for point in continuation.trace(path, [goal]):
             before, last = last, point

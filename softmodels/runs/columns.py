@@ -44,11 +44,11 @@ from softmodels.runs.fields import OUTPUTS, Fields, Figures, OutputField, device
 #   at a given height compare with it. A stiffer silicone also needs another volume for the same height.
 
 
-DEVIATIONS = 1.959964
+HALF_WIDTH_95 = 1.959964
 """Half width of a 95 % interval in standard deviations."""
-TOLERANCE = 1e-6
+SOLVE_TOLERANCE = 1e-6
 """Tolerance of the linear solver."""
-SMALL = 1e-3
+DIFFERENCE_STEP = 1e-3
 """Finite-difference step for the device's own figures, in standard deviations."""
 
 
@@ -82,7 +82,7 @@ class Band:
         found = {name: np.array([move[name] for move in moves]) for name in moves[0]}
         at_rest = point.state.P == 0.0 and self.fields.rest_volume == abs(point.state.V)
         widths = {
-            name: 0.0 if at_rest else DEVIATIONS * float(np.linalg.norm(values)) for name, values in found.items()
+            name: 0.0 if at_rest else HALF_WIDTH_95 * float(np.linalg.norm(values)) for name, values in found.items()
         }
         return {name: width if math.isfinite(width) else None for name, width in widths.items()}
 
@@ -106,7 +106,7 @@ class Band:
         if forced:  # P is a dead load, already fixed in newtons; the cavities' pressures are fixed too
             cavities = len(eq.volumes())
             force += dmu / mu * eq.pressures[:cavities] @ eq.pressure_loads()[:cavities]
-        moved = fields.solver.aside(state, controls.volume_control(state.V), -force, TOLERANCE)
+        moved = fields.solver.aside(state, controls.volume_control(state.V), -force, SOLVE_TOLERANCE)
         dP, w, dV = moved.P * mu + (0.0 if forced else state.P * dmu), moved.w, 0.0
         sideways = math.nan if forced else dP - self._slope(point) * self._gauge_rise(moved.w)
         if self.kept != stability.AddedVolume.name:
@@ -140,10 +140,11 @@ class Band:
         ends = []
         for sign in (1.0, -1.0):
             places = {
-                name: np.asarray(actuator.probes[name]) + now[name] + sign * SMALL * shifts[name] for name in shifts
+                name: np.asarray(actuator.probes[name]) + now[name] + sign * DIFFERENCE_STEP * shifts[name]
+                for name in shifts
             }
             ends.append(device_columns(actuator, {name: (p[0], p[1], p[2]) for name, p in places.items()}))
-        return found | {_named(name): (ends[0][name] - ends[1][name]) / (2 * SMALL) for name in ends[0]}
+        return found | {_named(name): (ends[0][name] - ends[1][name]) / (2 * DIFFERENCE_STEP) for name in ends[0]}
 
 
 def _named(column: str) -> str:
@@ -218,7 +219,7 @@ def term(column: str, device: Actuator | None = None, supply: str = "supply") ->
         or _band_term(column, device)
         or _named_term(column)
     )
-    return (known or table.described(column, (table.split(column)[0].replace("_", " "), ""))).told_of(supply)
+    return (known or table.described(column, (table.split(column)[0].replace("_", " "), ""))).named_after(supply)
 
 
 def of_cavities(row: table.Row, what: str) -> list[str]:
@@ -438,7 +439,7 @@ _VARIABLES: tuple[table.Variable, ...] = (
            "smallest distance between facing walls, negative if they overlap; empty if no walls are near",
            lambda s: None if s.gap is None else s.gap.value),
     table.Variable("walls_touch", "", "walls overlap",
-           f"1 where walls overlap by more than {state_values.OVERLAP:.0%} of their thickness, or where the "
+           f"1 where walls overlap by more than {state_values.MAX_OVERLAP_SHARE:.0%} of their thickness, or where the "
            "surface is folded onto itself "
            "within a cell: the state is invalid", lambda s: int(s.overlaps)),
     table.Variable("requested", "", "requested", "1 for a requested state", lambda s: int(s.point.requested)),

@@ -155,9 +155,9 @@ def read_step(group: h5py.Group, file: str, path: str) -> StoredStep:
 # can be given away by itself.
 
 
-VERSION = (2, 2)
+FORMAT_VERSION = (2, 2)
 GROUP = "VTKHDF"
-TENSOR = 9
+TENSOR_COMPONENTS = 9
 """Components of a tensor in files, row by row: XX, XY, XZ, YX and so on, as VTK and XDMF have them."""
 SAME_FILE = "."
 """HDF5's name of the file that a reference stands in."""
@@ -172,7 +172,7 @@ def write_vtkhdf(file: h5py.File, heavy: str, shapes: Shapes, stored: Sequence[S
     folder, or `SAME_FILE`; steps whose file it is are `SAME_FILE` then too."""
     points, (cells, corners), cell_name = shapes
     group = file.create_group(GROUP)
-    group.attrs["Version"] = np.array(VERSION)
+    group.attrs["Version"] = np.array(FORMAT_VERSION)
     group.attrs.create("Type", np.bytes_("UnstructuredGrid"))
     sizes = {"NumberOfPoints": points, "NumberOfCells": cells, "NumberOfConnectivityIds": cells * corners}
     for name, size in sizes.items():
@@ -299,7 +299,7 @@ def _grid(
         part("Geometry", 'GeometryType="XYZ"', (points, 3), f"{heavy}:/mesh/points"),
     ]
     for field, shape in fields:
-        kind = "Scalar" if len(shape) == 1 else "Tensor" if shape[1] == TENSOR else "Vector"
+        kind = "Scalar" if len(shape) == 1 else "Tensor" if shape[1] == TENSOR_COMPONENTS else "Vector"
         attributes = f'Name={quoteattr(field)} AttributeType="{kind}" Center="Node"'
         parts.append(part("Attribute", attributes, shape, f"{place}/{field}"))
     head = f'      <Grid Name={quoteattr(name)} GridType="Uniform">\n        <Time Value="{number}" />'

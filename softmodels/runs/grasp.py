@@ -364,7 +364,7 @@ def grasp(
             raise RunError(
                 f"the fingers do not close to {units.written(pressure)}: the object is no longer in equilibrium beyond "
                 f"{here.pressure / case.cm:.4g} cm; lower the pressure, or use more fingers or friction",
-                outcomes.NO_EQUILIBRIUM,
+                outcomes.EXIT_NO_EQUILIBRIUM,
             )
         found.append(here)
     if load:

@@ -20,7 +20,7 @@ from softmodels.common.lazy import scipy
 # is the outside, the others are cavity walls. It is made once per mesh; a state only moves its vertices.
 
 
-SECTOR = 6.0
+SECTOR_DEGREES = 6.0
 """Angle in degrees of the wedge that an axisymmetric section is drawn as; divides the circle."""
 
 
@@ -30,7 +30,7 @@ class Surface:
 
     Attributes:
         nodes: Grid node of each vertex, shape (v,); nodes on sharp edges have several vertices.
-        turned: Vertices that are turned by `SECTOR` around z after they have moved, shape (v,).
+        turned: Vertices that are turned by `SECTOR_DEGREES` around z after they have moved, shape (v,).
         triangles, part: Vertices, outwards by the right hand, shape (t, 3), and what each belongs to, shape (t,).
         edges, rims: Vertices along sharp edges, shape (e, 2), and along the edges of the cuts, shape (r, 2).
         planes: Unit normals of the slice's symmetry planes, shape (k, 3).
@@ -56,7 +56,7 @@ class Surface:
     def points(self, nodal: Array) -> Array:
         """Return the vectors at the vertices, shape (v, 3), from vectors at the nodes, shape (n, 3)."""
         found = nodal[self.nodes]
-        found[self.turned] = found[self.turned] @ turn(SECTOR).T
+        found[self.turned] = found[self.turned] @ turn(SECTOR_DEGREES).T
         return found
 
     def normals(self, points: Array) -> Array:
@@ -94,9 +94,9 @@ class Surface:
         return (lines + len(self.nodes) * np.arange(count)[:, None, None]).reshape(-1, 2)
 
 
-SHARP = 40.0
+MIN_EDGE_DEGREES = 40.0
 """Dihedral angle in degrees above which a bend of the surface is an edge."""
-CUT, OUTSIDE = -1, 0
+CUT_LABEL, OUTSIDE_LABEL = -1, 0
 """Labels of triangles, besides 1, 2, ... for cavity walls."""
 QUARTERS = np.array([(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)])
 """A six-node triangle as four flat ones."""
@@ -113,9 +113,9 @@ def surface_of(points: Array, cells: Cells, cell_name: str, actuator: Actuator) 
     3), and cells in VTK's order, shape (c, 10), or (c, 6) of an axisymmetric section."""
     near_zero = 1e-7 * actuator.size
     if cell_name.startswith("Tri"):
-        planes = np.array([(0.0, -1.0, 0.0), turn(SECTOR) @ (0.0, 1.0, 0.0)])
+        planes = np.array([(0.0, -1.0, 0.0), turn(SECTOR_DEGREES) @ (0.0, 1.0, 0.0)])
         shell, part, cut = _swept(points, cells)
-        count = round(360.0 / SECTOR)
+        count = round(360.0 / SECTOR_DEGREES)
     else:
         planes = np.array([plane.normal for plane in actuator.cut_planes]).reshape(-1, 3)
         faces = outer_faces(cells, cell_name)
@@ -125,7 +125,7 @@ def surface_of(points: Array, cells: Cells, cell_name: str, actuator: Actuator) 
         part = np.repeat(_parts(points, whole[:, :3]), len(QUARTERS))
         shell, cut = (found[:, QUARTERS].reshape(-1, 3) for found in (whole, faces[sliced]))
         count = actuator.copies
-    both = np.concatenate([points, points @ turn(SECTOR).T])  # the numbering that `_swept` uses
+    both = np.concatenate([points, points @ turn(SECTOR_DEGREES).T])  # the numbering that `_swept` uses
     nodes, triangles, edges = _creased(both, shell)
     cut_nodes, cut_triangles, rims = _creased(both, cut, border_only=True)
     every = np.concatenate([nodes, cut_nodes])
@@ -135,7 +135,7 @@ def surface_of(points: Array, cells: Cells, cell_name: str, actuator: Actuator) 
         nodes=every % len(points),
         turned=every >= len(points),
         triangles=np.concatenate([triangles, cut_triangles + len(nodes)]),
-        part=np.concatenate([part, np.full(len(cut), CUT)]),
+        part=np.concatenate([part, np.full(len(cut), CUT_LABEL)]),
         edges=edges,
         rims=rims + len(nodes),
         planes=planes,
@@ -145,7 +145,7 @@ def surface_of(points: Array, cells: Cells, cell_name: str, actuator: Actuator) 
 
 
 def _parts(points: Array, corners: Cells) -> Cells:
-    """Return `OUTSIDE` or the number of the cavity for each face, by connectivity; shape (f, corners) to (f,)."""
+    """Return `OUTSIDE_LABEL` or the number of the cavity for each face, by connectivity; shape (f, corners) to (f,)."""
     pairs = np.concatenate([corners[:, [0, k]] for k in range(1, corners.shape[1])])
     label = joined(pairs, len(points))[corners[:, 0]]
     names = np.unique(label)
@@ -166,7 +166,7 @@ def _swept(points: Array, cells: Cells) -> tuple[Cells, Cells, Cells]:
     # The silicone lies left of its border, y pointing away.
     begin, end = np.stack([edges[:, [0, 2]], edges[:, [2, 1]]], axis=1).reshape(-1, 2).T
     walls = np.stack([[begin, begin + n, end], [end, begin + n, end + n]], axis=0).transpose(2, 0, 1).reshape(-1, 3)
-    shape = np.concatenate([points, points @ turn(SECTOR).T])[walls]
+    shape = np.concatenate([points, points @ turn(SECTOR_DEGREES).T])[walls]
     area = np.linalg.norm(np.cross(shape[:, 1] - shape[:, 0], shape[:, 2] - shape[:, 0]), axis=1)
     solid = area > 1e-12 * points[:, 0].max() ** 2
     section = cells[:, QUARTERS].reshape(-1, 3)
@@ -196,7 +196,7 @@ def _creased(points: Array, triangles: Cells, border_only: bool = False) -> tupl
     a, b, c = (points[triangles[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
     normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
-    smooth = (normals[one // 3] * normals[other // 3]).sum(axis=1) > np.cos(np.radians(SHARP))
+    smooth = (normals[one // 3] * normals[other // 3]).sum(axis=1) > np.cos(np.radians(MIN_EDGE_DEGREES))
     pairs = np.concatenate([np.column_stack([corners[one[smooth], k], corners[other[smooth], k]]) for k in (0, 1)])
     vertex = joined(pairs, triangles.size)
     nodes = np.empty(vertex.max() + 1, dtype=np.int64)
@@ -288,9 +288,9 @@ def border(cells: Cells) -> Cells:
 
 Indices = npt.NDArray[np.int64]
 
-SAMPLES = 9  # samples per piece from which the closest point is searched
-NEAREST = 8  # samples whose pieces are tried for each point
-ITERATIONS = 30
+SAMPLES_PER_PIECE = 9  # samples per piece from which the closest point is searched
+PIECES_TRIED = 8  # samples whose pieces are tried for each point
+MAX_ITERATIONS = 30
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -327,8 +327,8 @@ class QuadraticCurve:
 
     @functools.cached_property
     def _samples(self) -> tuple[scipy.spatial.KDTree, Indices, Array]:
-        s = np.linspace(-1.0, 1.0, SAMPLES)
-        piece = np.repeat(np.arange(len(self.nodes)), SAMPLES)
+        s = np.linspace(-1.0, 1.0, SAMPLES_PER_PIECE)
+        piece = np.repeat(np.arange(len(self.nodes)), SAMPLES_PER_PIECE)
         at = np.tile(s, len(self.nodes))
         return scipy.spatial.KDTree(self.at(piece, at)[0]), piece, at
 
@@ -336,10 +336,10 @@ class QuadraticCurve:
         """Return the closest point of the curve to each of the points, shape (k, 2)."""
         tree, pieces, places = self._samples
         points = np.asarray(points, dtype=float)
-        _, near = tree.query(points, k=min(NEAREST, len(pieces)))
+        _, near = tree.query(points, k=min(PIECES_TRIED, len(pieces)))
         near = near.reshape(len(points), -1)
         piece, s, target = pieces[near], places[near], points[:, None, :]
-        for _ in range(ITERATIONS):
+        for _ in range(MAX_ITERATIONS):
             place, slope, bend = self.at(piece, s)
             gap = place - target
             square = (slope * slope).sum(-1)

@@ -55,13 +55,13 @@ def notes_of(case: Case, rows: table.PathTable, sources: columns.SourceTables = 
     ]
 
 
-DEEPEST = 0.01
+MAX_QUIET_PENETRATION = 0.01
 """Penetration of a contact, relative to the device's size, above which the user is warned."""
 FOLLOWED_DISTANCE = 1e-3
 """Distance of a named point from the surface, relative to the device's size, above which it is reported."""
-LOCAL = 0.1
+LOCAL_PENETRATION_SHARE = 0.1
 """Fraction of that penetration which the force, spread over the device, would cause; below it only an edge penetrates."""
-REACHED = -85e3
+LOWEST_USUAL_PRESSURE = -85e3
 """Pressure in Pa below which few sources of a vacuum come."""
 VOLUME_CHANGE = 0.05
 """Change of the silicone's volume (J - 1 at a vertex) above which the user is warned."""
@@ -93,7 +93,7 @@ def supply_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
     time, pressure = rows["time"], rows.shown("pressure")
     if (seconds := fill_time(rows)) is not None:
         most = max(rows, key=lambda row: row["source_pressure"])
-        yield f"the device takes {seconds:.3g} s to {FILLED:.0%} of the source's {most.told('source_pressure')}"
+        yield f"the device takes {seconds:.3g} s to {FILLED_SHARE:.0%} of the source's {most.told('source_pressure')}"
     opening = steps.prescribes(case.steps, steps.VALVE)
     closed = np.array([opening and steps.value_at(case.steps, steps.VALVE, row["load_step"]) == 0.0 for row in rows])
     if supply.leak is not None and closed.any():
@@ -115,12 +115,12 @@ def supply_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
 
 
 def fill_time(rows: table.PathTable) -> float | None:
-    """Return the time in s in which a device fills to `FILLED` of the source's largest pressure; None if it does not."""
+    """Return the time in s in which a device fills to `FILLED_SHARE` of the source's largest pressure; None if it does not."""
     if not (most := rows["source_pressure"].max()) > 0.0:  # NaN where the source gives a flow
         return None
     for before, after in itertools.pairwise(rows):
         low, high = before["pressure"], after["pressure"]
-        if low < (wanted := FILLED * most) <= high:
+        if low < (wanted := FILLED_SHARE * most) <= high:
             return float(before["time"] + (wanted - low) / (high - low) * (after["time"] - before["time"]))
     return None
 
@@ -132,7 +132,7 @@ def typed_notes(case: Case) -> Iterator[str]:
 
 def vacuum_notes(case: Case) -> Iterator[str]:
     """Yield a sentence on a vacuum that few sources reach, or none."""
-    if (lowest := case.load.lowest()) <= REACHED:
+    if (lowest := case.load.lowest()) <= LOWEST_USUAL_PRESSURE:
         yield (
             f"{lowest / case.cm:.4g} cm are {lowest / 1e3:.4g} kPa: at sea level ejectors reach about -85 kPa, single-stage "
             "pumps -90 kPa; check the source's data sheet"
@@ -159,7 +159,9 @@ def sealing_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
         last, label = rows[-1], part.label
         if part.sealing and (hold := last[f"{label}_hold"]) > 0.0:
             slides = last[f"{label}_shear"] if part.remembers else 0.0  # where the seal opens, it presses no more
-            shear = f"; its lip slides at a lateral force of {slides:.4g} N" if slides > BARELY * hold else ""
+            shear = (
+                f"; its lip slides at a lateral force of {slides:.4g} N" if slides > MIN_LATERAL_SHARE * hold else ""
+            )
             yield (
                 f"in the last state the holding force of {part.where} is {hold:.4g} N (vacuum times "
                 f"{last.shown(f'{label}_sealed'):.4g} mm2 inside the seal){shear}"
@@ -306,12 +308,12 @@ def contact_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
 def depth_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
     """Yield a sentence if faces penetrate deep into the contact plane."""
     deepest, size = rows.get("contact_depth").max(initial=0.0), case.actuator.size
-    if deepest <= DEEPEST * size or (plane := contact.obstacle_of(case.components)) is None:
+    if deepest <= MAX_QUIET_PENETRATION * size or (plane := contact.obstacle_of(case.components)) is None:
         return
     force = np.abs(rows.get("contact_force")).max(initial=0.0)
     # The penetration of this force if spread over the device; an edge that curls into the plane carries little of it.
     spread = force / (plane.stiffness * case.material.shear_modulus_0 * size**2)
-    if spread < LOCAL * DEEPEST:
+    if spread < LOCAL_PENETRATION_SHARE * MAX_QUIET_PENETRATION:
         yield (
             f"an edge of the faces penetrates the contact plane by {1e3 * deepest:.3g} mm under a total "
             f"force of {force:.3g} N; the faces as a whole penetrate far less, so a larger --contact-stiffness "
@@ -319,8 +321,8 @@ def depth_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
         )
     else:
         yield (
-            f"faces penetrate the contact plane by {1e3 * deepest:.3g} mm, more than {DEEPEST:.0%} of the device's size; use a "
-            f"--contact-stiffness above {plane.stiffness:g}"
+            f"faces penetrate the contact plane by {1e3 * deepest:.3g} mm, more than {MAX_QUIET_PENETRATION:.0%} of the "
+            f"device's size; use a --contact-stiffness above {plane.stiffness:g}"
         )
 
 
@@ -429,9 +431,9 @@ def motion_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
         )
 
 
-FILLED = 0.9
+FILLED_SHARE = 0.9
 """Share of the source's pressure at which a device counts as filled."""
-BARELY = 1e-3
+MIN_LATERAL_SHARE = 1e-3
 """Share of the holding force below which the lateral force at which a lip slides is not told."""
 
 
@@ -700,9 +702,11 @@ def ending(rows: table.PathTable, row: table.Row, words: labels.StateLabels, tol
             reached += f"; the {columns.term(row.column(name)).name} is {row.told(name)}"
     if not told:
         return f"The run was interrupted; {len(rows)} states are stored. {reached}."
-    if told.get("status") == outcomes.DONE:
+    if told.get("status") == outcomes.EXIT_DONE:
         return f"All requested values were reached in {len(rows)} states. {reached}."
-    start = "The run stopped at a limit point" if told.get("status") == outcomes.NO_EQUILIBRIUM else "The run failed"
+    start = (
+        "The run stopped at a limit point" if told.get("status") == outcomes.EXIT_NO_EQUILIBRIUM else "The run failed"
+    )
     return f"{start}: {told.get('message', '')}. {reached}."
 
 
@@ -718,9 +722,9 @@ def _taken(row: table.Row, words: labels.StateLabels) -> str:
 
 NEAR_STRETCH_LIMIT = 0.95
 """Fraction of the stretch at loss of stability, or at locking of the chains, above which that counts as the cause."""
-SQUEEZED = 100.0
+MAX_QUIET_PRESSURE = 100.0
 """Pressure in shear moduli above which the silicone's own volume is compressed rather than the device's shape changed."""
-FOLDED = 0.3
+MIN_QUIET_VOLUME_RATIO = 0.3
 """Volume ratio at a vertex below which cells are nearly inverted."""
 
 
@@ -755,12 +759,12 @@ def known_causes(case: Case, row: table.Row, petsc: bool = False) -> list[str]:
             f"has {stretch:.3g}: it cannot deform further. Use a larger limit, or stay below"
         )
     modulus = case.material.shear_modulus_0
-    if (pressure := row.get("pressure")) > SQUEEZED * modulus:
+    if (pressure := row.get("pressure")) > MAX_QUIET_PRESSURE * modulus:
         found.append(
             f"the pressure is {pressure / modulus:.3g} times the silicone's shear modulus: the supports or stiffeners "
             "leave the device almost no freedom, so the silicone itself is compressed. Support less of it, or stay below"
         )
-    if row["J_min"] < FOLDED:
+    if row["J_min"] < MIN_QUIET_VOLUME_RATIO:
         found.append(
             f"the smallest volume ratio (J) is {row['J_min']:.3g}, so cells are nearly inverted: refine the mesh "
             "(--cell-size) or round its corners (--fillet)"
@@ -836,9 +840,9 @@ def explain(case: Case, end: stability.PathEnd, fields: Fields, path: Continuati
     )
 
 
-def explain_step(case: Case, end: stability.PathEnd, rows: table.PathTable, come: float, petsc: bool = False) -> str:
+def explain_step(case: Case, end: stability.PathEnd, rows: table.PathTable, reached: float, petsc: bool = False) -> str:
     """Return the same for a program's step."""
-    number = math.floor(come) + 1
+    number = math.floor(reached) + 1
     at = next((row for row in reversed(rows) if row["limit"]), rows[-1]) if end.limit else rows[-1]
     words = labels.state_labels(case)
     pressures, volumes = words.pressures(at), words.volumes(at) if words.pressure else []
@@ -858,12 +862,12 @@ def explain_step(case: Case, end: stability.PathEnd, rows: table.PathTable, come
         )
     if isinstance(end, schedule.SnapInTime):
         return (
-            f"{asked} was not reached: at {steps.time_at(case.steps, come):.4g} s, {place}, where {moved}, {end}. "
+            f"{asked} was not reached: at {steps.time_at(case.steps, reached):.4g} s, {place}, where {moved}, {end}. "
             "Stay below, use "
             f"{case.actuator.stiffer} or a stiffer silicone, or request added volumes without the supply (volume_ml)"
         )
     if isinstance(end, schedule.LostInTime):
-        time = steps.time_at(case.steps, come)
+        time = steps.time_at(case.steps, reached)
         return (
             f"{asked} was not reached: at {time:.4g} s {end}, {place}, where {moved}; beyond it {_beyond(case)[0]}. Stay "
             f"below, hold it for less time, use {case.actuator.stiffer} or a stiffer silicone, or request volumes (volume_ml)"

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from softmodels.runs import labels, table
 
 
-DONE, FAILED, BAD_INPUT, NO_EQUILIBRIUM, STOPPED = 0, 1, 2, 3, 130
+EXIT_DONE, EXIT_FAILED, EXIT_BAD_INPUT, EXIT_NO_EQUILIBRIUM, EXIT_STOPPED = 0, 1, 2, 3, 130
 
 INTERRUPTED = "stopped by the user; continue with --resume"
 
@@ -37,7 +37,7 @@ def no_memory(error: MemoryError) -> str:
 class RunError(errors.OptionMessage, RuntimeError):
     """A run failed; ``status`` is the exit status, the message is for the user."""
 
-    def __init__(self, message: str, status: int = FAILED):
+    def __init__(self, message: str, status: int = EXIT_FAILED):
         super().__init__(message)
         self.status = status
 
@@ -57,14 +57,18 @@ class Ended:
     The sentence has options as the command line has them; see `softmodels.common.errors.spoken`.
     """
 
-    status: int = DONE
+    status: int = EXIT_DONE
     message: str = ""
     error: Exception | None = dataclasses.field(default=None, compare=False)
 
     @classmethod
     def by(cls, error: Exception) -> Ended:
         """The end by an error whose message is a sentence for the user; all but runs and meshers were given bad input."""
-        failed = FAILED if isinstance(error, MeshingError | body.BodyError | compiling.CompilingError) else BAD_INPUT
+        failed = (
+            EXIT_FAILED
+            if isinstance(error, MeshingError | body.BodyError | compiling.CompilingError)
+            else EXIT_BAD_INPUT
+        )
         status = error.status if isinstance(error, RunError) else failed
         return cls(status, errors.written(error), error)
 

@@ -296,23 +296,24 @@ class Sampling:
 #
 #     min over q of  q + 1/(share V) int max(v - q, 0) dV,
 #
-# whose derivative by the field is taken at fixed q. The kink of max(x, 0) is rounded within `ROUNDED` of q, which raises the
-# peak by less than that share, so that the derivative is continuous. A stretch is measured from 1, so that it is 1 at rest.
+# whose derivative by the field is taken at fixed q. The kink of max(x, 0) is rounded within `ROUNDING_HALF_WIDTH` of q, which
+# raises the peak by less than that share, so that the derivative is continuous. A stretch is measured from 1, so that it is 1
+# at rest.
 
 
-SHARE = 0.005
+PEAK_VOLUME_SHARE = 0.005
 """Volume fraction of the mean."""
-ROUNDED = 2e-3
+ROUNDING_HALF_WIDTH = 2e-3
 """Half width of the rounding of max(x, 0), x = v/q - 1."""
-BISECTIONS = 45
+MAX_BISECTIONS = 45
 """Bisections of the interval for q, down to 6e-14 of the field's largest value."""
-WORDS = f"mean over the {100 * SHARE:g} % of the volume where it is largest"
+WORDS = f"mean over the {100 * PEAK_VOLUME_SHARE:g} % of the volume where it is largest"
 
 
 def excess(x: Array) -> tuple[Array, Array]:
     """Return max(x, 0), rounded, and its slope."""
-    inner = np.clip((x + ROUNDED) / (2 * ROUNDED), 0.0, 1.0)
-    return np.where(x > ROUNDED, x, ROUNDED * inner**2), inner
+    inner = np.clip((x + ROUNDING_HALF_WIDTH) / (2 * ROUNDING_HALF_WIDTH), 0.0, 1.0)
+    return np.where(x > ROUNDING_HALF_WIDTH, x, ROUNDING_HALF_WIDTH * inner**2), inner
 
 
 def volume_peak(comm: MPI.Comm, values: Array, volumes: Array, rest: float = 0.0) -> tuple[float, float]:
@@ -323,7 +324,7 @@ def volume_peak(comm: MPI.Comm, values: Array, volumes: Array, rest: float = 0.0
     """
     values = values - rest
     top = mpi.largest(comm, float(values.max()) if values.size else 0.0)
-    whole = SHARE * mpi.total(comm, float(volumes.sum()))
+    whole = PEAK_VOLUME_SHARE * mpi.total(comm, float(volumes.sum()))
     if top <= 0.0:
         return rest, rest
 
@@ -334,7 +335,7 @@ def volume_peak(comm: MPI.Comm, values: Array, volumes: Array, rest: float = 0.0
 
     low, high = 1e-3 * top, 2.0 * top
     for _ in range(
-        BISECTIONS
+        MAX_BISECTIONS
     ):  # the slope rises with q; importing SciPy's root finders would take longer than this loop
         q = 0.5 * (low + high)
         low, high = (low, q) if slope(q) > 0.0 else (q, high)
@@ -357,23 +358,23 @@ def volume_peak(comm: MPI.Comm, values: Array, volumes: Array, rest: float = 0.0
 # the same. A wall that meets its mirror image in a cut plane has a gap of twice its distance from the plane.
 
 
-OPPOSED = -0.3
+MAX_OPPOSED_PRODUCT = -0.3
 """Largest product of the normals of a place and a facet that face each other."""
-AIR = 1e-6
+MIN_AIR_SINE = 1e-6
 """Sine of the angle under which a chord has to leave into air at both ends."""
-PIECES = 4
+PIECES_PER_EDGE = 4
 """Parts of a facet's edge between the places that the gap is taken at."""
-BESIDE = 1e-3
+FACET_TOLERANCE = 1e-3
 """Tolerance in a facet's own coordinates within which a closest point counts as on it."""
-CURVED = 0.3
+CURVATURE_REACH = 0.3
 """Search range of a closest point beside the plane triangle of a facet's corners, and off it in edge lengths."""
-REACH, LAST_REACH = 0.02, 0.3
+GAP_REACH, OVERLAP_REACH = 0.02, 0.3
 """Search distances in mesh sizes, for gaps and, once walls overlap, for overlaps."""
-PROJECTIONS = 5
+MAX_PROJECTIONS = 5
 """Iterations for a closest point; each gains digits if the distance is small against the radius of curvature."""
-OVERLAP = 0.01
+MAX_OVERLAP_SHARE = 0.01
 """Overlap, relative to the wall thickness, above which walls count as overlapping."""
-CHUNK = 200_000
+PLACES_AT_ONCE = 200_000
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -396,8 +397,8 @@ class Gap:
 
     @property
     def overlaps(self) -> bool:
-        """Whether walls overlap by more than `OVERLAP` of their thickness."""
-        return self.share > OVERLAP
+        """Whether walls overlap by more than `MAX_OVERLAP_SHARE` of their thickness."""
+        return self.share > MAX_OVERLAP_SHARE
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -468,7 +469,7 @@ class FacingWalls:
         self._air = _joined(self.facets)
         corner = points[self.facets[:, :2]]
         edge = float(np.median(np.linalg.norm(corner[:, 1] - corner[:, 0], axis=1))) if len(corner) else 0.0
-        self.reach = max(REACH * size, 0.5 * edge)
+        self.reach = max(GAP_REACH * size, 0.5 * edge)
         beyond = _neighbours(number.ravel(), len(parts), surface)
         self.thickness = _through(points, cells, parts[:, :corners], beyond, owner[chosen], self._rest)
 
@@ -486,7 +487,7 @@ class FacingWalls:
         distance = np.linalg.norm(every - point, axis=2)
         facet, at = np.unravel_index(int(np.argmin(distance)), distance.shape)
         number, own = np.array([facet]), self._lattice[[at]]
-        for _ in range(PROJECTIONS):
+        for _ in range(MAX_PROJECTIONS):
             place, tangents = _patch(nodes[number], own)
             own = own + np.linalg.pinv(tangents[0].T) @ (point - place[0])
             own = np.maximum(own, 0.0)
@@ -528,7 +529,7 @@ class FacingWalls:
             seen = self._within(at, reach)
             least = float(np.min(seen.values, initial=np.inf))
             # A deep overlap is as far from the wall it has passed through.
-            if least >= 0.0 or least >= before or reach >= LAST_REACH * self.size:
+            if least >= 0.0 or least >= before or reach >= OVERLAP_REACH * self.size:
                 return seen
             before, reach = least, 2.0 * reach
 
@@ -590,7 +591,9 @@ class FacingWalls:
         place, tangents = _patch(at[self.facets[facet]], self._lattice[point])
         beyond = place @ plane
         # In front of the plane a point has to face it; behind it every point counts.
-        faces = ((self._normal(tangents, facet) @ plane > -OPPOSED) & (beyond > -reach / 2)) | (beyond > 0.0)
+        faces = ((self._normal(tangents, facet) @ plane > -MAX_OPPOSED_PRODUCT) & (beyond > -reach / 2)) | (
+            beyond > 0.0
+        )
         facet, point, beyond = facet[faces], point[faces], beyond[faces]
         normals = np.tile(-plane, (len(facet), 1))
         return -2.0 * beyond, facet, point, np.full(len(facet), -1 - number), np.zeros((len(facet), k)), normals
@@ -602,11 +605,11 @@ class FacingWalls:
         radius = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1)
         i, j = _near(middle, reach + 2 * float(radius.max()))
         near = np.linalg.norm(middle[i] - middle[j], axis=1) < reach + radius[i] + radius[j]
-        near &= (self._air[i] == self._air[j]) & (np.einsum("pi,pi->p", normal[i], normal[j]) < -OPPOSED)
+        near &= (self._air[i] == self._air[j]) & (np.einsum("pi,pi->p", normal[i], normal[j]) < -MAX_OPPOSED_PRODUCT)
         i, j = i[near], j[near]
         X, N = self._rest
         chord = X[j] - X[i]
-        least = AIR * np.linalg.norm(chord, axis=1)
+        least = MIN_AIR_SINE * np.linalg.norm(chord, axis=1)
         air = (np.einsum("pi,pi->p", chord, N[i]) > least) & (np.einsum("pi,pi->p", chord, N[j]) < -least)
         i, j = i[air], j[air]
         # A closest point lies on the facet, straight in front of the place.
@@ -616,12 +619,14 @@ class FacingWalls:
         far = np.einsum("pi,pi->p", way, between)
         aside = np.linalg.norm(way - far[:, None] * between, axis=1)
         wide = radius[i] + radius[j]
-        straight = (aside < (1 + CURVED) * wide + CURVED * np.abs(far)) & (np.abs(far) < reach + CURVED * wide)
+        straight = (aside < (1 + CURVATURE_REACH) * wide + CURVATURE_REACH * np.abs(far)) & (
+            np.abs(far) < reach + CURVATURE_REACH * wide
+        )
         i, j = i[straight], j[straight]
         apart = (self.facets[i][:, :, None] != self.facets[j][:, None, :]).all(axis=(1, 2))
         i, j = np.concatenate([i[apart], j[apart]]), np.concatenate([j[apart], i[apart]])
         places = np.einsum("sk,fki->fsi", _weights(self._lattice, self.flat), corners)
-        step = max(CHUNK // len(self._lattice), 1)
+        step = max(PLACES_AT_ONCE // len(self._lattice), 1)
         chunks = range(0, max(len(i), 1), step)
         return [self._projected(corners, places, i[a : a + step], j[a : a + step], reach) for a in chunks]
 
@@ -633,14 +638,16 @@ class FacingWalls:
         d = 1 if self.flat else 2
         base, sides = nodes[:, 0], np.swapaxes(nodes[:, 1 : d + 1] - nodes[:, :1], 1, 2)
         flat = np.linalg.pinv(sides)  # in the plane through the corners
-        bent = np.linalg.norm(np.diff(nodes[:, [0, *range(1, d + 1), 0]], axis=1), axis=2).max(axis=1) * CURVED
+        bent = np.linalg.norm(np.diff(nodes[:, [0, *range(1, d + 1), 0]], axis=1), axis=2).max(axis=1) * CURVATURE_REACH
         way = places[i] - base[j][:, None]
         start = np.einsum("pdi,psi->psd", flat[j], way)
         off = np.linalg.norm(way - np.einsum("pid,psd->psi", sides[j], start), axis=2)
-        near = (np.minimum(start.min(axis=2), 1.0 - start.sum(axis=2)) > -CURVED) & (off < reach + bent[j][:, None])
+        near = (np.minimum(start.min(axis=2), 1.0 - start.sum(axis=2)) > -CURVATURE_REACH) & (
+            off < reach + bent[j][:, None]
+        )
         pair, point = np.nonzero(near)
         start, x, i, j = start[pair, point], places[i[pair], point], i[pair], j[pair]
-        for _ in range(PROJECTIONS):
+        for _ in range(MAX_PROJECTIONS):
             y, tangents = _patch(nodes[j], start)
             gram = np.einsum("pai,pbi->pab", tangents, tangents)
             gram += 1e-14 * np.einsum("paa->p", gram)[:, None, None] * np.eye(d)
@@ -650,16 +657,20 @@ class FacingWalls:
         m = self._normal(tangents, j)
         _, own = _patch(nodes[i], self._lattice[point])
         gap = np.einsum("pi,pi->p", x - y, m)
-        kept = np.minimum(start.min(axis=1), 1.0 - start.sum(axis=1)) > -BESIDE
-        kept &= (np.abs(gap) < reach) & (np.einsum("pi,pi->p", self._normal(own, i), m) < OPPOSED)
+        kept = np.minimum(start.min(axis=1), 1.0 - start.sum(axis=1)) > -FACET_TOLERANCE
+        kept &= (np.abs(gap) < reach) & (np.einsum("pi,pi->p", self._normal(own, i), m) < MAX_OPPOSED_PRODUCT)
         return gap[kept], i[kept], point[kept], j[kept], _weights(start[kept], self.flat), m[kept]
 
 
 def _lattice(flat: bool) -> tuple[Array, Array]:
     """Return the places on a facet in its own coordinates, shape (s, d), and its middle."""
     if flat:
-        return np.linspace(0.0, 1.0, 2 * PIECES + 1)[:, None], np.array([0.5])
-    places = [(a / PIECES, b / PIECES) for a in range(PIECES + 1) for b in range(PIECES + 1 - a)]
+        return np.linspace(0.0, 1.0, 2 * PIECES_PER_EDGE + 1)[:, None], np.array([0.5])
+    places = [
+        (a / PIECES_PER_EDGE, b / PIECES_PER_EDGE)
+        for a in range(PIECES_PER_EDGE + 1)
+        for b in range(PIECES_PER_EDGE + 1 - a)
+    ]
     return np.array(places), np.array([1 / 3, 1 / 3])
 
 

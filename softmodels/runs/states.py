@@ -202,7 +202,7 @@ class FolderStates(StoredStates):
     def fields(self, step: int, names: Sequence[str] | None = None) -> Mapping[str, Array]:
         there = self.results.stored[step].shapes
         if missing := [name for name in names or () if name not in there]:
-            if self.results.format != store.FORMAT:
+            if self.results.format != store.FORMAT_NUMBER:
                 raise self.results.other_format(missing[0])
             raise ResultsError(f"the states in {self.folder} hold no {missing[0]}; {store.RERUN_ADVICE}")
         with self._readable():
@@ -268,7 +268,7 @@ def cut_line(skin: grid.Surface, points: Array, displacement: Array, normal: Vec
     nodes and displacements in m, shape (n, 3), cut by a plane of unit normal, ``at`` m from the origin, of a device as large
     as ``size`` m."""
     rest, moved = (skin.device(skin.points(nodal)) for nodal in (points, points + displacement))
-    triangles = skin.device_triangles(skin.part == grid.OUTSIDE)
+    triangles = skin.device_triangles(skin.part == grid.OUTSIDE_LABEL)
     height = rest @ np.asarray(normal) - at - CUT_OFFSET * size
     above = height[triangles] > 0.0
     hit = triangles[above.any(axis=1) & ~above.all(axis=1)]
@@ -300,7 +300,7 @@ def axes_of(normal: Vector, lift: Vector) -> Array:
 # Values along a line through the body: from place to place, or from a point of the surface straight through its wall.
 
 
-POINTS = 201
+LINE_POINTS = 201
 """Default number of points of a line."""
 BODY_TOLERANCE = 5e-4
 """Distance from the body within which a point counts as in it, over the device's size."""
@@ -419,7 +419,7 @@ class Probe:
             result[name] = here
         return result
 
-    def line(self, ends: tuple[Array, Array], fields: Mapping[str, Array], count: int = POINTS) -> Line:
+    def line(self, ends: tuple[Array, Array], fields: Mapping[str, Array], count: int = LINE_POINTS) -> Line:
         """Return the values along a line; `CaseError` if it has no length, or does not meet the silicone."""
         begin, end = ends
         if not np.linalg.norm(end - begin) > 0.0:

@@ -53,7 +53,7 @@ class Results:
         self.stored: list[formats.StoredStep] = []
         self.later: dict[int, formats.StoredStep] = {}
         self._about: dict[str, object] = {}
-        self.format = FORMAT
+        self.format = FORMAT_NUMBER
         self.started: float | None = None
 
     @property
@@ -153,7 +153,7 @@ class Results:
         def fill(file: h5py.File) -> None:
             file["mesh/points"], file["mesh/cells"] = points, cells
             file["mesh"].attrs["cell_name"] = cell_name
-            file.attrs["format"] = FORMAT
+            file.attrs["format"] = FORMAT_NUMBER
 
         replace_hdf5(self.heavy, fill)
         self._shapes = (len(points), cells.shape, cell_name)
@@ -177,7 +177,7 @@ class Results:
         try:
             with formats.opened(self.heavy) as file:
                 self.format = int(file.attrs.get("format", 0))
-                if self.format > FORMAT or (go_on and self.format < FORMAT):
+                if self.format > FORMAT_NUMBER or (go_on and self.format < FORMAT_NUMBER):
                     raise self.other_format()
                 points, cells = formats.inside(file, "mesh/points").shape, formats.inside(file, "mesh/cells").shape
                 self._shapes = (points[0], cells, str(formats.inside(file, "mesh").attrs["cell_name"]))
@@ -195,17 +195,20 @@ class Results:
 
     def other_format(self, missing: str = "") -> ResultsError:
         """Return the error of results in another format than this version's, perhaps with what they are missing."""
-        later = self.format > FORMAT
+        later = self.format > FORMAT_NUMBER
         text = f"{self.folder} was written by {'a later' if later else 'an earlier'} version of softmodels"
         without = f" without {missing}" if missing else ""
         return ResultsError(
-            f"{text} (format {self.format}, not {FORMAT}){without}; {'update softmodels' if later else RERUN_ADVICE}"
+            f"{text} (format {self.format}, not {FORMAT_NUMBER}){without}; {'update softmodels' if later else RERUN_ADVICE}"
         )
 
     def add(self, record: formats.StateRecord) -> None:
         """Store one state."""
         cells, restart, fields = record.row.cells, record.restart, record.fields.items()
-        flat = {name: values if values.ndim < 3 else values.reshape(-1, formats.TENSOR) for name, values in fields}
+        flat = {
+            name: values if values.ndim < 3 else values.reshape(-1, formats.TENSOR_COMPONENTS)
+            for name, values in fields
+        }
         self.steps.mkdir(exist_ok=True)
 
         def fill(file: h5py.File) -> None:
@@ -232,7 +235,7 @@ class Results:
         with formats.opened(self.folder / stored.file) as file:
             found = {name: np.asarray(formats.read_values(file, f"{stored.group}/{name}")) for name in names}
         return {
-            name: values.reshape(-1, 3, 3) if values.shape[1:] == (formats.TENSOR,) else values
+            name: values.reshape(-1, 3, 3) if values.shape[1:] == (formats.TENSOR_COMPONENTS,) else values
             for name, values in found.items()
         }
 
@@ -266,7 +269,7 @@ PICTURES = ("profile", "loop", "mesh", "slice", "mode", "undeformed", "cut", "ho
             *(f"stress-{k}" for k in range(1, 5)))  # fmt: skip
 """Stems of the pictures other than the one named after the gauge."""
 PAGES = ("film.gif", "film.webp", "film.mp4", "report.html")
-FORMAT = 5
+FORMAT_NUMBER = 5
 """Of the stored steps, in the HDF5 file's attribute ``format``. An older one is read, but not resumed."""
 RERUN_ADVICE = "run its case.toml again into another folder (--output), without --resume"
 INPUTS = "files/"
@@ -289,10 +292,10 @@ def not_passed(steps: Mapping[int, formats.StoredStep]) -> list[int]:
     reached, numbers = -math.inf, []
     for number in sorted(steps):
         row = table.Row(steps[number].cells)
-        come = row.get("load_step", math.inf)
-        if reached < come:
+        load_step = row.get("load_step", math.inf)
+        if reached < load_step:
             numbers.append(number)
-            reached = come if come < math.inf and (row["requested"] or "time" in row) else reached
+            reached = load_step if load_step < math.inf and (row["requested"] or "time" in row) else reached
     return numbers
 
 

@@ -289,7 +289,7 @@ class ColumnText:
     unit: str
     text: str
 
-    def told_of(self, supply: str) -> ColumnText:
+    def named_after(self, supply: str) -> ColumnText:
         """Return a copy with the name of the air supply instead of ``{supply}``."""
         return ColumnText(self.name.replace("{supply}", supply), self.unit, self.text.replace("{supply}", supply))
 

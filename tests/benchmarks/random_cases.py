@@ -57,7 +57,7 @@ from softmodels.case.load import steps_of
 from softmodels.mechanics.controls import LoadPart
 from softmodels.path.steps import Step, courses
 from softmodels.runs.grasp import grasp
-from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM
+from softmodels.runs.outcomes import EXIT_DONE, EXIT_NO_EQUILIBRIUM
 
 BALANCE = 0.05
 """Share of the largest energy by which work and stored energy may differ: paths have twelve steps or more."""
@@ -126,12 +126,12 @@ def fault_of(case: Case, run: Any) -> tuple[str, str]:
     """How a run ended, in a word, and what is wrong with that, or nothing."""
     status, message = run._ended.status, run._ended.message
     physical = next((words for words in PHYSICAL if words in message), None)
-    if status not in (DONE, NO_EQUILIBRIUM) and physical is None:
+    if status not in (EXIT_DONE, EXIT_NO_EQUILIBRIUM) and physical is None:
         return "lost", message
     off = imbalance(case, run.rows)
     if off > BALANCE:  # either long steps on a curved path, or a fault
         off = min(off, imbalance(case, sm.run(denser(case, run.rows)).rows))
-    ended = "reached" if status == DONE else "limit" if status == NO_EQUILIBRIUM else str(physical)
+    ended = "reached" if status == EXIT_DONE else "limit" if status == EXIT_NO_EQUILIBRIUM else str(physical)
     return ended, f"work and energy differ by {off:.1%}" if off > BALANCE else ""
 
 
@@ -145,7 +145,7 @@ def outcome(case: Case) -> tuple[str, str]:
     except (sm.ComponentError, sm.GeometryError, MeshingError) as error:  # only the mesh shows that it cannot be there
         return "refused", str(error)
     except sm.RunError as error:
-        return ("limit", "") if error.status == NO_EQUILIBRIUM else ("lost", str(error))
+        return ("limit", "") if error.status == EXIT_NO_EQUILIBRIUM else ("lost", str(error))
     except Exception as error:
         return "crashed", f"{type(error).__name__}: {error}"
 
@@ -157,7 +157,7 @@ def outcome_of_grasp(case: Case, asked: dict[str, Any]) -> tuple[str, str]:
     except (sm.GeometryError, MeshingError) as error:
         return "refused", str(error)
     except sm.RunError as error:
-        return ("limit", "") if error.status == NO_EQUILIBRIUM else ("lost", str(error))
+        return ("limit", "") if error.status == EXIT_NO_EQUILIBRIUM else ("lost", str(error))
     except Exception as error:
         return "crashed", f"{type(error).__name__}: {error}"
     off = max(np.abs(made.imbalance(one)).max() / max(one.press.sum(), abs(one.load), 1e-6) for one in held)

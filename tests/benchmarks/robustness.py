@@ -37,7 +37,7 @@ import numpy as np
 
 from geometries import Actuator, GeometryError, HollowDisk, SeminarActuator
 from softmodels.materials.laws import Gent, Material, MooneyRivlin, NeoHookean, Ogden, Yeoh
-from softmodels.path.supply import AMBIENT, GASES, Syringe
+from softmodels.path.supply import AMBIENT_PRESSURE, GASES, Syringe
 
 KINDS = ("section", "wedge", "seminar")
 SAME = {"section": 0.002, "wedge": 0.03, "seminar": 0.002}
@@ -89,7 +89,7 @@ def trials(count: int, seed: int = 2013, kind: str = "section") -> Iterator[Tria
         syringe = None
         if quantity == "stroke":
             gas, dead = chance.choice(list(GASES)), 10 ** chance.uniform(-1, 3)
-            goal *= 1 + 0.3 * dead * mu / AMBIENT  # some of the stroke goes into squeezing what the tubes hold
+            goal *= 1 + 0.3 * dead * mu / AMBIENT_PRESSURE  # some of the stroke goes into squeezing what the tubes hold
             syringe = Syringe(goal * cavity, dead * cavity, gas=gas)
         controls = {"pressure": ("auto", "pressure", "volume", "arc-length"), "volume": ("auto", "volume", "arc-length"),
                     "stroke": ("auto", "arc-length")}  # fmt: skip

@@ -14,7 +14,7 @@ from softmodels.design.extremes import MINIMUM_SHARPNESS, LeastGap, PeakStretch,
 from softmodels.design.model import DesignModel
 from softmodels.design.problem import DesignProblem
 from softmodels.runs import state_values as surface
-from softmodels.runs.state_values import SHARE, volume_peak
+from softmodels.runs.state_values import PEAK_VOLUME_SHARE, volume_peak
 from tests.support.campaigns import sampled
 
 TAYLOR = "Taylor's remainder of every quantity by every length, before and past a limit point"
@@ -102,7 +102,9 @@ def test_the_mean_of_the_largest_values(comm):
     """Of a field that is spread evenly from 0 to 1 over the volume the mean of the last share is known; so is a constant's."""
     values = (np.arange(200_000) + 0.5) / 200_000
     found, q = volume_peak(comm, values, np.full_like(values, 3.0))
-    assert found == pytest.approx(1.0 - SHARE / 2, abs=3e-4) and q == pytest.approx(1.0 - SHARE, abs=3e-4)
+    assert found == pytest.approx(1.0 - PEAK_VOLUME_SHARE / 2, abs=3e-4) and q == pytest.approx(
+        1.0 - PEAK_VOLUME_SHARE, abs=3e-4
+    )
     assert volume_peak(comm, np.full(10, 1.7), np.ones(10))[0] == pytest.approx(1.7, rel=3e-3)
     assert volume_peak(comm, np.zeros(10), np.ones(10)) == (0.0, 0.0)
     assert volume_peak(comm, np.ones(10), np.ones(10), rest=1.0) == (1.0, 1.0)

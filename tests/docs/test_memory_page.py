@@ -45,7 +45,7 @@ def test_the_fit_finds_the_silicone_of_the_examples(done):
     assert [branch.time for branch in memory.branches] == [time for _, time in examples.BRANCHES]
     assert [branch.share for branch in memory.branches] == pytest.approx([s for s, _ in examples.BRANCHES], abs=5e-3)
     soft = memory.softening
-    assert (soft.r, soft.m, soft.beta) == pytest.approx(examples.SOFTENED, rel=0.05)
+    assert (soft.r, soft.m, soft.beta) == pytest.approx(examples.SOFTENING_NUMBERS, rel=0.05)
 
 
 def test_photographs_show_how_the_disk_creeps(done):

@@ -18,7 +18,7 @@ from softmodels.case.load import steps_of
 from softmodels.common.commands import run_command
 from softmodels.components.fibres import Reinforced, least_resistance
 from softmodels.runs.notes import advice
-from softmodels.runs.outcomes import NO_EQUILIBRIUM
+from softmodels.runs.outcomes import EXIT_NO_EQUILIBRIUM
 from softmodels.runs.table import Row
 
 STARTS = {
@@ -113,7 +113,7 @@ INCOMPRESSIBLE = sm.NeoHookean(30e3, 0.5)
 def test_a_cavity_that_cannot_change_takes_no_volume():
     with pytest.raises(sm.RunError, match=r"no equilibrium at 1 ml .* the supports prevent any change") as told:
         sm.inflate(TUBE, INCOMPRESSIBLE, volumes="1 ml", components=HELD)
-    assert told.value.status == NO_EQUILIBRIUM
+    assert told.value.status == EXIT_NO_EQUILIBRIUM
 
 
 def test_a_pressure_that_squeezes_the_silicone_itself_is_named():

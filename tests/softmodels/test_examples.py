@@ -158,7 +158,7 @@ def test_the_tensile_curve_is_of_the_silicone_in_the_photographs(written):
     curve = read_curve(written.path / "pull.csv")
     law = LawChoice.from_text(examples.TRUTH.law).material(examples.TRUTH.values)
     off = curve.stress - nominal_stress(law, curve.stretch)
-    assert np.sqrt(np.mean(off**2)) == pytest.approx(examples.NOISE, rel=0.15)
+    assert np.sqrt(np.mean(off**2)) == pytest.approx(examples.STRESS_NOISE, rel=0.15)
     assert "computed, not measured" in (written.path / "pull.csv").read_text()
 
 
@@ -219,7 +219,7 @@ def test_the_photographs_are_those_that_the_code_renders(tmp_path):
     """One of the board and the one of the grid, the bytes of which depend on the version of the JPEG library only."""
     scene = list(examples.board_scenes())[2]
     rendered = {
-        "boards/board03.jpg": chessboard(scene, side=examples.SIDE, seed=3),
+        "boards/board03.jpg": chessboard(scene, side=examples.SQUARE_SIDE, seed=3),
         "photographs/grid.jpg": photograph(examples.bench(), None, seed=100)[0],
     }
     for name, image in rendered.items():

@@ -22,7 +22,7 @@ from softmodels.pictures.offscreen import look
 from softmodels.pictures.solid import cut_open
 from softmodels.pictures.style import Caption, Scale, png
 from softmodels.runs import grid
-from softmodels.runs.grid import CUT
+from softmodels.runs.grid import CUT_LABEL
 from softmodels.runs.labels import StateLabels
 from softmodels.runs.states import FolderStates, StoredStates, round_steps
 from softmodels.runs.store import Results, ResultsError
@@ -282,7 +282,7 @@ def test_a_cut_in_a_symmetry_plane_has_no_cracks(kind, name, slices, request):
     plane = (skin.planes[0], np.zeros(3))
     layers = cut_open(states, 0, plane, plane[0], Scale(states.field(0, "von_mises")))
     face, rim = (data for data, _ in layers[1:3])
-    corners = skin.points(states.points)[skin.triangles[skin.part == CUT]]
+    corners = skin.points(states.points)[skin.triangles[skin.part == CUT_LABEL]]
     corners = corners[np.abs(corners @ plane[0]).max(axis=1) < 1e-9]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
     assert face.area == pytest.approx(slices * area, rel=1e-3)

@@ -16,7 +16,7 @@ from PIL import Image
 from softmodels.pictures.offscreen import look
 from softmodels.pictures.report import packed
 from softmodels.pictures.solid import MAX_GIF_BYTES
-from softmodels.runs.grid import CUT, SECTOR, turn
+from softmodels.runs.grid import CUT_LABEL, SECTOR_DEGREES, turn
 from softmodels.runs.states import FolderStates
 
 VOID = {"meta", "link", "img", "input", "br", "hr"}
@@ -161,7 +161,9 @@ def test_the_cells_of_the_view_fill_the_silicone(kind, request):
     points = skin.points(states.points)
     if kind == "half_section":
         cells = np.concatenate([cells, cells + len(states.points)], axis=1)
-    nodes = states.points if kind == "wedge" else np.concatenate([states.points, states.points @ turn(SECTOR).T])
+    nodes = (
+        states.points if kind == "wedge" else np.concatenate([states.points, states.points @ turn(SECTOR_DEGREES).T])
+    )
     corners = nodes[cells[:, meta["split"]]].reshape(-1, 4, 3)
     volume = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])).sum() / 6
     a, b, c = points[skin.triangles].transpose(1, 0, 2)
@@ -228,7 +230,7 @@ def test_its_view_shows_the_field_in_a_browser(browser, report):
     shown, skin, step = look(states), states.skin, states.main
     size = tab.evaluate("(({width, height}) => [width, height])(document.getElementById('viewer-canvas'))")
     moved, rest = (skin.device(skin.points(points)) for points in (states.moved(step), states.points))
-    triangles, lines = skin.device_triangles(skin.part != CUT), skin.device_lines(skin.edges)
+    triangles, lines = skin.device_triangles(skin.part != CUT_LABEL), skin.device_lines(skin.edges)
     along = np.linspace(0.0, 1.0, 200)[:, None, None]
     ends = np.concatenate([moved[lines], rest[lines]])
     edges = projected(meta, (1 - along) * ends[:, 0] + along * ends[:, 1], size)

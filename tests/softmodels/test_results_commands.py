@@ -15,7 +15,7 @@ import pytest
 import softmodels as sm
 from softmodels.__main__ import softmodels
 from softmodels.common.files import parse_json
-from softmodels.runs.store import FORMAT
+from softmodels.runs.store import FORMAT_NUMBER
 from tests.support.made_up import made_up
 
 
@@ -265,7 +265,7 @@ def test_results_of_another_format_are_named_as_such(words, version, sentence, e
     status, _, err = ended(softmodels, *words, folder)
     fix = "update softmodels" if version == 99 else "run its case.toml again into another folder (--output)"
     assert status == 2 and err.count("\n") == 1, err
-    assert f"was written by {sentence} of softmodels (format {version}, not {FORMAT})" in err and fix in err
+    assert f"was written by {sentence} of softmodels (format {version}, not {FORMAT_NUMBER})" in err and fix in err
 
 
 DEEP = {"summary.json": "[" * 100_000, "fit.json": '{"laws":' * 100_000}

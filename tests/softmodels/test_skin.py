@@ -12,7 +12,7 @@ from geometries import Balloon, Bellows, HollowDisk, Membrane, SeminarActuator
 from softmodels.components.contact import RigidShape
 from softmodels.pictures.offscreen import look, shape_layers, shape_surface, shapes_of, way
 from softmodels.pictures.solid import best_plane
-from softmodels.runs.grid import CUT, OUTSIDE, surface_of
+from softmodels.runs.grid import CUT_LABEL, OUTSIDE_LABEL, surface_of
 from softmodels.runs.states import FolderStates
 from softmodels.runs.table import PathTable
 from tests.support import made_up as drawings
@@ -50,8 +50,8 @@ def volume(corners):
 def test_the_images_close_around_the_solid_and_its_cavity(surface):
     device, points, skin = surface
     whole = skin.device(skin.points(points))
-    solid = volume(whole[skin.device_triangles(skin.part != CUT)])
-    cavity = -volume(whole[skin.device_triangles(skin.part > OUTSIDE)])
+    solid = volume(whole[skin.device_triangles(skin.part != CUT_LABEL)])
+    cavity = -volume(whole[skin.device_triangles(skin.part > OUTSIDE_LABEL)])
     assert skin.cavities == 1
     # Flat triangles on round walls lack a little: two to an edge, 8 edges around a channel.
     assert solid == pytest.approx(device.solid_volume, rel=0.01)
@@ -106,7 +106,7 @@ def test_a_section_of_several_parts_points_outwards_everywhere(device, tmp_path)
     points, _, _ = drawings.grid_of(device, tmp_path)
     corners = skin.points(points)[skin.triangles]
     assert len(skin.images) * volume(corners) == pytest.approx(device.solid_volume, rel=0.01)
-    whole = skin.device(skin.points(points))[skin.device_triangles(skin.part != CUT)]
+    whole = skin.device(skin.points(points))[skin.device_triangles(skin.part != CUT_LABEL)]
     up = np.cross(whole[:, 1] - whole[:, 0], whole[:, 2] - whole[:, 0])[:, 2]
     top = (
         whole[:, :, 2].min(axis=1) > device.apex - 1e-9

@@ -17,7 +17,7 @@ from softmodels.common.units import DecimalCommaError, UnitError, quantity
 from softmodels.components.contact import Obstacle
 from softmodels.design import optimise as search
 from softmodels.design.optimise import run_variants
-from softmodels.runs.outcomes import FAILED, STOPPED, RunError
+from softmodels.runs.outcomes import EXIT_FAILED, EXIT_STOPPED, RunError
 
 FOREIGN = {"softmodels/mechanics/compiling.py"}
 """DOLFINx passes a compiler's failure from rank to rank as text only."""
@@ -72,7 +72,7 @@ class _Here:
     rank, size = 0, 1
 
 
-@pytest.mark.parametrize("status", [FAILED, STOPPED])
+@pytest.mark.parametrize("status", [EXIT_FAILED, EXIT_STOPPED])
 def test_a_variant_that_fails_is_not_a_user_who_stops(monkeypatch, status):
     """Newton's method that "stopped converging" in one choice leaves the others; the user's stop ends all."""
     tried = []
@@ -87,8 +87,8 @@ def test_a_variant_that_fails_is_not_a_user_who_stops(monkeypatch, status):
     monkeypatch.setattr(search.mpi, "kept_on_root", lambda comm, work: None)
     with pytest.raises(RunError) as told:
         run_variants(_Variants(), None, _Here())
-    assert len(tried) == (1 if status == STOPPED else 2)
-    assert (told.value.status == STOPPED) == (status == STOPPED)
+    assert len(tried) == (1 if status == EXIT_STOPPED else 2)
+    assert (told.value.status == EXIT_STOPPED) == (status == EXIT_STOPPED)
 
 
 def test_a_decimal_comma_has_a_class_of_its_own():

@@ -19,7 +19,7 @@ from softmodels.materials import memory
 from softmodels.materials.laws import Gent, NeoHookean
 from softmodels.materials.memory import InNumpy, Memory
 from softmodels.materials.specimens import MODES, branch_stress, respond, stress_in_time
-from softmodels.path.steps import TOLERANCE
+from softmodels.path.steps import STRESS_TOLERANCE
 from tests.support import bodies
 from tests.support.campaigns import sampled
 from tests.verification.test_memory import MU, REST, SPHERE, entries, followed, strain, tensor, unimodular, wall_volume
@@ -220,7 +220,7 @@ def test_a_sphere_keeps_a_set(body_of, figure):
     law = NeoHookean(MU, 0.5).with_memory(branches=[flowing])
     corners, heights = (0.0, 3.0, 5.0, 8.0, 3608.0), (0.0, 400.0, 400.0, 0.0, 0.0)
     tables = {"cavity1": {"pressure_cm": list(heights[1:])}, "time_s": list(corners[1:])}
-    (times, _, volumes, *_), end = followed(body_of(SPHERE), law, tables, TOLERANCE)
+    (times, _, volumes, *_), end = followed(body_of(SPHERE), law, tables, STRESS_TOLERANCE)
     assert end is None and times[-1] == corners[-1]
 
     def fluidity(J2):

@@ -12,7 +12,7 @@ from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.load import steps_of
 from softmodels.components.contact import RigidShape
-from softmodels.components.pressing import GivingWay, HardeningPenalty, PressedByDistance, Stand, Surface
+from softmodels.components.pressing import GivingWay, HardeningPenalty, PressedByDistance, Support, Surface
 from softmodels.components.shapes import slopes
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.component import ComponentError
@@ -58,7 +58,7 @@ def test_distances_and_their_slopes():
 
 
 @pytest.mark.parametrize(
-    "stand", [Stand(0.5, 0.0, 1e-2), Stand(0.0, 0.02, 1e-2), Stand(0.3, 0.02, 1e-2), Stand(0.5, -2e-3, 1e-2)]
+    "stand", [Support(0.5, 0.0, 1e-2), Support(0.0, 0.02, 1e-2), Support(0.3, 0.02, 1e-2), Support(0.5, -2e-3, 1e-2)]
 )
 def test_forces_and_stiffness_are_derivatives(stand):
     rng = np.random.default_rng(3)

@@ -8,7 +8,7 @@ import pytest
 from geometries import HollowDisk
 from softmodels.materials.laws import NeoHookean
 from softmodels.materials.specimens import balloon_limit
-from softmodels.mechanics.body import CAVITY
+from softmodels.mechanics.body import CAVITY_TAG
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.path import continuation
 from tests.support import bodies
@@ -245,7 +245,7 @@ class Continuation:
 def compared(equations, solved, held, highest, step, steps):
     """PETSc's path, and the library's pressures at the volumes of its states."""
     body = equations.system.body
-    reference = Continuation(body.mesh, (body.cavity, CAVITY), equations.system.material, held)
+    reference = Continuation(body.mesh, (body.cavity, CAVITY_TAG), equations.system.material, held)
     path = reference.follow(highest, step, steps)
     order = np.argsort(path[:, 1])
     path = path[order][path[order, 1] > equations.system.rest().V * (1 + 1e-9)]

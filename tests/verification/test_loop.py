@@ -48,7 +48,7 @@ def test_intervals_hold_the_truth(comm, tmp_path, figure):
     values, true = material["fit"]["values"], truth.values
     against = "a known silicone, simulated, photographed, measured, fitted"
     figure(against, "yeoh, c1", values["c1"] / true["c1"] - 1, 0.02)
-    figure(against, "axis", (values["centre"] - examples.CENTRE) * 1e6, 50.0, unit="um")
+    figure(against, "axis", (values["centre"] - examples.AXIS_POSITION) * 1e6, 50.0, unit="um")
 
 
 @pytest.mark.campaign
@@ -69,7 +69,7 @@ def test_photographs_of_a_silicone_that_sags(comm, tmp_path, figure):
         half = np.vstack([half, [disk.outer_radius, -disk.height]])  # the profile ends at the upper edge
         tops.append(half[:, 1].max())
         places = np.vstack([half[:0:-1] * [-1.0, 1.0], half]) + np.array(
-            [examples.CENTRE, examples.photographer.SURFACE_HEIGHT]
+            [examples.AXIS_POSITION, examples.photographer.SURFACE_HEIGHT]
         )
         save(photographs / f"IMG_{number}.JPG", photograph(scene, places, seed=number)[0])
         rows.append(f"IMG_{number}.JPG,{100 + cm / 2:.3f} cm,{100 - cm / 2:.3f} cm")

@@ -25,7 +25,7 @@ from softmodels.mechanics import solver as solver_module
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.schedule import LostInTime, Settings, follow
-from softmodels.path.steps import TOLERANCE, time_at
+from softmodels.path.steps import STRESS_TOLERANCE, time_at
 from tests.support import bodies
 from tests.support.campaigns import sampled
 
@@ -336,7 +336,7 @@ def test_a_thick_sphere_under_a_pressure_that_jumps_and_rises(body_of, figure):
     corners, heights = (0.0, 2.0, 4.0, 7.0), (150.0, 150.0, 300.0, 300.0)
     law = NeoHookean(MU, 0.5).with_memory(branches=BRANCHES)
     tables = {"cavity1": {"pressure_cm": list(heights)}, "time_s": list(corners)}
-    (times, _, volumes, *_), end = followed(body_of(SPHERE), law, tables, TOLERANCE)
+    (times, _, volumes, *_), end = followed(body_of(SPHERE), law, tables, STRESS_TOLERANCE)
     assert end is None and times[-1] == corners[-1]
     later = times > 0.0
     exact = wall_volume(lambda t: 95.1 * np.interp(t, corners, heights), times[later], corners)
