@@ -51,7 +51,7 @@ def test_the_answer_to_a_load_that_has_hardly_changed_is_kept(solvers):
         applied, apply = [], solver.bordered.inverse.apply
         solver.bordered.inverse.apply = lambda b, x, applied=applied, apply=apply: (applied.append(1), apply(b, x))
         solver.system.load(state)
-        solver.kept.set_columns()
+        solver.lagged.set_columns()
         solver.bordered.refresh()
         asked.append(len(applied))
         tangent = solver.tangent(state, volume_control(state.V), 1e-10)
