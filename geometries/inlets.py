@@ -22,7 +22,7 @@ VOXEL_COUNT = 800_000
 """Voxels of the grid, about."""
 MIN_BALL_VOXELS = 1.4
 """Radius of the smallest ball in voxels."""
-BALL_GROWTH = 1.15
+BALL_GROWTH = 1.25
 MAX_MOUTH_SHARE = 0.35
 """Area of an air space's mouths over its volume to the power 2/3, above which it is a niche of the outside."""
 MAX_MOUTH_IN_BALLS = 2.2
@@ -32,6 +32,8 @@ MIN_VOLUME_SHARE = 0.05
 MIN_VOXELS_IN_POCKET = 60
 SECTOR_COUNT, MIN_SECTORS = 12, 10
 """Sectors around a bore's axis, and those of them that show a wall where it is a bore."""
+BORE_REACH = 10.0
+"""Distance from its mouth, over the ball's radius, up to which a bore is looked at."""
 PLUG_LENGTH = 2.0
 """Length of a plug over the bore's radius."""
 
@@ -244,6 +246,12 @@ class _Wall:
     def inlet(self, grid: Grid, pocket: _Pocket, mouth: NDArray[np.int64]) -> Inlet:
         """Return the bore at a mouth (voxels, shape (n, 3)) of a pocket, and its plug."""
         centre, radius = grid.at(mouth).mean(axis=0), pocket.radius
+        around = np.linalg.norm(self.points - centre, axis=1) < BORE_REACH * radius
+        return _Wall(self.points[around], self.normals[around])._fitted(grid, pocket, centre)
+
+    def _fitted(self, grid: Grid, pocket: _Pocket, centre: Array) -> Inlet:
+        """Return the bore of which these are the walls, and parts around it, near its middle (m)."""
+        radius = pocket.radius
         inside = grid.at(np.argwhere(pocket.voxels))
         inwards = inside[np.linalg.norm(inside - centre, axis=1) < 3.0 * radius].mean(axis=0) - centre
         axis = inwards / np.linalg.norm(inwards)
@@ -271,7 +279,9 @@ class _Wall:
     def _bore(self, across: Array, along: Array, axis: Array, radius: float, step: float) -> tuple[float, float, float]:
         """Return from where to where along its axis a bore has walls all around, and its farthest wall's distance, m."""
         away = np.linalg.norm(across, axis=1)
-        near = (away < 1.35 * radius + step) & (np.abs(self.normals @ axis) < 0.5) & (np.abs(along) < 8.0 * radius)
+        near = (
+            (away < 1.35 * radius + step) & (np.abs(self.normals @ axis) < 0.5) & (np.abs(along) < BORE_REACH * radius)
+        )
         first, second = _across(axis)
         sector = ((np.arctan2(across[near] @ second, across[near] @ first) / np.pi + 1.0) * 0.5 * SECTOR_COUNT).astype(
             int

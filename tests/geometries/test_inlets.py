@@ -65,6 +65,7 @@ def test_what_cannot_be_closed_is_said(open_finger):
         ImportedActuator(file=file, support="x = 0 mm", inlets=("somewhere",))
 
 
+@pytest.mark.campaign
 def test_two_cavities_have_an_inlet_each(tmp_path):
     """A point in the air of each names them; one of them alone closes only its own."""
     volumes = TWO.write(tmp_path / "two.step")
@@ -87,6 +88,7 @@ def test_a_cavity_with_two_bores_gets_two_plugs():
     assert np.dot(slanted.axis, (0.0, -0.8, 0.6)) > 0.995
 
 
+@pytest.mark.campaign
 def test_a_surface_is_closed_as_a_drawing_is(open_finger, tmp_path):
     """The same part as an STL file, some of its triangles turned inside out."""
     import meshio
