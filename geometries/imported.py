@@ -181,15 +181,15 @@ class ImportedPart(Actuator):
         points = [point("cavities", text) for text in self.cavities if re.match(r"\s*at\b", text)]
         if points:
             spaces = [space for space in spaces if any(space.holds(place) for place in points)]
-        found = [opening for space in spaces for opening in space.inlets]
+        openings = [opening for space in spaces for opening in space.inlets]
         if not self.inlets:
-            return found
+            return openings
         named = []
         for text in self.inlets:
             place = np.array(point("inlets", text))
-            nearest = min(found, key=lambda opening: float(np.linalg.norm(place - opening.place)), default=None)
+            nearest = min(openings, key=lambda opening: float(np.linalg.norm(place - opening.place)), default=None)
             if nearest is None or np.linalg.norm(place - nearest.place) > nearest.reach + nearest.length:
-                places = "; ".join(opening.text for opening in found) or "none that looks like an inlet"
+                places = "; ".join(opening.text for opening in openings) or "none that looks like an inlet"
                 raise GeometryError(f"inlets has {text!r}; there is no opening. The openings found: {places}")
             named.append(nearest)
         return list(dict.fromkeys(named))
@@ -942,13 +942,13 @@ def open_part(part: ImportedActuator, unit: str = "M") -> Solids:
         ) from None
     metre = {"M": 1.0, "MM": 1e3}[unit]
     whole = glued(part)
-    found = part.to_close(len(whole.pieces(whole.every)) - 1, lambda: _surface(metre))
-    if not found:
+    inlets = part.to_close(len(whole.pieces(whole.every)) - 1, lambda: _surface(metre))
+    if not inlets:
         return whole
-    plugs = [_plug(whole, opening, metre) for opening in found]
+    plugs = [_plug(whole, opening, metre) for opening in inlets]
     gmsh.model.occ.synchronize()
     closed = glued(part, plugs)
-    closed.plugs = tuple(found)
+    closed.plugs = tuple(inlets)
     return closed
 
 

@@ -65,7 +65,7 @@ class Inlet:
         return float(x), float(y), float(z)
 
 
-def plugged(surface: tuple[Array, NDArray[np.int64]], found: Sequence[Inlet]) -> tuple[Array, NDArray[np.int64]]:
+def plugged(surface: tuple[Array, NDArray[np.int64]], inlets: Sequence[Inlet]) -> tuple[Array, NDArray[np.int64]]:
     """Return a closed surface, corners in m (n, 3) and triangles (t, 3), whose inlets are filled."""
     import manifold3d
 
@@ -81,7 +81,7 @@ def plugged(surface: tuple[Array, NDArray[np.int64]], found: Sequence[Inlet]) ->
         raise GeometryError(
             "the part's surface crosses itself, so its inlets cannot be closed; repair it where it was made"
         )
-    for inlet in found:
+    for inlet in inlets:
         first, second = _across(np.array(inlet.axis))
         place = np.column_stack([first, second, inlet.axis, np.array(inlet.place) / size])
         part += manifold3d.Manifold.cylinder(
@@ -148,21 +148,21 @@ def air_spaces(points: Array, triangles: NDArray[np.int64]) -> list[AirSpace]:
     while radius <= last:
         candidates += _pockets(grid, away, radius)
         radius *= BALL_GROWTH
-    found: list[_Pocket] = []
+    pockets: list[_Pocket] = []
     candidates.sort(key=lambda pocket: (-pocket.count, pocket.radius))
     while candidates:
         largest = candidates[0]
         own = [other for other in candidates if largest.voxels[other.seed]]
         # The tightest ball that finds all of it shows best where its mouths are.
-        found.append(min((p for p in own if p.count > 0.9 * largest.count), key=lambda pocket: pocket.radius))
+        pockets.append(min((p for p in own if p.count > 0.9 * largest.count), key=lambda pocket: pocket.radius))
         candidates = [other for other in candidates if not largest.voxels[other.seed]]
-    if not found:
+    if not pockets:
         return []
-    most = found[0].count
+    most = pockets[0].count
     wall = _Wall.of(points, triangles, grid.step)
     return [
         AirSpace(p.count * grid.step**3, tuple(wall.inlet(grid, p, mouth) for mouth in p.mouths), p.voxels, grid)
-        for p in found
+        for p in pockets
         if p.count >= MIN_VOLUME_SHARE * most
     ]
 
@@ -196,7 +196,7 @@ def _pockets(grid: Grid, away: Array, radius: float) -> list[_Pocket]:
     shared = np.bincount(hidden.ravel(), touching.ravel(), minlength=count + 1)
     # A face of voxels that a slanted plane cuts in steps is larger by 3/2 on average.
     share = shared / 1.5 / np.maximum(sizes, 1) ** (2.0 / 3.0)
-    found = []
+    pockets = []
     for number in np.flatnonzero((sizes >= MIN_VOXELS_IN_POCKET) & (share < MAX_MOUTH_SHARE) & (shared > 0)):
         if number == 0:
             continue
@@ -207,8 +207,8 @@ def _pockets(grid: Grid, away: Array, radius: float) -> list[_Pocket]:
             deepest = int(np.argmax(np.where(voxels, away, 0.0)))
             seed = tuple(int(i) for i in np.unravel_index(deepest, voxels.shape))
             parts = [np.argwhere(places == mouth) for mouth in range(1, mouths + 1)]
-            found.append(_Pocket(radius, voxels, int(sizes[number]), seed, parts))
-    return found
+            pockets.append(_Pocket(radius, voxels, int(sizes[number]), seed, parts))
+    return pockets
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -315,7 +315,7 @@ def _circle(points: Array, axis: Array, radius: float) -> tuple[Array, float]:
     x, y = points @ first, points @ second
     terms = np.column_stack([2.0 * x, 2.0 * y, np.ones(len(x))])
     a, b, c = np.linalg.lstsq(terms, x * x + y * y, rcond=None)[0]
-    found = float(np.sqrt(max(c + a * a + b * b, 0.0)))
-    if not 0.3 * radius < found < 2.0 * radius or np.hypot(a, b) > radius:
+    fitted = float(np.sqrt(max(c + a * a + b * b, 0.0)))
+    if not 0.3 * radius < fitted < 2.0 * radius or np.hypot(a, b) > radius:
         return np.zeros(3), radius
-    return a * first + b * second, found
+    return a * first + b * second, fitted

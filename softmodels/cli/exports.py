@@ -70,13 +70,13 @@ def mould(file: Path, how: MouldOptions, settings: Mapping[str, object]) -> None
 
     def write(place: Path) -> None:
         nonlocal drawn
-        write_bodies(place, asked, mould)
-        drawn = write_sheet(place, asked, mould, not how.no_pictures)
+        write_bodies(place, asked, made)
+        drawn = write_sheet(place, asked, made, not how.no_pictures)
 
-    mould = make.made(asked.device, asked.workshop)
+    made = make.made(asked.device, asked.workshop)
     options.write_into(folder, write, "the mould")
     if not how.quiet:
-        for text in mould_summary(mould):
+        for text in mould_summary(made):
             processes.say(text)
         if not drawn and not how.no_pictures:
             processes.say("no pictures: this machine cannot render; see softmodels doctor")
