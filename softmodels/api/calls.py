@@ -178,15 +178,15 @@ def compare(first: Run | str | Path, second: Run | str | Path, *more: Run | str 
     """
     from softmodels.pictures import comparison
 
-    def of(number: int, one: Run | str | Path) -> comparison.ComparedResult:
-        if not isinstance(one, Run):
+    def of(number: int, run: Run | str | Path) -> comparison.ComparedResult:
+        if not isinstance(run, Run):
             name = ("first", "second")[number] if number < 2 else "more"
-            return comparison.ComparedResult.from_folder(names.place(name, one, "a run, or a folder of results"))
-        rest = one[0]
-        return comparison.ComparedResult(f"{one.case.name} ({number + 1})", one.case, one.table, rest.points, len(rest.cells),
-                        lambda step: one[step].displacement)  # fmt: skip
+            return comparison.ComparedResult.from_folder(names.place(name, run, "a run, or a folder of results"))
+        rest = run[0]
+        return comparison.ComparedResult(f"{run.case.name} ({number + 1})", run.case, run.table, rest.points, len(rest.cells),
+                        lambda step: run[step].displacement)  # fmt: skip
 
-    return comparison.compared([of(number, one) for number, one in enumerate((first, second, *more))])
+    return comparison.compared([of(number, run) for number, run in enumerate((first, second, *more))])
 
 
 @checked

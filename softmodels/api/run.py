@@ -72,7 +72,7 @@ class Run(cards.ResultCard):
         if self.limit is not None:
             marked = self.table["limit"].any() or self.table.get("stroke_limit").any()
             known = f"; ended at a {analyses.END_TEXTS[self.limit.kind]}" if marked else "; no equilibrium beyond"
-            ended = known if self.limit.found else "; lost"
+            ended = known if self.limit.exists else "; lost"
         return f"of {self.case.name}: {states} to {headline(self.case, self.table[-1])}{ended}"
 
     def _figures(self) -> cards.Table:
@@ -163,8 +163,8 @@ class Run(cards.ResultCard):
     @property
     def notes(self) -> list[str]:
         """Warnings on the run's validity, as sentences; empty if there are none."""
-        found = [*self._source.mesh_notes, *notes.notes_of(self.case, self.table, self._source.sources)]
-        return [errors.spoken(note) for note in found]
+        texts = [*self._source.mesh_notes, *notes.notes_of(self.case, self.table, self._source.sources)]
+        return [errors.spoken(note) for note in texts]
 
     # -- its states ---------------------------------------------------------------------------------------------------
 
@@ -325,8 +325,8 @@ class Run(cards.ResultCard):
             values = self._over_steps(name)
             nodal[name] = (("step", "node", *axes)[: values.ndim], values, told)
         places |= self._axes if wanted else {}
-        found: xarray.Dataset = library.Dataset({**columns, **nodal}, coords=places, attrs={"case": self.case.name})
-        return found
+        dataset: xarray.Dataset = library.Dataset({**columns, **nodal}, coords=places, attrs={"case": self.case.name})
+        return dataset
 
     @property
     def _axes(self) -> dict[str, object]:
@@ -347,10 +347,10 @@ class Run(cards.ResultCard):
         for step in range(len(self)):
             with contextlib.suppress(KeyError):
                 kept[step] = self._source.field(step, name)
-        found = np.full((len(self), *next(iter(kept.values())).shape), np.nan)
+        stacked = np.full((len(self), *next(iter(kept.values())).shape), np.nan)
         for step, values in kept.items():
-            found[step] = values
-        return found
+            stacked[step] = values
+        return stacked
 
     # -- pictures and files -------------------------------------------------------------------------------------------
 
@@ -549,7 +549,7 @@ def ingredients(case: Case) -> cards.Table:
     table = materials.to_table(case.material, units.readable)
     law = [f"{field.name} {table[field.name]}" for field in laws.parameter_fields(case.material)]
     law += [] if case.material.memory is None else ["with a memory"]
-    components = [type(one).__name__ for one in case.components]
+    components = [type(component).__name__ for component in case.components]
     return [
         ("device", ": ".join(filter(None, [type(device).__name__, ", ".join(changed)]))),
         ("silicone", silicones.named(case.material) or ", ".join([case.material.name, *law])),
@@ -818,8 +818,8 @@ def _computed(state: SolvedState, names: Sequence[str], mesh: Callable[[], bytes
         with notes.sentences():
             fields = simulation.fields
             nodal = fields.nodal(fields.state(state.fields if mpi.is_root(comm) else None, 0.0, 0.0))
-            found = mpi.on_root(comm, lambda: nodal or {})
-            return {name: read_only(found[name]) for name in names}
+            computed = mpi.on_root(comm, lambda: nodal or {})
+            return {name: read_only(computed[name]) for name in names}
     finally:
         simulation.release()
 
@@ -892,13 +892,13 @@ def _between(
         before, after = path.last, dataclasses.replace(after, tangent=tangent)
         if quantity in source.rows.columns:
             state = path.corrector.root(before, after, lambda point: _figure(simulation, point, quantity) - wanted)
-            found = path.corrector.point(state, requested=True)
+            reached = path.corrector.point(state, requested=True)
         else:
-            found = path.between(before, after, wanted / simulation.model.unit_of(quantity))
-        path.commit(found)
+            reached = path.between(before, after, wanted / simulation.model.unit_of(quantity))
+        path.commit(reached)
     except newton.NoConvergence as failure:
         raise RunError(f"no converged state between steps {ends[0]} and {ends[1]} ({failure})") from failure
-    return simulation.step_of(found, ends[0])
+    return simulation.step_of(reached, ends[0])
 
 
 def _figure(simulation: Simulation, point: stability.Point, column: str) -> float:

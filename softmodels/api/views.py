@@ -55,10 +55,10 @@ def picture(result: object) -> bytes:
         {"font.size": 20, "axes.titlesize": 20, "legend.fontsize": 17, "lines.linewidth": 3.0}
     )
     with matplotlib.rc_context(STYLE), large:  # letters for pictures that are three times as wide
-        found = _figure(result)
-        if found is None:
+        figure = _figure(result)
+        if figure is None:
             return b""
-        image = drawn(found) if isinstance(found, Figure) else found
+        image = drawn(figure) if isinstance(figure, Figure) else figure
     image.thumbnail((CARD_WIDTH_PX, CARD_WIDTH_PX), Picture.Resampling.LANCZOS)
     stream = io.BytesIO()
     image.save(stream, "WEBP", quality=85)
@@ -98,7 +98,7 @@ def _limit(limit: Limit) -> Drawing:
     figure = Figure((8.0, 5.0), dpi=80, layout="constrained")
     axes = figure.subplots()
     axes.plot(*curves.smooth(np.column_stack([volumes * 1e6, pressures / 1e3])).T, color=CURVE)
-    mark = "D" if limit.found else "o"
+    mark = "D" if limit.exists else "o"
     axes.plot(limit.added_volume * 1e6, limit.pressure / 1e3, mark, color=WARNING, markersize=12)
     axes.set(xlabel="added volume in ml", ylabel="pressure in kPa")
     axes.margins(0.05)

@@ -67,7 +67,7 @@ def limit(case: str) -> str:
         asked.actuator, asked.material, formulation=asked.formulation, components=asked.components, solver=asked.solver
     )
     pressure = f"{limit.pressure / asked.cm:.4g} cm ({limit.pressure / 1e3:.4g} kPa)"
-    if not limit.found:
+    if not limit.exists:
         return f"no limit point up to {pressure}, where the largest stretch is {limit.stretch:.3g}"
     what = "limit point" if limit.kind == "limit" else "bifurcation"
     highest = max(asked.load.of(trials.PRESSURE), default=0.0)

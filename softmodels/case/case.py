@@ -326,7 +326,7 @@ class Case:
             return
         if not self.timed:
             raise CaseError("--inertia needs a load in time; add --rate or --hold, or a program with time_s")
-        held = next((one for step in self.steps for one in step.prescribed if one.held), None)
+        held = next((driver for step in self.steps for driver in step.prescribed if driver.held), None)
         if held is not None:
             raise CaseError(
                 f"--inertia needs pressures, forces or an air supply in time: {held.quantity} that starts at a rate would "
@@ -374,7 +374,7 @@ class Case:
     def remembers(self) -> bool:
         """Whether a silicone of it has a memory."""
         regions = [part.material for part in self.components if isinstance(part, RegionPart)]
-        return any(one.memory is not None for one in (self.material, *regions))
+        return any(material.memory is not None for material in (self.material, *regions))
 
     @property
     def quantity(self) -> str:
@@ -446,7 +446,7 @@ class Case:
     def _from_tables(cls, tables: Tables, folder: Path | None) -> Case:
         try:
             _check_tables(tables, cls.needed_tables)
-            tables = _found(tables, folder)
+            tables = _with_absolute_paths(tables, folder)
             read = {name: entry.read(tables) for name, entry in entries().items()}
         except PART_ERRORS as error:
             raise CaseError(str(error)) from None
@@ -467,10 +467,10 @@ def with_changes(table: Tables, changes: Iterable[str]) -> Tables:
             )
         inner = made
         for key in path[:-1]:
-            found = inner.get(key, {})
-            if not isinstance(found, Mapping):
+            nested = inner.get(key, {})
+            if not isinstance(nested, Mapping):
                 raise CaseError(f"--set {name}: {key} is a value, not a table")
-            inner[key] = inner = dict(found)
+            inner[key] = inner = dict(nested)
         if path[:-1] == ["load"] and path[-1] in load.request_keys():
             kept = load.kept_with(path[-1])
             for key in [key for key in inner if key not in kept]:
@@ -527,26 +527,26 @@ for _name, _entry in entries().items():
 
 def arguments() -> dict[str, Option]:
     """Return the arguments of calls that make a case, by name: its fields, and how its load goes in time."""
-    found = [(name, entry.about, getattr(Case, name, None)) for name, entry in entries().items()]
-    found += [(one.key, one.about, one.default) for one in IN_TIME]
-    return {name: Option(name, about, default) for name, about, default in found}
+    options = [(name, entry.about, getattr(Case, name, None)) for name, entry in entries().items()]
+    options += [(time_entry.key, time_entry.about, time_entry.default) for time_entry in IN_TIME]
+    return {name: Option(name, about, default) for name, about, default in options}
 
 
 def listed_options[Call: Callable[..., object]](options: type) -> Callable[[Call], Call]:
     """Give a call with ``**options`` of a `TypedDict` the signature and the docstring that list them; a decorator."""
 
     def described(call: Any) -> Any:
-        call.options = [one for name, one in arguments().items() if name in options.__annotations__]
+        call.options = [option for name, option in arguments().items() if name in options.__annotations__]
         signature = inspect.signature(call)
         named = [
             inspect.Parameter(
-                one.name, inspect.Parameter.KEYWORD_ONLY, default=one.default,
-                annotation=options.__annotations__[one.name].__forward_arg__,
+                option.name, inspect.Parameter.KEYWORD_ONLY, default=option.default,
+                annotation=options.__annotations__[option.name].__forward_arg__,
             )
-            for one in call.options
+            for option in call.options
         ]  # fmt: skip
         call.__signature__ = signature.replace(parameters=[*list(signature.parameters.values())[:-1], *named])
-        lines = [f"\\g<1>{one.name}: {errors.spoken(one.about.text)}." for one in call.options]
+        lines = [f"\\g<1>{option.name}: {errors.spoken(option.about.text)}." for option in call.options]
         call.__doc__ = re.sub(r"(?m)^( +)options: .*$", "\n".join(lines), call.__doc__)
         return call
 
@@ -569,12 +569,12 @@ def _check_tables(tables: Tables, needed: tuple[str, ...]) -> None:
     known = list(dict.fromkeys(table for entry in entries().values() for table in entry.tables))
     _known(tables, "the case", ("name", *known))
     for table in known:
-        found = table_of(tables, table)
+        given = table_of(tables, table)
         values = [entry for entry in entries().values() if isinstance(entry, Value) and entry.table == table]
         if values:
             owners = [entry for entry in entries().values() if table in entry.tables]
-            rest = (key for key in found if any(entry.known(key) for entry in owners))
-            _known(found, f"[{table}]", (*(key for entry in owners for key in entry.keys), *rest))
+            rest = (key for key in given if any(entry.known(key) for entry in owners))
+            _known(given, f"[{table}]", (*(key for entry in owners for key in entry.keys), *rest))
     for table in needed:
         if table not in tables:
             raise CaseError(f"the case has no [{table}] table")
@@ -586,7 +586,7 @@ def _known(table: Mapping[str, object], where: str, names: tuple[str, ...]) -> N
             raise CaseError(f"{where} has an unknown entry {key!r}; {errors.known_are(key, names)}")
 
 
-def _found(tables: Tables, folder: Path | None) -> Tables:
+def _with_absolute_paths(tables: Tables, folder: Path | None) -> Tables:
     """Return the tables with absolute file paths, because the case.toml of the results is in another folder. Files are counted
     from the case's folder; those of fitted materials, which commands name from where they run, from there too where the case's
     folder has none."""
@@ -598,12 +598,12 @@ def _found(tables: Tables, folder: Path | None) -> Tables:
             return table
         return {**table_of({"": table}, ""), "file": str(home / file)}
 
-    found = {**tables, "geometry": absolute(table_of(tables, "geometry"), True)}
-    found |= {name: absolute(tables[name], False) for name in ("material", "band") if name in tables}
+    resolved = {**tables, "geometry": absolute(table_of(tables, "geometry"), True)}
+    resolved |= {name: absolute(tables[name], False) for name in ("material", "band") if name in tables}
     for name in ("region", "contact"):
         if isinstance(named := tables.get(name), Mapping):
-            found[name] = {key: absolute(value, False) for key, value in named.items()}
-    return found
+            resolved[name] = {key: absolute(value, False) for key, value in named.items()}
+    return resolved
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -728,7 +728,7 @@ def case_of(
             for quantity, values in asked.items()
             if values is not None
         ]
-        steps = tuple(Step((one,)) for one in made)
+        steps = tuple(Step((driver,)) for driver in made)
         if times is not None:
             steps = at_times(made, times, options.get("supply"), valve)
         elif valve is not None:
@@ -753,7 +753,7 @@ def _doubt_numbers(pressures: Values | None, case: Case) -> None:
         if text := schema.doubt_of(part):
             names.doubt(text)
     given = [] if pressures is None else listed(pressures, "pressure")
-    typed = [one for one in given if not isinstance(one, str)]
+    typed = [value for value in given if not isinstance(value, str)]
     highest = max(typed, key=abs, default=LEAST_PRESSURE) if len(typed) == len(given) else LEAST_PRESSURE
     if abs(highest) < LEAST_PRESSURE:
         names.doubt(

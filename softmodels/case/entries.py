@@ -242,23 +242,23 @@ class Probes:
     @property
     def turning(self) -> dict[str, Faces]:
         """Faces by the name of the angle of their mean rotation; each is selected by a plane or a box."""
-        found = {name: _reworded(faces, f"angle {name}", text) for name, text in self.faces}
-        for name, one in found.items():
-            if one.normal is None and one.box is None:
+        turning = {name: _reworded(faces, f"angle {name}", text) for name, text in self.faces}
+        for name, face in turning.items():
+            if face.normal is None and face.box is None:
                 raise ProbeError(
-                    f"angle {name} uses the face {one.text!r}; select the face by its position, such as 'face x = 70 mm'"
+                    f"angle {name} uses the face {face.text!r}; select the face by its position, such as 'face x = 70 mm'"
                 )
-        return found
+        return turning
 
     @property
     def cut(self) -> tuple[Vector, float] | None:
         """Unit normal of the profile's plane, and its distance from the origin in m; None if there is none."""
         if not self.plane:
             return None
-        found = _reworded(faces, "profile plane", self.plane)
-        if found.normal is None:
+        plane = _reworded(faces, "profile plane", self.plane)
+        if plane.normal is None:
             raise ProbeError(f"profile plane is {self.plane!r}; write a plane as 'y = 0 mm' or 'normal 1, -1, 0'")
-        return found.normal, found.at
+        return plane.normal, plane.at
 
     def columns(self) -> list[str]:
         """Return the columns of positions and angles that it adds to ``path.csv``."""
@@ -290,17 +290,17 @@ class Probes:
         """Return the values by column, from undeformed places and displacements by name in m, the direction of the device's
         lift, and the normals of the faces of `turning` by name: undeformed, and turned by the face's mean rotation."""
         now = {name: np.asarray(rest[name]) + moved[name] for name in rest}
-        found = {
+        figures = {
             f"{name}_{axis}_mm": float(now[name][i]) * 1e3 for name, _ in self.points for i, axis in enumerate("xyz")
         }
         wanted = self.places
-        found |= {column: 1e3 * math.dist(rest[name], wanted[name]) for name, column in self.off_columns.items()}
+        figures |= {column: 1e3 * math.dist(rest[name], wanted[name]) for name, column in self.off_columns.items()}
         for name, lines in self.angles:
             first, *second = ([now[b] - now[a], np.asarray(rest[b]) - np.asarray(rest[a])] for a, b in lines)
-            found[f"{name}_deg"] = _angle(first[0], second[0][0]) if second else _turned(first[1], first[0], lift)
+            figures[f"{name}_deg"] = _angle(first[0], second[0][0]) if second else _turned(first[1], first[0], lift)
         for name, (before, now_there) in (normals or {}).items():
-            found[f"{name}_deg"] = _turned(before, now_there, lift)
-        return found
+            figures[f"{name}_deg"] = _turned(before, now_there, lift)
+        return figures
 
 
 NO_PROBES = Probes()
@@ -320,7 +320,7 @@ def probes_from_tables(tables: Mapping[str, Mapping[str, object]]) -> Probes:
     plane = profile.get("plane", "")
     if not isinstance(plane, str):
         raise ProbeError(f"profile plane is {plane!r}; write a plane as 'y = 0 mm'")
-    turning = {name: found[1] for name, value in angles.items() if (found := _face_text(value))}
+    turning = {name: face[1] for name, value in angles.items() if (face := _face_text(value))}
     lines = tuple((name, _lines(name, value)) for name, value in angles.items() if name not in turning)
     return Probes(tuple(named), lines, plane, tuple(turning.items()))
 
@@ -355,12 +355,12 @@ def _lines(name: str, value: object) -> tuple[Line, ...]:
         raise ProbeError(
             f"angle {name} is {value!r}; write 'face x = 70 mm', 'base to tip', or two such lines in a list"
         )
-    found = [re.fullmatch(rf"\s*({NAME})\s+to\s+({NAME})\s*", text) for text in texts]
-    if not all(found):
+    matches = [re.fullmatch(rf"\s*({NAME})\s+to\s+({NAME})\s*", text) for text in texts]
+    if not all(matches):
         raise ProbeError(
             f"angle {name} is {value!r}; write a line as 'base to tip', from point to point, or a face as 'face x = 70 mm'"
         )
-    return tuple((one[1], one[2]) for one in found if one)
+    return tuple((match[1], match[2]) for match in matches if match)
 
 
 def _with_at(text: str) -> str:

@@ -106,7 +106,7 @@ class Load:
     @property
     def has_pressure(self) -> bool:
         """Whether the device is pressurised; it is not if only weights, forces and moments are requested."""
-        of_loads = [one.of_load for step in self.steps for one in step.prescribed]
+        of_loads = [driver.of_load for step in self.steps for driver in step.prescribed]
         return not all(of_loads) and (self.driven is None or self.preload > 0.0)
 
     @property
@@ -127,7 +127,7 @@ class Load:
     def _in_program(self, *quantities: str) -> list[float]:
         """Return the values of quantities in a program."""
         steps = self.steps if self.program else ()
-        return [one.values[0] for step in steps for one in step.prescribed if one.quantity in quantities]
+        return [driver.values[0] for step in steps for driver in step.prescribed if driver.quantity in quantities]
 
     @property
     def values(self) -> tuple[float, ...]:
@@ -284,21 +284,21 @@ class Load:
             {part.key: part for part in case.components if isinstance(part, controls.LoadPart)},
         )
         drivers = courses(self.steps)
-        cavities = [one.of for one in drivers if one.of_cavity]
+        cavities = [driver.of for driver in drivers if driver.of_cavity]
         if cavities and sorted(cavities) != sorted(f"cavity{i + 1}" for i in range(count)):
             raise CaseError(
                 f"[load] has series for {len(cavities)} cavities, but the device has {count}; give one for each"
             )
-        for one in drivers:
-            if one.of_load and one.of not in known:
-                table, _, name = one.of.partition(".")
+        for driver in drivers:
+            if driver.of_load and driver.of not in known:
+                table, _, name = driver.of.partition(".")
                 raise CaseError(
-                    f"[load] has a series for {one.of}, but the case has no [{table}{'.' + name if name else ''}]; the "
+                    f"[load] has a series for {driver.of}, but the case has no [{table}{'.' + name if name else ''}]; the "
                     f"loads it has are {', '.join(known) or 'none'}"
                 )
-            if one.of_load and known[one.of].kept:
+            if driver.of_load and known[driver.of].kept:
                 raise CaseError(
-                    f"{known[one.of].where} has a constant amount, and a series in [load]; leave one of them out"
+                    f"{known[driver.of].where} has a constant amount, and a series in [load]; leave one of them out"
                 )
         if cavities and actuator.ratios != (1.0,) * count:
             raise CaseError("pressure_ratios cannot be combined with a series for each cavity; leave out the ratios")
@@ -446,7 +446,7 @@ def _series(key: str, value: object, cm: float) -> Prescribed:
     if key != PRESSURE:
         name = quantities()[key]
         read = entries.series(value, key if key in load_keys() else name)
-        return Prescribed(name, tuple(_amount(one, name, cm) for one in read), doubt=read.doubt)
+        return Prescribed(name, tuple(_amount(number, name, cm) for number in read), doubt=read.doubt)
     if not _have_units(value):
         raise entries.SeriesError(
             f'{PRESSURE} {units.brief(value)} has no unit; write it like "0:4 kPa" or ["1 kPa", "2 kPa"], or give pressure_cm'
@@ -494,7 +494,7 @@ def _program(tables: Mapping[str, object], cm: float) -> Steps:
 
 def _in_steps(series: Sequence[Prescribed], ends: Sequence[float] | None) -> Steps:
     """Return the steps of series with a value for each, or a constant one; they end at times in s, if these are given."""
-    lengths = {one.name: len(one.values) for one in series}
+    lengths = {driver.name: len(driver.values) for driver in series}
     count = max([*lengths.values(), 0 if ends is None else len(ends)])
     wrong = {name: length for name, length in lengths.items() if length not in (1, count)}
     wrong |= {} if ends is None or len(ends) == count else {"time": len(ends)}
@@ -506,8 +506,8 @@ def _in_steps(series: Sequence[Prescribed], ends: Sequence[float] | None) -> Ste
         raise StepError(
             f"{TIME_KEY} {units.brief(list(ends))} runs backwards; give times from 0 on, none before the last one"
         )
-    rows = zip(*(one.values * (count if len(one.values) == 1 else 1) for one in series), strict=True)
-    made = [tuple(Prescribed(one.quantity, (v,), one.of) for one, v in zip(series, row, strict=True)) for row in rows]
+    rows = zip(*(driver.values * (count if len(driver.values) == 1 else 1) for driver in series), strict=True)
+    made = [tuple(Prescribed(p.quantity, (v,), p.of) for p, v in zip(series, row, strict=True)) for row in rows]
     durations = [None] * count if ends is None else durations_of(ends)
     steps = tuple(Step(row, duration) for row, duration in zip(made, durations, strict=True))
     check_steps(steps)
@@ -529,8 +529,8 @@ def _of_supply(given: Mapping[str, object], others: Mapping[str, object], timed:
         raise StepError(f"{sources[0]} needs the times of its values, such as {TIME_KEY} = [0, 0.5, 20]")
     if VALVE in given and SOURCE_KEYS[sources[0]] != SOURCE_PRESSURE:
         raise StepError(f"a valve belongs to a source of pressure (source_pressure_cm); leave it out with {sources[0]}")
-    found = [_one_series(key, {key: given[key]}, SUPPLY_KEYS, cm) for key in (*sources, VALVE) if key in given]
-    return [dataclasses.replace(one, of="") for one in found]
+    drivers = [_one_series(key, {key: given[key]}, SUPPLY_KEYS, cm) for key in (*sources, VALVE) if key in given]
+    return [dataclasses.replace(driver, of="") for driver in drivers]
 
 
 def _of_loads(kind: str, table: object) -> list[tuple[str, object]]:
@@ -553,30 +553,30 @@ def _one_series(name: str, table: object, keys: Collection[str], cm: float) -> P
         raise StepError(f"{name} needs one of {' or '.join(known)}, such as {name}.{known[0]} = [20, 40]")
     where, text, quantity = name if name == key else f"{name}.{key}", table[key], quantities()[key]
     if key not in (PRESSURE, SOURCE_PRESSURE):
-        return Prescribed(quantity, tuple(_amount(one, quantity, cm) for one in _numbers(where, text)), name)
+        return Prescribed(quantity, tuple(_amount(number, quantity, cm) for number in _numbers(where, text)), name)
     if not _have_units(text):
         raise StepError(f'{where} {units.brief(text)} has no unit; write one for each step, such as ["0 kPa", "4 kPa"]')
     texts = [text] if isinstance(text, str) else text
-    return Prescribed(quantity, tuple(entries.one_of_text(CM, one, where, cm) for one in texts), name)
+    return Prescribed(quantity, tuple(entries.one_of_text(CM, word, where, cm) for word in texts), name)
 
 
 def _have_units(value: object) -> bool:
     """Return whether values are texts, of which each may have its unit."""
-    several = isinstance(value, list | tuple) and bool(value) and all(isinstance(one, str) for one in value)
+    several = isinstance(value, list | tuple) and bool(value) and all(isinstance(text, str) for text in value)
     return isinstance(value, str) or several
 
 
 def _numbers(where: str, text: object) -> tuple[float, ...]:
     values = text.split(",") if isinstance(text, str) else text if isinstance(text, list | tuple) else [text]
     try:
-        found = tuple(units.numbers(values))
+        numbers = tuple(units.numbers(values))
     except units.UnitError as error:
         raise StepError(
             f"{where} {units.brief(text)} is not numbers ({error}); write one for each step, such as [20, 40]"
         ) from None
-    if not found:
+    if not numbers:
         raise StepError(f"{where} {units.brief(text)} has no values; write one for each step, such as [20, 40]")
-    return found
+    return numbers
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -591,8 +591,8 @@ def steps_in_time(steps: Steps, cm: float, rate: str = "", hold: float | str = 0
     """
     rate, hold = schema.Words().settled("rate", rate), schema.Quantity("s").settled("hold", hold)
     cycles = schema.Quantity().settled("cycles", cycles)
-    one = steps[0].prescribed[0] if steps and not is_program(steps) else None
-    if one is None or not one.of_cavity or one.values[-1] == 0.0:
+    driver = steps[0].prescribed[0] if steps and not is_program(steps) else None
+    if driver is None or not driver.of_cavity or driver.values[-1] == 0.0:
         raise CaseError(
             "--rate, --hold and --cycles need pressures or added volumes that they change (--pressure-cm, --volume-ml)"
         )
@@ -602,38 +602,38 @@ def steps_in_time(steps: Steps, cm: float, rate: str = "", hold: float | str = 0
         raise CaseError(f"cycles is {cycles:g}; it must be a whole number from 1 to {MAX_STEPS // 4}")
     if cycles and not rate:
         raise CaseError("--cycles needs the rate at which they go up and down; add --rate, such as --rate 1kPa/s")
-    speed, rest = _rate(rate, one, cm) if rate else math.inf, _amount(0.0, one.quantity, cm)
-    way = [Step((Prescribed(one.quantity, (rest,)),), 0.0)]
+    speed, rest = _rate(rate, driver, cm) if rate else math.inf, _amount(0.0, driver.quantity, cm)
+    way = [Step((Prescribed(driver.quantity, (rest,)),), 0.0)]
 
     def go(value: float, held: float = 0.0) -> None:
         last = way[-1].prescribed[0].values[0]
         if value != last:
-            way.append(Step((Prescribed(one.quantity, (value,)),), abs(value - last) / speed))
+            way.append(Step((Prescribed(driver.quantity, (value,)),), abs(value - last) / speed))
         if held:
-            way.append(Step((Prescribed(one.quantity, (value,)),), held))
+            way.append(Step((Prescribed(driver.quantity, (value,)),), held))
 
     for _ in range(max(1, round(cycles))):
-        for value in one.values[:-1]:
+        for value in driver.values[:-1]:
             go(value)
-        go(one.values[-1], hold)
+        go(driver.values[-1], hold)
         if cycles:
             go(rest)
     return tuple(way)
 
 
-def _rate(text: str, one: Prescribed, cm: float) -> float:
+def _rate(text: str, driver: Prescribed, cm: float) -> float:
     """Return a rate in Pa/s, or in m3/s of added volumes."""
-    kinds = [("Pa/s", 1.0), ("m/s", 100.0 * cm)] if one.quantity == PRESSURE else [("m^3/s", 1.0)]
+    kinds = [("Pa/s", 1.0), ("m/s", 100.0 * cm)] if driver.quantity == PRESSURE else [("m^3/s", 1.0)]
     for unit, scale in kinds:
         try:
-            found = units.quantity(text, unit) * scale
+            rate = units.quantity(text, unit) * scale
         except units.UnitError:
             continue
-        if found > 0.0:
-            return found
+        if rate > 0.0:
+            return rate
         raise CaseError(f"rate {units.brief(text)} must be above 0; the way back is --cycles")
     raise CaseError(
-        f"rate {units.brief(text)} is none; write it like {'1kPa/s or 5cm/s' if one.quantity == PRESSURE else '2ml/s'}"
+        f"rate {units.brief(text)} is none; write it like {'1kPa/s or 5cm/s' if driver.quantity == PRESSURE else '2ml/s'}"
     )
 
 
@@ -651,17 +651,17 @@ def prescribed(quantity: str, values: Values, cm: float, falls: bool = False) ->
         if isinstance(values, str):
             read = entries.of_text(unit, values, quantity, cm)
             return Prescribed(quantity, tuple(read), doubt=read.doubt)
-        found = [
-            entries.one_of_text(unit, one, quantity, cm)
-            if isinstance(one, str)
-            else as_written(units.number(one), quantity, cm)
-            for one in listed(values, quantity)
+        amounts = [
+            entries.one_of_text(unit, value, quantity, cm)
+            if isinstance(value, str)
+            else as_written(units.number(value), quantity, cm)
+            for value in listed(values, quantity)
         ]
-        if not found:
+        if not amounts:
             raise CaseError(f"the list of {quantity}s is empty; give at least one value, such as {EXAMPLES[quantity]}")
         if not falls:
-            entries.check_order(found, quantity)
-        return Prescribed(quantity, tuple(found))
+            entries.check_order(amounts, quantity)
+        return Prescribed(quantity, tuple(amounts))
     except (entries.SeriesError, units.UnitError) as error:
         raise CaseError(str(error)) from None
 
@@ -681,10 +681,10 @@ def listed(values: object, what: str) -> list[float | str]:
     """Return requested values as a list of Python's numbers and texts; else `CaseError`."""
     try:
         given = units.plain(values)
-        each = [units.plain(one) for one in (given if isinstance(given, list | tuple) else [given])]
+        each = [units.plain(value) for value in (given if isinstance(given, list | tuple) else [given])]
     except units.UnitError as error:
         raise CaseError(f"{what} {error}") from None
-    if not all(isinstance(one, int | float | str) and not isinstance(one, bool) for one in each):
+    if not all(isinstance(value, int | float | str) and not isinstance(value, bool) for value in each):
         raise CaseError(f"{what} {units.brief(values)} is neither numbers nor a text with a unit")
     return each
 
@@ -700,7 +700,7 @@ def at_times(asked: Sequence[Prescribed], times: Values, supply: AirSupply | Non
         return _in_steps(asked, ends)
     if supply is None or not supply.in_time:
         raise CaseError("a valve belongs to a supply in time; add supply=Reservoir()")
-    opening = tuple(_amount(one, VALVE, 1.0) for one in _numbers(VALVE, listed(valve, VALVE)))
+    opening = tuple(_amount(number, VALVE, 1.0) for number in _numbers(VALVE, listed(valve, VALVE)))
     return _in_steps([*asked, Prescribed(VALVE, opening)], ends)
 
 
@@ -738,7 +738,7 @@ class StepsEntry(Entry[Steps]):
 
     def read(self, tables: entries.Tables) -> Steps | entries.Missing:
         table = {key: value for key, value in entries.table_of(tables, "load").items() if self.known(key)}
-        table |= {one.key: one.read(tables) for one in IN_TIME if one.key in table}
+        table |= {time_entry.key: time_entry.read(tables) for time_entry in IN_TIME if time_entry.key in table}
         return self._made(table, entries.table_of(tables, "load").get(DENSITY))
 
     def write(self, value: Steps, text: schema.Text) -> entries.Written:
@@ -759,8 +759,8 @@ class StepsEntry(Entry[Steps]):
         )
         text = "pressure in cm of the column, applied first and then constant, for forces on an inflated device"
         yield entries.Option(f"{PRELOAD}_{CM}", schema.About(schema.Quantity(), text))
-        for one in IN_TIME:
-            yield from one.options()
+        for time_entry in IN_TIME:
+            yield from time_entry.options()
 
     def arguments(self, field: str) -> dict[str, str]:
         texts = {"pressure_cm": "pressures", PRESSURE: "pressures", "volume_ml": "volumes", STROKE_KEY: "strokes"}
@@ -771,7 +771,7 @@ class StepsEntry(Entry[Steps]):
 
     def take(self, options: MutableMapping[str, object]) -> Steps | entries.Missing:
         keys = {name: key for key, name in OPTIONS.items()}
-        given = {keys.get(one.name, one.name): options.pop(one.name, None) for one in self.options()}
+        given = {keys.get(option.name, option.name): options.pop(option.name, None) for option in self.options()}
         return self._made(given, options.get(DENSITY))
 
     def _made(self, given: Mapping[str, object], density: object) -> Steps | entries.Missing:
@@ -786,28 +786,28 @@ def load_table(steps: Steps) -> dict[str, object]:
     if not is_program(steps):
         *before, last = (step.prescribed[0] for step in steps)
         written: dict[str, object] = {**_entry(last), **({"on": last.of} if last.of else {})}
-        for one in before:
-            ((key, (value,)),) = _entry(one).items()
+        for driver in before:
+            ((key, (value,)),) = _entry(driver).items()
             written[f"{PRELOAD}{key.removeprefix(PRESSURE)}"] = value
         return written
     tables: dict[str, dict[str, object]] = {}
     flat: dict[str, object] = {}
-    for one in courses(steps):
-        kind, _, own = one.of.partition(".")
+    for driver in courses(steps):
+        kind, _, own = driver.of.partition(".")
         if not kind:
-            flat |= _entry(one)
+            flat |= _entry(driver)
             continue
         table = tables.setdefault(kind, {})
-        (table if not own else table.setdefault(own, {})).update(_entry(one))  # type: ignore[attr-defined]
+        (table if not own else table.setdefault(own, {})).update(_entry(driver))  # type: ignore[attr-defined]
     return {**tables, **flat, **({TIME_KEY: list(times_of(steps))} if timed(steps) else {})}
 
 
-def _entry(one: Prescribed) -> dict[str, list[float | str]]:
+def _entry(driver: Prescribed) -> dict[str, list[float | str]]:
     """Return the key of a quantity, with its values as written."""
-    values = [units.as_amount(value) for value in one.values]
-    if one.quantity in (PRESSURE, SOURCE_PRESSURE) and any(value.unit != CM for value in values):
-        return {one.quantity: [value.text for value in values]}
-    key = next(key for key, quantity in quantities().items() if quantity == one.quantity)
+    values = [units.as_amount(value) for value in driver.values]
+    if driver.quantity in (PRESSURE, SOURCE_PRESSURE) and any(value.unit != CM for value in values):
+        return {driver.quantity: [value.text for value in values]}
+    key = next(key for key, quantity in quantities().items() if quantity == driver.quantity)
     return {key: [value.number for value in values]}
 
 
@@ -841,17 +841,17 @@ STEP = Requested("step", "steps", "load_step")
 def load_part(asked: Prescribed, components: Sequence[Component]) -> controls.LoadPart:
     """Return the dead load that values are requested of; `FieldError` if there is none, or several."""
     table, key, of = load_quantities()[asked.quantity]
-    found = [part for part in components if isinstance(part, controls.LoadPart) and part.table == table]
-    named = [part for part in found if not asked.of or asked.of in (part.name, part.key)]
+    loads = [part for part in components if isinstance(part, controls.LoadPart) and part.table == table]
+    named = [part for part in loads if not asked.of or asked.of in (part.name, part.key)]
     if len(named) == 1:
         return named[0]
-    if not found:
+    if not loads:
         raise errors.FieldError(
             f"{of.words} are requested ({key}), but the device has no [{table}]; add one (--{table})"
         )
-    names = ", ".join(part.name or "without a name" for part in found)
+    names = ", ".join(part.name or "without a name" for part in loads)
     raise errors.FieldError(
-        f'{key} refers to one {table}, but the case has {names}; choose one (on = "{found[0].name}")'
+        f'{key} refers to one {table}, but the case has {names}; choose one (on = "{loads[0].name}")'
     )
 
 
@@ -882,13 +882,13 @@ def settled(case: Loaded) -> Steps:
     steps = tuple(_driving(step, case) for step in case.steps) if is_program(case.steps) else case.steps
     if all(step.duration is not None for step in steps):
         durations = durations_of(times_of(steps))
-        steps = tuple(dataclasses.replace(step, duration=one) for step, one in zip(steps, durations, strict=True))
+        steps = tuple(dataclasses.replace(step, duration=span) for step, span in zip(steps, durations, strict=True))
     return tuple(
         dataclasses.replace(
             step,
             prescribed=tuple(
-                dataclasses.replace(one, values=tuple(as_written(v, one.quantity, case.cm) for v in one.values))
-                for one in step.prescribed
+                dataclasses.replace(p, values=tuple(as_written(v, p.quantity, case.cm) for v in p.values))
+                for p in step.prescribed
             ),
         )
         for step in steps
@@ -897,22 +897,24 @@ def settled(case: Loaded) -> Steps:
 
 def _driving(step: Step, case: Loaded) -> Step:
     """Return a step of a program whose values are of all cavities, or of the source of a supply in time, as theirs."""
-    found: list[Prescribed] = []
-    for one in step.prescribed:
-        if len(one.values) != 1:
-            raise CaseError(f"{one.name} has {len(one.values)} values in one of several steps; give one value in each")
-        if one.named:
-            found.append(one)
-        elif one.of_load:
-            found.append(dataclasses.replace(one, of=load_part(one, case.components).key))
-        elif one.quantity == STROKE:
+    drivers: list[Prescribed] = []
+    for driver in step.prescribed:
+        if len(driver.values) != 1:
+            raise CaseError(
+                f"{driver.name} has {len(driver.values)} values in one of several steps; give one value in each"
+            )
+        if driver.named:
+            drivers.append(driver)
+        elif driver.of_load:
+            drivers.append(dataclasses.replace(driver, of=load_part(driver, case.components).key))
+        elif driver.quantity == STROKE:
             raise CaseError("strokes are requested in a single step; leave out the others, and the durations")
         elif case.supply is None or not case.supply.in_time:
-            found += [dataclasses.replace(one, of=f"cavity{i + 1}") for i in range(len(case.actuator.ratios))]
-        elif one.quantity == PRESSURE:
-            found.append(dataclasses.replace(one, quantity=SOURCE_PRESSURE))
+            drivers += [dataclasses.replace(driver, of=f"cavity{i + 1}") for i in range(len(case.actuator.ratios))]
+        elif driver.quantity == PRESSURE:
+            drivers.append(dataclasses.replace(driver, quantity=SOURCE_PRESSURE))
         else:
             raise CaseError(
                 f"a {case.supply.name} supplies pressures, not added volumes; request pressures, those of its source"
             )
-    return dataclasses.replace(step, prescribed=tuple(found))
+    return dataclasses.replace(step, prescribed=tuple(drivers))

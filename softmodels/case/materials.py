@@ -74,8 +74,8 @@ def material_from(name: str | None, values: Mapping[str, object]) -> Material:
     if twice := own.keys() & given.keys():
         raise MaterialError(f"material {name!r} has {min(twice)} already; leave out {_flag(min(twice))}")
     given = {**own, **given}
-    if found := laws.law_called(law):
-        if found[0] is type(DEFAULT) and not {*DEFAULT.parameters, *DEFAULT.alternatives} & set(given):
+    if named := laws.law_called(law):
+        if named[0] is type(DEFAULT) and not {*DEFAULT.parameters, *DEFAULT.alternatives} & set(given):
             given["shear_modulus"] = units.exact_text(DEFAULT.shear_modulus, "Pa")
         return from_table({"law": law, **given})
     if silicone := silicones.silicone_called(law):
@@ -96,13 +96,13 @@ def material_from(name: str | None, values: Mapping[str, object]) -> Material:
 
 def _with_numbers(text: str) -> tuple[str, dict[str, object]]:
     """Return the name and the numbers of ``"yeoh:c1=8kPa,c2=90Pa"``; commas within a number's text separate terms."""
-    name, found, numbers = text.partition(":")
-    if not found or Path(text).is_file():
+    name, separator, numbers = text.partition(":")
+    if not separator or Path(text).is_file():
         return text, {}
     own: dict[str, object] = {}
     for part in re.split(r",(?=\s*[\w-]+\s*=)", numbers):
-        key, found, value = part.partition("=")
-        if not found:
+        key, separator, value = part.partition("=")
+        if not separator:
             raise MaterialError(f"material {text!r}: {part!r} is not KEY=VALUE; write it like yeoh:c1=8kPa,c2=90Pa")
         own[key.strip().replace("-", "_")] = value.strip()
     return name.strip(), own
@@ -183,10 +183,10 @@ def from_table(table: Mapping[str, object]) -> Material:
             "(file = 'fitted.toml')"
         )
     text = values.pop("law")
-    found = laws.law_called(text) if isinstance(text, str) else None
-    if found is None:
+    named = laws.law_called(text) if isinstance(text, str) else None
+    if named is None:
         raise MaterialError(f"law {text!r} is unknown; {errors.known_are(text, laws.LAWS)}")
-    (law, terms), name = found, found[0].name
+    (law, terms), name = named, named[0].name
     further: dict[str, object] = {
         FITTED: _range(name, values.pop(FITTED, None)),
         MEMORY: _memory(name, values.pop(MEMORY, None)),
@@ -358,11 +358,11 @@ class SourceBand:
         """Return the other sources by name, from the softest to the stiffest, with a material's own Poisson's ratio."""
         own = silicones.named(material)
         names = [name for name in silicones.source_names(self.product) if name != own]
-        found = {name: silicones.silicone_called(name) for name in names}
+        by_name = {name: silicones.silicone_called(name) for name in names}
         return {
-            name: dataclasses.replace(one.material, poisson=material.poisson)  # type: ignore[call-arg]
-            for name, one in found.items()
-            if one is not None
+            name: dataclasses.replace(silicone.material, poisson=material.poisson)  # type: ignore[call-arg]
+            for name, silicone in by_name.items()
+            if silicone is not None
         }
 
 
@@ -387,11 +387,11 @@ def _whole(path: Path, fitted: Material) -> Found | None:
     """
     try:
         laws = files.read_json(path.with_name("fit.json"))["laws"]
-        told = [one for one in laws if "material" in one]
-        same = (one for one in told if from_table(one["material"]) == fitted)
-        one = next(same, None) or next(one for one in laws if one["law"] == fitted.name)
-        covariance = np.array(one["covariance"], dtype=float)
-        names = tuple(map(str, one["free"]))
+        told = [law for law in laws if "material" in law]
+        same = (law for law in told if from_table(law["material"]) == fitted)
+        chosen = next(same, None) or next(law for law in laws if law["law"] == fitted.name)
+        covariance = np.array(chosen["covariance"], dtype=float)
+        names = tuple(map(str, chosen["free"]))
     except (OSError, ValueError, KeyError, TypeError, StopIteration, MaterialError):
         return None
     if covariance.shape != (len(names), len(names)) or not np.isfinite(covariance).all():
@@ -400,8 +400,8 @@ def _whole(path: Path, fitted: Material) -> Found | None:
 
 
 def _intervals(path: Path, fit: Mapping[str, object]) -> Found:
-    found = fit.get("intervals_95")
-    intervals = found if isinstance(found, dict) else {}
+    given = fit.get("intervals_95")
+    intervals = given if isinstance(given, dict) else {}
     try:
         widths = {str(name): float(high) - float(low) for name, (low, high) in intervals.items()}
     except (TypeError, ValueError):
@@ -579,10 +579,10 @@ class PartsEntry(Entry[Parts]):
         return tuple(dict.fromkeys(kind.table for kind in component.COMPONENTS.values()))
 
     def read(self, tables: entries.Tables) -> Parts | entries.Missing:
-        found = [
+        parts = [
             part for kind in component.COMPONENTS.values() if kind.table in tables for part in _of_table(kind, tables)
         ]
-        return tuple(found) or entries.MISSING
+        return tuple(parts) or entries.MISSING
 
     def write(self, value: Parts, text: schema.Text) -> entries.Written:
         written: dict[str, dict[str, object]] = {}
@@ -605,14 +605,14 @@ class PartsEntry(Entry[Parts]):
         return {option: f"{kind.__name__}.{name}" for kind in _optional() for name, option in _options(kind).items()}
 
     def take(self, options: MutableMapping[str, object]) -> Parts | entries.Missing:
-        found = []
+        parts = []
         for kind in _optional():
             given = {name: options.pop(option, None) for name, option in _options(kind).items()}
             table = {name: value for name, value in given.items() if value is not None}
             if table:
                 kind.check_required("", table)
-                found.append(kind(**table))  # type: ignore[arg-type]
-        return tuple(found) or entries.MISSING
+                parts.append(kind(**table))  # type: ignore[arg-type]
+        return tuple(parts) or entries.MISSING
 
 
 def _optional() -> list[type[Component]]:
@@ -714,8 +714,8 @@ def own_modules(*things: object) -> str:
 def _within(value: object) -> Iterator[object]:
     """Yield the frozen dataclasses in a value: a case, its device, its parts, their materials; and what parts name."""
     if isinstance(value, tuple | list):
-        for one in value:
-            yield from _within(one)
+        for part in value:
+            yield from _within(part)
     elif dataclasses.is_dataclass(value):
         yield value
         for field in dataclasses.fields(value):

@@ -65,44 +65,44 @@ class Scatter:
     @property
     def borne(self) -> tuple[str, list[Sampled]]:
         """Return their limit pressures; if none has a limit, the pressures at the largest stretch."""
-        found = [one for one in self.sampled if one[1].found]
-        stretched = [one for one in self.sampled if one[1].kind == "none"]
-        if found or not stretched:
-            return "limit pressure", found
+        limited = [sample for sample in self.sampled if sample[1].exists]
+        stretched = [sample for sample in self.sampled if sample[1].kind == "none"]
+        if limited or not stretched:
+            return "limit pressure", limited
         return f"pressure at a stretch of {analyses.MAX_STRETCH:g}", stretched
 
 
-def row_of(name: str, found: Limit, column: LimitColumn) -> Row:
+def row_of(name: str, limit: Limit, column: LimitColumn) -> Row:
     """Return the table row of a material's limit."""
     row: Row = {
-        "material": name, "kind": found.kind, "limit_cm": found.pressure / column.cm, "limit_Pa": found.pressure,
-        "added_volume_ml": found.added_volume * 1e6, **{f"{k}_mm": v * 1e3 for k, v in found.rises.items()},
-        "max_stretch": found.stretch, **{f"{axis}_mm": x * 1e3 for axis, x in zip("xyz", found.place, strict=True)},
+        "material": name, "kind": limit.kind, "limit_cm": limit.pressure / column.cm, "limit_Pa": limit.pressure,
+        "added_volume_ml": limit.added_volume * 1e6, **{f"{k}_mm": v * 1e3 for k, v in limit.rises.items()},
+        "max_stretch": limit.stretch, **{f"{axis}_mm": x * 1e3 for axis, x in zip("xyz", limit.place, strict=True)},
     }  # fmt: skip
-    row |= {"hold_s": found.held} if found.held else {}
-    return row if column.working is None else {**row, "margin": abs(found.pressure) / column.cm / column.working}
+    row |= {"hold_s": limit.held} if limit.held else {}
+    return row if column.working is None else {**row, "margin": abs(limit.pressure) / column.cm / column.working}
 
 
-def sentence(name: str, found: Limit, column: LimitColumn) -> str:
+def sentence(name: str, limit: Limit, column: LimitColumn) -> str:
     """Return the limit of a device in a material as a sentence."""
-    radius, height = float(np.hypot(found.place[0], found.place[1])) * 1e3, found.place[2] * 1e3
-    place = f"largest stretch {found.stretch:.3g}, {radius:.3g} mm from the axis at height {height:.3g} mm"
-    rises = ", ".join(f"{name} {rise * 1e3:+.4g} mm" for name, rise in found.rises.items())
-    state = f"{rises}, {found.added_volume * 1e6:+.4g} ml; {place}"
-    at = f"{found.pressure / column.cm:.4g} {units.column_unit(column.cm)} ({found.pressure / 1e3:.4g} kPa)"
+    radius, height = float(np.hypot(limit.place[0], limit.place[1])) * 1e3, limit.place[2] * 1e3
+    place = f"largest stretch {limit.stretch:.3g}, {radius:.3g} mm from the axis at height {height:.3g} mm"
+    rises = ", ".join(f"{name} {rise * 1e3:+.4g} mm" for name, rise in limit.rises.items())
+    state = f"{rises}, {limit.added_volume * 1e6:+.4g} ml; {place}"
+    at = f"{limit.pressure / column.cm:.4g} {units.column_unit(column.cm)} ({limit.pressure / 1e3:.4g} kPa)"
     what = {
         "limit": f"limit pressure {at}: {state}",
         "bifurcation": f"bifurcation at {at}: {state}",
         "none": f"no limit up to a stretch of {analyses.MAX_STRETCH:g}, reached at {at}: {state}"
-        if found.pressure > 0.0
+        if limit.pressure > 0.0
         else f"no limit down to {at}: {state}",
-        "lost": f"no limit up to {at}, where the path was lost ({found.why}): {state}",
-    }[found.kind]
-    if found.held:
-        what = f"{at} is borne for {found.held:g} s, and then: {state}"
+        "lost": f"no limit up to {at}, where the path was lost ({limit.why}): {state}",
+    }[limit.kind]
+    if limit.held:
+        what = f"{at} is borne for {limit.held:g} s, and then: {state}"
     text = f"{name}: {what}"
     if column.working is not None:
-        margin = abs(found.pressure) / column.cm / column.working
+        margin = abs(limit.pressure) / column.cm / column.working
         text += f"; {margin:.2f} times the working pressure, {'above' if margin > 1 else 'BELOW'} it"
     return text
 
@@ -113,7 +113,7 @@ def scatter_text(scatter: Scatter, column: LimitColumn) -> str:
     count = len(scatter.sampled)
     if not counted:
         return f"none of the {count} devices within the tolerances has a limit"
-    pressures = np.array([found.pressure / column.cm for _, found in counted])
+    pressures = np.array([limit.pressure / column.cm for _, limit in counted])
     quantiles = np.percentile(pressures, PERCENTILES)
     text = f"{count} devices within the tolerances: {what} ({units.column_unit(column.cm)}) " + ", ".join(
         f"{q:.4g} cm ({p} %)" for p, q in zip(PERCENTILES, quantiles, strict=True)
@@ -148,19 +148,19 @@ def _regressor(tolerance: analyses.Tolerance, value: float) -> float:
 
 def write(folder: Path, limits: Mapping[str, Limit], scatter: Scatter, column: LimitColumn) -> Figure | None:
     """Write ``limit.json`` and ``limit.csv``, and of a scatter its table and picture, which is returned."""
-    table = [row_of(name, found, column) for name, found in limits.items()]
+    table = [row_of(name, limit, column) for name, limit in limits.items()]
     files.write_text(folder / "limit.json", json.dumps(table, indent=2) + "\n")
     files.write_text(folder / "limit.csv", files.csv_text(table[0], table))
     if not scatter.sampled:
         return None
-    rows = [{**changes, **row_of("", found, column)} for changes, found in scatter.sampled]
+    rows = [{**changes, **row_of("", limit, column)} for changes, limit in scatter.sampled]
     files.write_text(folder / "scatter.csv", files.csv_text(rows[0], rows))
     what, counted = scatter.borne
     if not counted:
         return None
     from softmodels.pictures import analyses
 
-    pressures = [(changes, found.pressure / column.cm) for changes, found in counted]
+    pressures = [(changes, limit.pressure / column.cm) for changes, limit in counted]
     nominal = next(iter(limits.values())).pressure / column.cm
     figure = analyses.scatter_figure(
         pressures, scatter.tolerances, what, nominal, column.working, units.column_unit(column.cm)
@@ -182,17 +182,17 @@ def write_page(
     figure = write(folder, limits, scatter, question.column)
     column, device = question.column, question.case.actuator
     facts, told = [], registry.to_table(device, units.readable)
-    for name, found in limits.items():
-        margin = math.inf if column.working is None else abs(found.pressure) / column.cm / column.working
+    for name, limit in limits.items():
+        margin = math.inf if column.working is None else abs(limit.pressure) / column.cm / column.working
         notes_of_it = (
             [] if column.working is None else [f"{margin:.2f} times the working pressure of {column.working:g} cm"]
         )
-        kind = KINDS[found.kind] if found.pressure > 0.0 else KINDS[found.kind].replace("up to", "down to")
-        what = f"borne for {found.held:g} s" if found.held else kind
-        pressure = f"{found.pressure / column.cm:.4g} {units.column_unit(column.cm)} ({found.pressure / 1e3:.4g} kPa)"
-        note = "; ".join([*notes_of_it, f"largest stretch there {found.stretch:.4g}"])
-        facts.append(pages.Fact(f"{name}: {what}", pressure, note, margin < 1 or found.kind == "lost"))
-    sentences = [f"{sentence(name, found, column)}." for name, found in limits.items()]
+        kind = KINDS[limit.kind] if limit.pressure > 0.0 else KINDS[limit.kind].replace("up to", "down to")
+        what = f"borne for {limit.held:g} s" if limit.held else kind
+        pressure = f"{limit.pressure / column.cm:.4g} {units.column_unit(column.cm)} ({limit.pressure / 1e3:.4g} kPa)"
+        note = "; ".join([*notes_of_it, f"largest stretch there {limit.stretch:.4g}"])
+        facts.append(pages.Fact(f"{name}: {what}", pressure, note, margin < 1 or limit.kind == "lost"))
+    sentences = [f"{sentence(name, limit, column)}." for name, limit in limits.items()]
     names = ("limit.csv", "scatter.csv")
     page = Page(
         f"Limit of {type(device).__name__}", sentences[0],
@@ -297,102 +297,102 @@ def _find_modes(case: Case, how: ModesOptions, asked: Mapping[str, object], file
         comm, lambda: commands.open_folder(how.output, Path("results/modes"), "modes", asked, files)
     )
     with sentences():
-        found = analyses.find_frequencies(case, how.count, how.sealed, comm)
+        modes = analyses.find_frequencies(case, how.count, how.sealed, comm)
     if mpi.is_root(comm) and folder is not None:
-        _report_modes(case, found, how, folder)
-    if found.ended.status:
-        options.fail(found.ended.message, found.ended.status)
+        _report_modes(case, modes, how, folder)
+    if modes.ended.status:
+        options.fail(modes.ended.message, modes.ended.status)
 
 
-def _report_modes(case: Case, found: NaturalFrequencies, how: ModesOptions, folder: commands.ResultFolder) -> None:
+def _report_modes(case: Case, modes: NaturalFrequencies, how: ModesOptions, folder: commands.ResultFolder) -> None:
     def write(place: Path) -> None:
-        files.write_text(place / "modes.csv", modes_table(found, case.cm))
+        files.write_text(place / "modes.csv", modes_table(modes, case.cm))
         if not how.no_pictures:
             files.write_text(
-                place / "report.html", _modes_page(case, found, _draw_modes(case, found, how.sealed, place), place)
+                place / "report.html", _modes_page(case, modes, _draw_modes(case, modes, how.sealed, place), place)
             )
 
     options.write_into(folder, write, "the results")
     if how.quiet:
         return
-    shown = [*np.flatnonzero(found.requested), *([] if found.requested[-1] else [len(found.pressure) - 1])]
+    shown = [*np.flatnonzero(modes.requested), *([] if modes.requested[-1] else [len(modes.pressure) - 1])]
     for state in shown:
-        values = ", ".join(f"{value:.4g}" for value in found.frequency[state])
-        processes.say(f"{_pressure_text(found, state, case.cm)}: {values} Hz")
-    for text in [*found.unstable, *(f"note: {note}" for note in found.notes), f"results in {folder.path}"]:
+        values = ", ".join(f"{value:.4g}" for value in modes.frequency[state])
+        processes.say(f"{_pressure_text(modes, state, case.cm)}: {values} Hz")
+    for text in [*modes.unstable, *(f"note: {note}" for note in modes.notes), f"results in {folder.path}"]:
         processes.say(text)
 
 
-def _pressure_text(found: NaturalFrequencies, state: int, cm: float) -> str:
-    pressure = found.pressure[state]
+def _pressure_text(modes: NaturalFrequencies, state: int, cm: float) -> str:
+    pressure = modes.pressure[state]
     return f"{pressure / cm:.4g} {units.column_unit(cm)} ({pressure / 1e3:.4g} kPa)" if pressure else "no pressure"
 
 
-def modes_table(found: NaturalFrequencies, cm: float) -> str:
+def modes_table(modes: NaturalFrequencies, cm: float) -> str:
     """Return ``modes.csv``; ``cm`` is Pa in one cm of the column."""
-    count = found.frequency.shape[1]
+    count = modes.frequency.shape[1]
     head = ["pressure_cm", "pressure_Pa", "added_volume_ml", "requested", *(f"f{k}_Hz" for k in range(1, count + 1))]
     rows = []
-    states = zip(found.pressure, found.added_volume, found.requested, found.frequency, strict=True)
+    states = zip(modes.pressure, modes.added_volume, modes.requested, modes.frequency, strict=True)
     for pressure, volume, requested, frequencies in states:
         numbers = [pressure / cm, pressure, volume * 1e6]
         rows.append([*(f"{x:.9g}" for x in numbers), str(int(requested)), *(f"{x:.9g}" for x in frequencies)])
     return files.csv_text(head, rows)
 
 
-def _modes_page(case: Case, found: NaturalFrequencies, figure: Figure, place: Path) -> str:
+def _modes_page(case: Case, modes: NaturalFrequencies, figure: Figure, place: Path) -> str:
     """Return the report; ``place`` has the tables and the shapes already, ``figure`` are the frequencies."""
     from softmodels.pictures import curves
 
-    shapes, asked = place / "shapes.png", [0, *np.flatnonzero(found.requested)[-1:]]
+    shapes, asked = place / "shapes.png", [0, *np.flatnonzero(modes.requested)[-1:]]
     facts = [
-        pages.Fact(f"Lowest frequency, {_pressure_text(found, state, case.cm)}", f"{found.frequency[state, 0]:.4g} Hz"
-             if np.isfinite(found.frequency[state, 0]) else "unstable", "", not np.isfinite(found.frequency[state, 0]))
+        pages.Fact(f"Lowest frequency, {_pressure_text(modes, state, case.cm)}", f"{modes.frequency[state, 0]:.4g} Hz"
+             if np.isfinite(modes.frequency[state, 0]) else "unstable", "", not np.isfinite(modes.frequency[state, 0]))
         for state in dict.fromkeys(asked)
     ]  # fmt: skip
     rows: list[list[str | pages.Cell]] = [
         [pages.Cell(f"{p / case.cm:.5g}", f"{p} Pa", p), f"{V * 1e6:.5g}", *(f"{f:.5g}" for f in values)]
-        for p, V, values in zip(found.pressure, found.added_volume, found.frequency, strict=True)
+        for p, V, values in zip(modes.pressure, modes.added_volume, modes.frequency, strict=True)
     ]
     head: list[str | pages.Cell] = [
         pages.Cell("pressure (cm)", unit="cm"),
         "added volume (ml)",
-        *(f"f{k + 1} (Hz)" for k in range(found.frequency.shape[1])),
+        *(f"f{k + 1} (Hz)" for k in range(modes.frequency.shape[1])),
     ]
     return Page(
-        f"Natural frequencies of {case.name}", f"{found.ended.message}." if found.ended.message else "",
+        f"Natural frequencies of {case.name}", f"{modes.ended.message}." if modes.ended.message else "",
         [
             ("Pictures", [pages.Charts([("frequencies.svg", curves.drawing(figure, case.cm))]),
                           pages.Picture(files.image_uri(shapes), "The modes of the last state") if shapes.exists() else None]),
             ("Frequencies", [pages.Table(rows, head)]),
-            ("Notes", [pages.Bullets([*found.notes, NO_MESH_ERROR])]),
+            ("Notes", [pages.Bullets([*modes.notes, NO_MESH_ERROR])]),
             ("The case", [pages.Folded("case.toml", [pages.Listing(case.to_toml())])]),
         ],
-        commands.Provenance.now(), facts, found.unstable, silicones.publications(case.material),
+        commands.Provenance.now(), facts, modes.unstable, silicones.publications(case.material),
         {"modes.csv": files.read_text(place / "modes.csv")}, case.cm,
     ).html()  # fmt: skip
 
 
-def _draw_modes(case: Case, found: NaturalFrequencies, sealed: bool, place: Path) -> Figure:
+def _draw_modes(case: Case, modes: NaturalFrequencies, sealed: bool, place: Path) -> Figure:
     """Draw the frequencies, which are returned, and the modes of the last state; say so if that fails."""
     from softmodels.cli import run
     from softmodels.pictures import analyses, style
 
-    figure = analyses.frequency_figure(found.pressure / case.cm, found.frequency, sealed, units.column_unit(case.cm))
+    figure = analyses.frequency_figure(modes.pressure / case.cm, modes.frequency, sealed, units.column_unit(case.cm))
     files.write_bytes(place / "frequencies.png", style.png(figure))
-    last, state = found.modes[-1][: analyses.MAX_MODES_DRAWN], len(found.modes) - 1
-    at = _pressure_text(found, state, case.cm)
+    last, state = modes.modes[-1][: analyses.MAX_MODES_DRAWN], len(modes.modes) - 1
+    at = _pressure_text(modes, state, case.cm)
     titles = [f"f{k} = {mode.frequency:.4g} Hz" if mode.stable else f"f{k}: unstable" for k, mode in enumerate(last, 1)]
     titles[0] += f", {at}"
-    moved, shapes = found.points + found.displacement[-1], [mode.displacement for mode in last]
+    moved, shapes = modes.points + modes.displacement[-1], [mode.displacement for mode in last]
     if case.actuator.dimension == 2:
-        files.write_bytes(place / "shapes.png", style.png(analyses.section_shapes(moved, shapes, found.cells, titles)))
+        files.write_bytes(place / "shapes.png", style.png(analyses.section_shapes(moved, shapes, modes.cells, titles)))
         return figure
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "shapes.npz"
         np.savez(
             file,
-            **vars(analyses.solid_shapes(found.points, found.cells, found.cell_name, case.actuator, moved, shapes)),
+            **vars(analyses.solid_shapes(modes.points, modes.cells, modes.cell_name, case.actuator, moved, shapes)),
         )
         words = "softmodels.pictures.analyses", str(file), str(place / "shapes.png"), *titles
         run.drawn_aside(case, "the frequencies are complete", *words)
@@ -463,29 +463,29 @@ def grasp_command(file: Path, how: GraspOptions) -> None:
         comm, lambda: commands.open_folder(how.output, Path("results/grasp"), "grasp", asked, [file])
     )
     with sentences():
-        made, found = grasp.grasp(case, how.fingers, how.load, way, how.label, how.steps)
-    outlines = [made.outlines(held) for held in found]
+        made, states = grasp.grasp(case, how.fingers, how.load, way, how.label, how.steps)
+    outlines = [made.outlines(held) for held in states]
     if mpi.is_root(comm) and folder is not None:
 
         def write(place: Path) -> None:
             from softmodels.pictures import analyses, style
 
-            files.write_text(place / "grasp.csv", grasp_table(made, found))
-            files.write_bytes(place / "grasp.png", style.png(analyses.grasp_figure(made, found, outlines)))
+            files.write_text(place / "grasp.csv", grasp_table(made, states))
+            files.write_bytes(place / "grasp.png", style.png(analyses.grasp_figure(made, states, outlines)))
 
         options.write_into(folder, write, "the results")
         if not how.quiet:
-            for text in [*told(made, found), f"results in {folder.path}: grasp.csv, grasp.png"]:
+            for text in [*told(made, states), f"results in {folder.path}: grasp.csv, grasp.png"]:
                 processes.say(text)
-    if found[-1].load < how.load * (1 - 1e-9):
+    if states[-1].load < how.load * (1 - 1e-9):
         options.fail(
-            f"no equilibrium of the object at a load of {how.load:.4g} N: beyond {found[-1].load:.4g} N it leaves the fingers; "
-            "use a higher pressure, more friction or more fingers",
+            f"no equilibrium of the object at a load of {how.load:.4g} N: beyond {states[-1].load:.4g} N it leaves the "
+            "fingers; use a higher pressure, more friction or more fingers",
             3,
         )
 
 
-def grasp_table(made: Grasp, found: Sequence[grasp.Held]) -> str:
+def grasp_table(made: Grasp, states: Sequence[grasp.Held]) -> str:
     """Return ``grasp.csv``."""
     fingers = range(1, len(made.angles) + 1)
     parts = ("along_N", "across_N", "press_N", "sliding")
@@ -494,7 +494,7 @@ def grasp_table(made: Grasp, found: Sequence[grasp.Held]) -> str:
         *(f"finger{k}_{part}" for k in fingers for part in parts),
     ]  # fmt: skip
     rows = []
-    for held in found:
+    for held in states:
         numbers = [held.pressure / made.case.cm, held.pressure, held.load, *held.moved * 1e3, math.degrees(held.turned),
                    float(held.closed(made.shape.friction)), held.bears(made.shape.friction)]  # fmt: skip
         for force, press, sliding in zip(held.forces, held.press, held.sliding, strict=True):
@@ -503,10 +503,10 @@ def grasp_table(made: Grasp, found: Sequence[grasp.Held]) -> str:
     return files.csv_text(head, rows)
 
 
-def told(made: Grasp, found: Sequence[grasp.Held]) -> list[str]:
+def told(made: Grasp, states: Sequence[grasp.Held]) -> list[str]:
     """Return what a user wants to know, as sentences."""
     friction, lines = made.shape.friction, [f"note: {note}" for note in made.model.notes]
-    for held in found if not found[-1].load else [held for held in found if not held.load] + [found[-1]]:
+    for held in states if not states[-1].load else [held for held in states if not held.load] + [states[-1]]:
         forces = ", ".join(f"{force:.4g}" for force in held.press)
         closed = "force closure" if held.closed(friction) else "no force closure"
         pressure = f"{held.pressure / made.case.cm:.4g} {units.column_unit(made.case.cm)}"
@@ -515,7 +515,7 @@ def told(made: Grasp, found: Sequence[grasp.Held]) -> list[str]:
             f"object has moved {_zero(held.moved[0] * 1e3):.4g} mm along and {_zero(held.moved[1] * 1e3):.4g} mm across the "
             f"load and turned by {_zero(math.degrees(held.turned)):.3g} deg"
         )
-    loaded = [held for held in found if held.load]
+    loaded = [held for held in states if held.load]
     slipped = next((held for held in loaded if held.bears(friction) < (1 + USED_UP) * held.load), None)
     if friction and loaded:
         lines.append(
@@ -669,7 +669,7 @@ def limit(
         return
     notes = list(_notes(question, named, limits, scattered))
     for text in [
-        *(sentence(name, found, question.column) for name, found in limits.items()),
+        *(sentence(name, limit, question.column) for name, limit in limits.items()),
         *analyses.band_texts(bands, limits, question.column.cm), *notes,
         *([scatter_text(scattered, question.column)] if scattered.sampled else []),
     ]:  # fmt: skip
@@ -697,22 +697,22 @@ def _notes(
 ) -> Iterator[str]:
     """Yield warnings about the limits."""
     device = question.case.actuator
-    for name, found in limits.items():
+    for name, limit in limits.items():
         weak = specimens.weakest(materials[name])
-        if weak is not None and found.stretch >= NEAR_STRETCH_LIMIT * weak.stretch:
+        if weak is not None and limit.stretch >= NEAR_STRETCH_LIMIT * weak.stretch:
             yield (
-                f"note: {specimens.weakness(materials[name])}, and the state reaches stretch {found.stretch:.3g}: "
+                f"note: {specimens.weakness(materials[name])}, and the state reaches stretch {limit.stretch:.3g}: "
                 "the limit may "
                 f"come from the law, not from the device; use a law that is stable over these stretches (softmodels curve "
                 f"shows them)"
             )
-        if text := silicones.extrapolated(materials[name], found.stretch):
+        if text := silicones.extrapolated(materials[name], limit.stretch):
             yield f"note: {name}: {text}"
         if materials[name].misread:
             yield f"note: {materials[name].misread}"
-    for text in dict.fromkeys(text for found in limits.values() for text in found.notes):
+    for text in dict.fromkeys(text for limit in limits.values() for text in limit.notes):
         yield f"note: {text}"
-    if warned := [found.notes for _, found in scatter.sampled if found.notes]:
+    if warned := [limit.notes for _, limit in scatter.sampled if limit.notes]:
         many = f"{len(warned)} of {len(scatter.sampled)} sampled devices have warnings"
         yield f"note: {many}; of the first: {'; '.join(warned[0])}"
     if hidden := unseen(device):

@@ -68,7 +68,7 @@ def completion_command(shell: str) -> None:
 
 def script(shell: str, program: click.Group) -> str:
     """Return the script for a shell."""
-    found = dict(commands_of(program))
+    commands = dict(commands_of(program))
     values = {
         options.DEVICE: list(ACTUATORS),
         "--material": [*options.LAWS, *silicones.PRODUCTS],
@@ -79,8 +79,8 @@ def script(shell: str, program: click.Group) -> str:
     text, indent = (FISH, " " * 8) if shell == "fish" else (BASH, " " * 4)
     made = text.format(
         values="\n".join(_case(shell, [name], words, indent) for name, words in values.items()),
-        commands="\n".join(_case(shell, name.split(), words, 2 * indent) for name, words in found.items() if name),
-        top=" ".join(found[""]),
+        commands="\n".join(_case(shell, name.split(), words, 2 * indent) for name, words in commands.items() if name),
+        top=" ".join(commands[""]),
     )
     return (ZSH if shell == "zsh" else "") + made
 
@@ -113,20 +113,20 @@ def _options(command: click.Command) -> list[str]:
     params = [*command.get_params(click.Context(command)), *getattr(command, "device_params", list)()]
     words = [
         word
-        for one in params
-        if isinstance(one, click.Argument) and isinstance(one.type, click.Choice)
-        for word in one.type.choices
+        for param in params
+        if isinstance(param, click.Argument) and isinstance(param.type, click.Choice)
+        for word in param.type.choices
     ]
-    return list(dict.fromkeys([*words, *(option for one in params for option in one.opts if option[:2] == "--")]))
+    return list(dict.fromkeys([*words, *(option for param in params for option in param.opts if option[:2] == "--")]))
 
 
 def field_names() -> list[str]:
     """Return the names of the fields of a case file for ``--set``, but those of tables that have a name."""
-    found = ["name", *(f"load.{key}" for key in (*load.request_keys(), "rate", "hold", "cycles"))]
+    names = ["name", *(f"load.{key}" for key in (*load.request_keys(), "rate", "hold", "cycles"))]
     values = [entry for entry in case.entries().values() if isinstance(entry, entries.Value)]
-    found += [f"{entry.table}.{entry.key}" for entry in values]
-    found += ["material.law", *(f"material.{name}" for name in materials.material_options_of())]
+    names += [f"{entry.table}.{entry.key}" for entry in values]
+    names += ["material.law", *(f"material.{name}" for name in materials.material_options_of())]
     kinds: list[tuple[str, Mapping[str, object]]] = [("geometry", schema.about(kind)) for kind in ACTUATORS.values()]
     parts = component.COMPONENTS.values()
     kinds += [(kind.table, schema.about(kind)) for kind in parts if not kind.always_named]
-    return list(dict.fromkeys([*found, *(f"{table}.{name}" for table, fields in kinds for name in fields)]))
+    return list(dict.fromkeys([*names, *(f"{table}.{name}" for table, fields in kinds for name in fields)]))

@@ -238,11 +238,11 @@ def study_command(file: Path, how: StudyOptions) -> None:
     assert kept.own is not None
     folder = kept.own.path
     try:
-        found = _solved(kept, plan, how, folder)
+        solved = _solved(kept, plan, how, folder)
         try:
-            found.save(folder / study.DATASET)
+            solved.save(folder / study.DATASET)
             if not how.no_pictures:
-                _draw_study(found, folder, time.monotonic() - begun)
+                _draw_study(solved, folder, time.monotonic() - begun)
         except OSError as error:
             options.fail(
                 f"the results cannot be written into {folder} ({errors.reason(error)})", commands.status_of(error)
@@ -250,9 +250,9 @@ def study_command(file: Path, how: StudyOptions) -> None:
     finally:
         kept.leave()
     if not how.quiet:
-        for name, text in found._figures():
+        for name, text in solved._figures():
             processes.say(f"{name}: {text}")
-        for k, text in list(found.failures.items())[:5]:
+        for k, text in list(solved.failures.items())[:5]:
             processes.say(f"sample {k} has no result: {text}")
         processes.say(
             f"{folder}: {study.DATASET} has all results" + ("" if how.no_pictures else f", {study.PAGE} the pictures")
@@ -281,12 +281,12 @@ def _solved(kept: study.StudyFolder, plan: study.StudyPlan, how: StudyOptions, f
         options.fail("stopped by the user; continue with --resume", commands.EXIT_STOPPED)
 
 
-def _draw_study(found: Study, folder: Path, seconds: float) -> None:
+def _draw_study(solved: Study, folder: Path, seconds: float) -> None:
     """Write the table, the report and its pictures."""
     from softmodels.pictures import analyses, style
 
-    html, figures = analyses.study_page(found, seconds)
-    files.write_text(folder / "study.csv", analyses.study_table(found))
+    html, figures = analyses.study_page(solved, seconds)
+    files.write_text(folder / "study.csv", analyses.study_table(solved))
     files.write_text(folder / study.PAGE, html)
     if "parallel" in figures:
         files.write_bytes(folder / "parallel.png", style.png(figures["parallel"]))

@@ -118,10 +118,10 @@ def _mpirun() -> str:
 
 
 def _program(what: str, *names: str) -> str:
-    found = next((path for name in names if (path := shutil.which(name))), None)
-    if found is None:
+    program = next((path for name in names if (path := shutil.which(name))), None)
+    if program is None:
         raise RuntimeError(f"{what} not found on the PATH")
-    return found
+    return program
 
 
 def _compiler() -> str:

@@ -167,8 +167,8 @@ def compared(folder: Path, truth: DemoTruth) -> tuple[list[str], bool]:
         inside = low <= value <= high
         good = good and inside
         verdict = "holds it" if inside else "MISSES it"
-        found = about["values"][name]
-        lines.append(f"  {name:6s} true {value:8.5g}  fitted {found:8.5g}  95 %: {low:.5g} to {high:.5g} {verdict}")
+        fitted = about["values"][name]
+        lines.append(f"  {name:6s} true {value:8.5g}  fitted {fitted:8.5g}  95 %: {low:.5g} to {high:.5g} {verdict}")
     return lines, good
 
 
@@ -248,8 +248,8 @@ MADE = FILES / "made"
 
 def _texts(group: str) -> dict[str, str]:
     """Return the texts of a folder's files by the names that they have among the examples."""
-    found = sorted((FILES / group).rglob("*.toml"))
-    return {file.relative_to(FILES / group).as_posix(): file.read_text(encoding="utf-8") for file in found}
+    files = sorted((FILES / group).rglob("*.toml"))
+    return {file.relative_to(FILES / group).as_posix(): file.read_text(encoding="utf-8") for file in files}
 
 
 CASES, BENCH, PROBLEMS = map(_texts, ("cases", "bench", "designs"))
@@ -456,7 +456,7 @@ def creeping() -> tuple[DemoTruth, list[Array], list[str]]:
     values = TRUTH.values | HELD | {name: histories[i][-1][1] for name, i in timetable.levels.items()}
     states = creeping.Creep(model, timetable).photographs(values, ())
     halves = [shapes.half_outline(model.curve(states[i][0]), 2e-5, 0.0)[0] for i in range(len(histories))]
-    truth = dataclasses.replace(TRUTH, pressures=tuple(one[-1][1] for one in histories))
+    truth = dataclasses.replace(TRUTH, pressures=tuple(history[-1][1] for history in histories))
     return truth, halves, [f",{hold:g} s,{RISE:g} s" for _ in LEVELS for hold in HOLDS]
 
 

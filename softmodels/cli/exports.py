@@ -70,36 +70,36 @@ def mould(file: Path, how: MouldOptions, settings: Mapping[str, object]) -> None
 
     def write(place: Path) -> None:
         nonlocal drawn
-        write_bodies(place, asked, found)
-        drawn = write_sheet(place, asked, found, not how.no_pictures)
+        write_bodies(place, asked, made)
+        drawn = write_sheet(place, asked, made, not how.no_pictures)
 
-    found = make.made(asked.device, asked.workshop)
+    made = make.made(asked.device, asked.workshop)
     options.write_into(folder, write, "the mould")
     if not how.quiet:
-        for text in mould_summary(found):
+        for text in mould_summary(made):
             processes.say(text)
         if not drawn and not how.no_pictures:
             processes.say("no pictures: this machine cannot render; see softmodels doctor")
         processes.say(f"mould in {folder.path}; sheet.html is the casting sheet")
 
 
-def mould_summary(found: make.Mould) -> list[str]:
+def mould_summary(mould: make.Mould) -> list[str]:
     """Return a summary of the mould, line by line."""
     lines = []
-    for body in found.bodies:
+    for body in mould.bodies:
         assert body.checked is not None
         gap = "" if math.isinf(body.checked.gap) else f", gap {body.checked.gap * 1e3:.3g} mm"
-        leaves = "no undercut" if any(body.pull) else "of wax" if found.waxes else "dissolved"
+        leaves = "no undercut" if any(body.pull) else "of wax" if mould.waxes else "dissolved"
         lines.append(
             f"{body.name}: watertight, {leaves}, smallest wall "
             f"{body.checked.wall * 1e3:.3g} mm{gap}, STL within {body.checked.chord * 1e6:.3g} um"
         )
-    grooves = f" and grooves {found.grooved * 1e6:.2g} ml" if found.grooved else ""
+    grooves = f" and grooves {mould.grooved * 1e6:.2g} ml" if mould.grooved else ""
     lines.append(
-        f"casts: {found.cast_volume * 1e6:.5g} ml in the mould; shrunk and bonded they are the device "
-        f"({found.volume * 1e6:.5g} ml, of which the tube takes {found.plug * 1e6:.2g} ml{grooves}) to {found.differs:.2g}"
+        f"casts: {mould.cast_volume * 1e6:.5g} ml in the mould; shrunk and bonded they are the device "
+        f"({mould.volume * 1e6:.5g} ml, of which the tube takes {mould.plug * 1e6:.2g} ml{grooves}) to {mould.differs:.2g}"
     )
-    return [*lines, *(f"note: {text}" for text in found.notes)]
+    return [*lines, *(f"note: {text}" for text in mould.notes)]
 
 
 def _mould_command() -> click.Command:

@@ -485,9 +485,9 @@ def _write_fit(report: comparison.FitReport, folder: Path, place: Path, how: Fit
     """Write the material files, every number, the curves, the pictures and the page; put away those of an earlier fit."""
     own: dict[str, str] = {}
     if report.separate:
-        for curve, one in zip(report.separate.curves, report.separate.own, strict=True):
+        for curve, fitted in zip(report.separate.curves, report.separate.own, strict=True):
             alone = dataclasses.replace(report, curves=(curve,), separate=None)
-            own[comparison.separate_file(report.separate, curve)] = comparison.material_toml(one, alone)
+            own[comparison.separate_file(report.separate, curve)] = comparison.material_toml(fitted, alone)
     comparison.write_materials(report, place, own)
     (place / "fit.json").write_text(comparison.as_json(report), encoding="utf-8")
     comparison.write_curves(place / "curves.csv", report.laws, report.curves)
@@ -570,7 +570,7 @@ def curve(how: CurveOptions) -> None:
         )
     stretches = np.linspace(low, high, CURVE_POINTS)
     many = [
-        specimens.MaterialCurves.of(name, one, stretches) for name, one in zip(how.material, materials, strict=True)
+        specimens.MaterialCurves.of(name, law, stretches) for name, law in zip(how.material, materials, strict=True)
     ]
     ratio = how.thickness / how.radius
     if folder is None:
@@ -585,36 +585,38 @@ def curve(how: CurveOptions) -> None:
 
     options.write_into(folder, write, "the results")
     if not how.quiet:
-        for one in many:
-            processes.say(table_of(one, ratio))
+        for curves in many:
+            processes.say(table_of(curves, ratio))
         processes.say(f"written to {folder.path}")
 
 
-def table_of(one: specimens.MaterialCurves, thickness_over_radius: float) -> str:
+def table_of(curves: specimens.MaterialCurves, thickness_over_radius: float) -> str:
     """Return a material's table for the terminal."""
-    modulus, unit = with_prefix(one.material.shear_modulus_0, "Pa")
-    nu = one.material.poisson
-    lines = [f"{one.name}: {one.material.name}, shear modulus {modulus} {unit}, Poisson's ratio {nu:g}"]
+    modulus, unit = with_prefix(curves.material.shear_modulus_0, "Pa")
+    nu = curves.material.poisson
+    lines = [f"{curves.name}: {curves.material.name}, shear modulus {modulus} {unit}, Poisson's ratio {nu:g}"]
     lines.append("  stretch   nominal stress (kPa)                      balloon (kPa)")
     lines.append("            uniaxial     planar       equibiaxial")
-    columns = [*(one.responses[mode].stress for mode in specimens.MODE_NAMES), one.balloon(thickness_over_radius)]
-    for i in np.linspace(0, len(one.stretch) - 1, TABLE_POINTS).astype(int):
-        lines.append(f"  {one.stretch[i]:7.3f} " + "".join(f"  {column[i] / 1e3:11.5g}" for column in columns))
-    lines += [f"  warning: {text}" for text in one.verdict.flags]
-    lines += [f"  {text}" for text in one.verdict.notes]
+    columns = [*(curves.responses[mode].stress for mode in specimens.MODE_NAMES), curves.balloon(thickness_over_radius)]
+    for i in np.linspace(0, len(curves.stretch) - 1, TABLE_POINTS).astype(int):
+        lines.append(f"  {curves.stretch[i]:7.3f} " + "".join(f"  {column[i] / 1e3:11.5g}" for column in columns))
+    lines += [f"  warning: {text}" for text in curves.verdict.flags]
+    lines += [f"  {text}" for text in curves.verdict.notes]
     return "\n".join(lines) + "\n"
 
 
 def _curves_csv(many: list[specimens.MaterialCurves], thickness_over_radius: float) -> str:
     stresses = [f"{mode}_{kind}_Pa" for mode in specimens.MODE_NAMES for kind in ("nominal", "true")]
     rows = []
-    for one in many:
-        columns = [c for mode in specimens.MODE_NAMES for c in (one.responses[mode].stress, one.true_stress(mode))]
-        columns.append(one.balloon(thickness_over_radius))
-        nu = exact_text(one.material.poisson, "")
-        for i, stretch in enumerate(one.stretch):
+    for curves in many:
+        columns = [
+            c for mode in specimens.MODE_NAMES for c in (curves.responses[mode].stress, curves.true_stress(mode))
+        ]
+        columns.append(curves.balloon(thickness_over_radius))
+        nu = exact_text(curves.material.poisson, "")
+        for i, stretch in enumerate(curves.stretch):
             numbers = [f"{column[i]:.9g}" for column in columns]
-            rows.append([one.name, nu, f"{stretch:.9g}", *numbers, f"{thickness_over_radius:.6g}"])
+            rows.append([curves.name, nu, f"{stretch:.9g}", *numbers, f"{thickness_over_radius:.6g}"])
     return csv_text(["material", "poisson", "stretch", *stresses, "balloon_Pa", "thickness_over_radius"], rows)
 
 
@@ -672,16 +674,16 @@ def score(files: tuple[Path, ...], how: ScoreOptions) -> None:
     error = scoring.error_of(how.stress_error)
     curves = []
     if how.tensile:
-        curves = how.read(how.stretch, any(one.memory is not None for one in materials.values()))
+        curves = how.read(how.stretch, any(material.memory is not None for material in materials.values()))
     device, outlines = _device(files, how) if files else (None, [])
     read = [*files, *map(Path, how.material), *how.files_read]
     asked = {**vars(how), "files": [str(file) for file in files]}
     folder = commands.open_folder(how.output, Path("results/score"), "scores", asked, read) if mpi.speaks() else None
     errors = _errors(how.material)
     scores = [
-        scoring.score_curve(name, one, curve, error, errors.get(name))
+        scoring.score_curve(name, material, curve, error, errors.get(name))
         for curve in curves
-        for name, one in materials.items()
+        for name, material in materials.items()
     ]
     if device is not None:
         comm = mpi.start()
@@ -717,12 +719,12 @@ def _device(files: tuple[Path, ...], how: ScoreOptions) -> tuple[MeasuredDevice,
 
 def _errors(names: tuple[str, ...]) -> dict[str, MaterialErrors]:
     """Return the errors of those materials that are files of a fit."""
-    found = {}
+    errors = {}
     for name in names:
         if name.endswith(".toml"):
             with contextlib.suppress(MaterialError):  # a material without a fit, or a fit without intervals
-                found[name] = MaterialErrors.from_file(Path(name))
-    return found
+                errors[name] = MaterialErrors.from_file(Path(name))
+    return errors
 
 
 def score_page(scores: list[Score], materials: Mapping[str, Material], table: str) -> str:
@@ -738,12 +740,13 @@ def score_page(scores: list[Score], materials: Mapping[str, Material], table: st
         "in 95 % band",
         "furthest off",
     )
-    for data in dict.fromkeys(one.data for one in scores):
-        ranked = sorted((one for one in scores if one.data == data), key=lambda one: one.chi2)
+    for data in dict.fromkeys(score.data for score in scores):
+        ranked = sorted((score for score in scores if score.data == data), key=lambda score: score.chi2)
         rows = [
-            (one.material, str(one.count), _rms(one), f"{one.chi2:.4g}", f"{one.chi2_measurement:.3g}",
-             f"{one.chi2_material:.3g}" if math.isfinite(one.chi2_material) else "unknown", f"{one.coverage:.1%}", one.worst)
-            for one in ranked
+            (score.material, str(score.count), _rms(score), f"{score.chi2:.4g}", f"{score.chi2_measurement:.3g}",
+             f"{score.chi2_material:.3g}" if math.isfinite(score.chi2_material) else "unknown", f"{score.coverage:.1%}",
+             score.worst)
+            for score in ranked
         ]  # fmt: skip
         sections.append((data, [pages.Table(rows, head)]))
         facts.append(pages.Fact(f"Best for {data}", ranked[0].material,
@@ -754,24 +757,24 @@ def score_page(scores: list[Score], materials: Mapping[str, Material], table: st
     return Page("Scores", answer, sections, commands.Provenance.now(), facts, (), sources, {"scores.csv": table}).html()
 
 
-def _rms(one: Score) -> str:
-    return f"{one.rms / 1e3:.3g} kPa" if one.unit == "Pa" else f"{one.rms * 1e3:.3g} mm"
+def _rms(score: Score) -> str:
+    return f"{score.rms / 1e3:.3g} kPa" if score.unit == "Pa" else f"{score.rms * 1e3:.3g} mm"
 
 
 def score_table(scores: list[Score]) -> str:
     """Return the table for a terminal, the best material of each measurement first."""
     lines = []
-    for data in dict.fromkeys(one.data for one in scores):
+    for data in dict.fromkeys(score.data for score in scores):
         lines.append(f"{data}:")
         lines.append(
             f"  {'material':34s} {'values':>6s} {'rms':>11s} {'chi2/value':>11s} {'of measurement':>15s} "
             f"{'of material':>12s} {'in 95 % band':>13s}  furthest off"
         )
-        for one in sorted((s for s in scores if s.data == data), key=lambda s: s.chi2):
-            material = f"{one.chi2_material:.3g}" if math.isfinite(one.chi2_material) else "unknown"
-            chi2 = f"{one.chi2:11.4g} {one.chi2_measurement:15.3g} {material:>12s}"
-            numbers = f"{one.count:6d} {_rms(one):>11s} {chi2} {100 * one.coverage:11.1f} %"
-            lines.append(f"  {one.material:34s} {numbers}  {one.worst}")
+        for score in sorted((s for s in scores if s.data == data), key=lambda s: s.chi2):
+            material = f"{score.chi2_material:.3g}" if math.isfinite(score.chi2_material) else "unknown"
+            chi2 = f"{score.chi2:11.4g} {score.chi2_measurement:15.3g} {material:>12s}"
+            numbers = f"{score.count:6d} {_rms(score):>11s} {chi2} {100 * score.coverage:11.1f} %"
+            lines.append(f"  {score.material:34s} {numbers}  {score.worst}")
     return "\n".join(lines)
 
 
@@ -803,10 +806,10 @@ def silicones(products: tuple[str, ...]) -> None:
             options.fail(f"{name!r} is not a silicone of the library; {errors.known_are(name, PRODUCTS)}")
     processes.say(HEAD)
     for name in names or PRODUCTS:
-        for one in PRODUCTS[name]:
-            processes.say(_silicone_line(name, one))
+        for silicone in PRODUCTS[name]:
+            processes.say(_silicone_line(name, silicone))
             if names:
-                processes.say(_origin(one))
+                processes.say(_origin(silicone))
         if names:
             processes.say(f"  {spread_sentence(name)}")
             processes.say(f"  {_weight(name)}")
@@ -817,16 +820,17 @@ def silicones(products: tuple[str, ...]) -> None:
         processes.say("softmodels silicones PRODUCT prints how each source was measured")
 
 
-def _silicone_line(product: str, one: Silicone) -> str:
+def _silicone_line(product: str, silicone: Silicone) -> str:
     stresses = "only in compression"
-    if one.pulled:
+    if silicone.pulled:
         stresses = (
-            ", ".join(f"{stress / 1e3:.4g}" for stress in specimens.nominal_stress(one.material, [1.5, 2.0])) + " kPa"
+            ", ".join(f"{stress / 1e3:.4g}" for stress in specimens.nominal_stress(silicone.material, [1.5, 2.0]))
+            + " kPa"
         )
-    span = "not published" if one.stretches is None else f"{one.stretches[0]:g} to {one.stretches[1]:g}"
-    modulus = f"{one.material.shear_modulus_0 / 1e3:.4g} kPa"
-    mark = PLAIN if one is SILICONES[product] else " "
-    return f"{mark} {full_name(product, one):42s} {modulus:>10s} {stresses:>26s}   {span:20s}"
+    span = "not published" if silicone.stretches is None else f"{silicone.stretches[0]:g} to {silicone.stretches[1]:g}"
+    modulus = f"{silicone.material.shear_modulus_0 / 1e3:.4g} kPa"
+    mark = PLAIN if silicone is SILICONES[product] else " "
+    return f"{mark} {full_name(product, silicone):42s} {modulus:>10s} {stresses:>26s}   {span:20s}"
 
 
 def _weight(product: str) -> str:
@@ -846,8 +850,8 @@ def _break(product: str) -> str:
     return words + sheet
 
 
-def _origin(one: Silicone) -> str:
-    o = one.origin
+def _origin(silicone: Silicone) -> str:
+    o = silicone.origin
     return "\n".join(
         f"      {text}" for text in (o.text, f"laboratory: {o.laboratory}", f"test: {o.test}", o.history, o.made)
     )

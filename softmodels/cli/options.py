@@ -241,9 +241,9 @@ def law_taken(values: Values) -> dict[str, object]:
     return {name: values.pop(name) for name in materials.material_options_of()}
 
 
-def case_option[Command: Callable[..., object]](one: entries.Option) -> Callable[[Command], Command]:
+def case_option[Command: Callable[..., object]](option: entries.Option) -> Callable[[Command], Command]:
     """Return an option of a field of a case."""
-    return registry.field_option(one.name, one.about, one.default, one.metavar)
+    return registry.field_option(option.name, option.about, option.default, option.metavar)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -386,12 +386,12 @@ def rank_asked_to_stop() -> contextlib.AbstractContextManager[Callable[[], bool]
 
 
 def _children(parents: list[int]) -> list[int]:
-    found = []
+    children = []
     for status in Path("/proc").glob("[0-9]*/stat"):
         with contextlib.suppress(OSError, ValueError, IndexError):
             if int(status.read_text().rpartition(")")[2].split()[1]) in parents:
-                found.append(int(status.parent.name))
-    return found
+                children.append(int(status.parent.name))
+    return children
 
 
 # ----------------------------------------------------------------------------------------------------------------------

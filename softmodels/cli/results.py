@@ -65,11 +65,11 @@ def report_of(folder: Path) -> Path:
     for attempt in (False, True):
         if attempt and not _made(folder):
             break
-        if found := next((folder / name for name in PAGES if (folder / name).is_file()), None):
-            return found
-    if found := next((folder / name for name in TABLES if (folder / name).is_file()), None):
+        if file := next((folder / name for name in PAGES if (folder / name).is_file()), None):
+            return file
+    if file := next((folder / name for name in TABLES if (folder / name).is_file()), None):
         processes.say(f"softmodels: {folder} has no report, and its results are not enough to make one", err=True)
-        return found
+        return file
     inside = sorted(
         path for path in folder.iterdir() if path.is_dir() and any((path / name).exists() for name in (*PAGES, *TABLES))
     )
@@ -136,11 +136,11 @@ def compare_command(folders: Sequence[Path], output: Path | None, quiet: bool) -
         materials.import_own_modules()
         if output is not None:
             commands.check_output_file(output, folders, _is_page, "a report", "--output")
-        found = comparison.compared([comparison.ComparedResult.from_folder(folder) for folder in folders])
+        compared = comparison.compared([comparison.ComparedResult.from_folder(folder) for folder in folders])
         if output is not None:
-            found.save(output)
+            compared.save(output)
     if not quiet:
-        processes.say(str(found))
+        processes.say(str(compared))
         if output is not None:
             processes.say(f"report in {output}")
 

@@ -592,7 +592,7 @@ class Walls(ContactPart):
             return component.EnergyTerm([])
         nodes = assembly.FaceNodes(body, setting.w.function_space, [role for group in groups for role in group])
         if self.automatic:
-            nodes = _clear(nodes, body, groups, found=body.actuator.meeting is None)
+            nodes = _clear(nodes, body, groups, whole=body.actuator.meeting is None)
         return WallTerm(self, body, nodes, groups) if len(nodes.facets) else component.EnergyTerm([])
 
 
@@ -625,12 +625,12 @@ def _meets(groups: Sequence[Sequence[str]]) -> npt.NDArray[np.bool_]:
     return np.asarray(number[:, None] == number)
 
 
-def _clear(nodes: assembly.FaceNodes, body: Body, groups: Sequence[Sequence[str]], found: bool) -> assembly.FaceNodes:
-    """Return those automatically chosen facets, by group, that face others and are apart when undeformed; ``found`` if they
+def _clear(nodes: assembly.FaceNodes, body: Body, groups: Sequence[Sequence[str]], whole: bool) -> assembly.FaceNodes:
+    """Return those automatically chosen facets, by group, that face others and are apart when undeformed; ``whole`` if they
     are the whole outside of the device. The smooth distance of a wall that is curved more sharply than its cells resolve
     may be below zero at rest."""
     images = _images(body)
-    if found:
+    if whole:
         nodes = nodes.only(pressing.facing(_surface(nodes, body), images, 1.0))
     while len(nodes.facets):
         surface = _surface(nodes, body)
@@ -759,10 +759,10 @@ def shape_figures(
     """Return the columns of ``path.csv`` of a rigid shape, by the force of the slice on it in N, in the mesh's coordinates,
     shape (d,), and how deep faces have sunk into it in m, below zero where none has; see `force_of_all`."""
     total = force_of_all(actuator, crossed, in_space(force))
-    found = {f"{label}_force_{axis}_N": float(value) for axis, value in zip("xyz", total, strict=True)}
+    figures = {f"{label}_force_{axis}_N": float(value) for axis, value in zip("xyz", total, strict=True)}
     if actuator.dimension == 2:
-        found = {name: value for name, value in found.items() if "_z_" in name}
-    return found | {f"{label}_depth_mm": max(depth, 0.0) * 1e3}
+        figures = {name: value for name, value in figures.items() if "_z_" in name}
+    return figures | {f"{label}_depth_mm": max(depth, 0.0) * 1e3}
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -1071,9 +1071,9 @@ class GuidedShapeTerm(assembly.AssembledTerm[pressing.GivingWay]):
         )
 
     def pressed(self, places: Array) -> pressing.GivingWay:
-        found = pressing.GivingWay(self.standing.pressed, self._stand(), self.along, places, self._s)
-        self._s = found.s
-        return found
+        pressed = pressing.GivingWay(self.standing.pressed, self._stand(), self.along, places, self._s)
+        self._s = pressed.s
+        return pressed
 
     def take(self, part: Component) -> None:
         self.standing.take(part)
@@ -1154,11 +1154,11 @@ class RubbingShapeTerm(assembly.HistoryTerm[pressing.Rubbed]):
 
     def history_rates(self, w: Array, history: Array) -> Array:
         self._take(w)
-        on, surface, found = self._pressed.touching, self.standing.surface, np.zeros_like(self.nodes.places)
-        still = np.zeros((int(on.sum()), found.shape[1]))
+        on, surface, rates = self._pressed.touching, self.standing.surface, np.zeros_like(self.nodes.places)
+        still = np.zeros((int(on.sum()), rates.shape[1]))
         pulls = self._pressed.pull_rates(still, history[on, :-1], history[on, -1])
-        np.add.at(found, surface.facets[surface.owner[on]], np.einsum("sa,si->sai", surface.shapes[on], pulls))
-        return found
+        np.add.at(rates, surface.facets[surface.owner[on]], np.einsum("sa,si->sai", surface.shapes[on], pulls))
+        return rates
 
     def is_admissible(self, before: Array, after: Array) -> bool:
         return self.standing.is_admissible(before, after)
@@ -1223,8 +1223,8 @@ class SealingTerm(RubbingShapeTerm):
         self.update_lagged_at(nodes.places)
 
     def stiffness_here(self) -> scipy.sparse.csr_array:
-        found = super().stiffness_here()
-        return found if self._pressed.depth > RESTING_DEPTH else found + self._resting
+        stiffness = super().stiffness_here()
+        return stiffness if self._pressed.depth > RESTING_DEPTH else stiffness + self._resting
 
     @functools.cached_property
     def _resting(self) -> scipy.sparse.csr_array:
@@ -1277,19 +1277,19 @@ class SealingTerm(RubbingShapeTerm):
 
     def figures(self, equations: component.Equations) -> dict[str, float]:
         label, size, copies = self.shape.label, equations.length_unit, self.actuator.copies
-        found = super().figures(equations)
+        figures = super().figures(equations)
         if not self.shape.friction:
-            found = {
-                name: value for name, value in found.items() if name.startswith((f"{label}_force", f"{label}_depth"))
+            figures = {
+                name: value for name, value in figures.items() if name.startswith((f"{label}_force", f"{label}_depth"))
             }
         area = equations.integral(self._sealed) * size**2 * copies
         pressed = self.standing.surface.measure[self._pressed.touching].sum() * size**2 * copies
-        found |= {f"{label}_contact_mm2": float(pressed) * 1e6, f"{label}_sealed_mm2": area * 1e6}
-        found[f"{label}_hold_N"] = -float(equations.pressures[0]) * equations.stress_unit * area
+        figures |= {f"{label}_contact_mm2": float(pressed) * 1e6, f"{label}_sealed_mm2": area * 1e6}
+        figures[f"{label}_hold_N"] = -float(equations.pressures[0]) * equations.stress_unit * area
         if self.shape.friction:
             normal = float(np.linalg.norm(self.standing.pressed(self._pressed.nodes).slopes(), axis=1).sum())
-            found[f"{label}_shear_N"] = self.shape.friction * normal * equations.stress_unit * size**2 * copies
-        return found
+            figures[f"{label}_shear_N"] = self.shape.friction * normal * equations.stress_unit * size**2 * copies
+        return figures
 
     def margin(self, equations: component.Equations) -> float:
         """Return the depth that gas has to pass on its easiest way through the contact, in sizes, less `OPENING_DEPTH`."""
@@ -1336,8 +1336,8 @@ def _seal_edges(
 
     def shared(roles: Sequence[str]) -> shapes.Indices:
         places = assembly.FaceNodes(body, space, roles).places if roles else np.empty((0, nodes.places.shape[1]))
-        far, found = tree.query(places, distance_upper_bound=PLANE_TOLERANCE)
-        return np.asarray(np.unique(found[np.isfinite(far)]), dtype=np.int64)
+        far, nearest = tree.query(places, distance_upper_bound=PLANE_TOLERANCE)
+        return np.asarray(np.unique(nearest[np.isfinite(far)]), dtype=np.int64)
 
     others = [name for name in body.faces if name not in shape.roles]
     walls = actuator.cavity_roles(body.actuator)
@@ -1377,7 +1377,7 @@ def _share_dofs(body: Body, share: fem.Function, places: Array) -> tuple[shapes.
     """Return the local dofs of the share on the sealing faces, and the node that each is."""
     assert body.seal is not None
     space, fdim = share.function_space, body.mesh.topology.dim - 1
-    found = [fem.locate_dofs_topological(space, fdim, body.entities[role][1]) for role in body.seal.roles]
-    dofs = np.unique(np.concatenate(found)).astype(np.int64)
+    groups = [fem.locate_dofs_topological(space, fdim, body.entities[role][1]) for role in body.seal.roles]
+    dofs = np.unique(np.concatenate(groups)).astype(np.int64)
     at = space.tabulate_dof_coordinates()[dofs, : places.shape[1]]
     return dofs, np.asarray(scipy.spatial.cKDTree(places).query(at)[1], dtype=np.int64).reshape(len(dofs))

@@ -90,8 +90,8 @@ def find_crease(system: System, cells: npt.NDArray[np.bool_] | None = None) -> c
         of = cells[pairs[:, 0]]
     else:
         of = np.einsum("fpi,fqi->fpq", normals, normals).min(axis=(1, 2), initial=1.0) < math.cos(CLOSED_FOLD_ANGLE)
-    found = zip(smaller[of].tolist(), larger[of].tolist(), pairs[of, 0].tolist(), strict=True)
-    mine = min(((a**2 * b, a, b, cell) for a, b, cell in found), default=(math.inf, 1.0, 1.0, 0))
+    candidates = zip(smaller[of].tolist(), larger[of].tolist(), pairs[of, 0].tolist(), strict=True)
+    mine = min(((a**2 * b, a, b, cell) for a, b, cell in candidates), default=(math.inf, 1.0, 1.0, 0))
     product, stretch, other, _ = min(system.comm.allgather(mine))
     if product >= CREASE_LIMIT:
         return None
@@ -130,7 +130,7 @@ def crease_failure(stretch: float, least: float, place: str, at: str, closed: bo
 
 def cell_place(system: System, cell: int, amount: float) -> tuple[str, str]:
     """Return the undeformed centre in mm of a cell, and its faces: of the rank with the largest amount, the same on all."""
-    body, comm, found = system.body, system.comm, ("", "")
+    body, comm, texts = system.body, system.comm, ("", "")
     topology, d = body.mesh.topology, body.mesh.topology.dim
     topology.create_connectivity(d - 1, 0)
     if amount == mpi.largest(comm, amount):
@@ -142,5 +142,5 @@ def cell_place(system: System, cell: int, amount: float) -> tuple[str, str]:
             for role in body.faces
             if any(not corners.isdisjoint(links(facet).tolist()) for facet in body.entities[role][1])
         ]
-        found = (f"({place}) mm", f", where it is at {' and '.join(faces)}" if faces else "")
-    return next(one for one in comm.allgather(found) if one[0])
+        texts = (f"({place}) mm", f", where it is at {' and '.join(faces)}" if faces else "")
+    return next(pair for pair in comm.allgather(texts) if pair[0])

@@ -259,10 +259,10 @@ class StrainTerm(component.EnergyTerm):
         Raises:
             ComponentError: A face normal to the helix, along which the part cannot be laid.
         """
-        body, one = self.setting.body, fem.Constant(self.setting.body.mesh, 1.0)
+        body, constant = self.setting.body, fem.Constant(self.setting.body.mesh, 1.0)
         self._means = []
         for place in self.where:
-            integrands = (one, *of(self._strains(self.setting.displacement, place)))
+            integrands = (constant, *of(self._strains(self.setting.displacement, place)))
             self._means.append([equations.form(self.integral(integrand, place)) for integrand in integrands])
             if place.normal is None:
                 continue
@@ -519,7 +519,7 @@ def worst_kink(
     gradients, directions, changes, stresses, slopes, places = np.split(values, ends, axis=1)
     low = stresses.min(axis=1, initial=0.0)
     chosen = [i for i in np.argsort(low)[:MAX_POINTS] if low[i] < 0.0]
-    found = (math.inf, 0.0, (0.0, 0.0, 0.0))
+    kink = (math.inf, 0.0, (0.0, 0.0, 0.0))
     if chosen:
         lines_there = directions[chosen].reshape(-1, families, 3)
         state = Reinforced(gradients[chosen].reshape(-1, 3, 3), lines_there, stresses[chosen], slopes[chosen])
@@ -528,8 +528,8 @@ def worst_kink(
         flat = np.zeros((1, 3))
         flat[0, : places.shape[1]] = places[chosen[i]] * equations.length_unit
         x, y, z = (float(value) for value in body.actuator.device_points(flat)[0])
-        found = (float(resistance[i]), float(changes[chosen[i]].min()), (x, y, z))
-    worst: Kink = min(equations.comm.allgather(found))
+        kink = (float(resistance[i]), float(changes[chosen[i]].min()), (x, y, z))
+    worst: Kink = min(equations.comm.allgather(kink))
     return worst if math.isfinite(worst[0]) else None
 
 
@@ -735,14 +735,14 @@ class FibreTerm(StrainTerm):
         """Return the kinks of fibres that are compressed in the silicone."""
         if self.in_face or self._part.slack:
             return None
-        body, u, found = self.setting.body, self.setting.displacement, []
+        body, u, kinks = self.setting.body, self.setting.displacement, []
         for place, matter in itertools.product(self.where, equations.matter):
             cells = np.intersect1d(matter.cells, body.regions[place.name]) if place.name else matter.cells
             hands = (1.0, -1.0)[: self._part.helices]
             lines, x = [self._helix.field(body, None, hand) for hand in hands], self._strains(u, place)
             reinforced = (body.deformation_gradient(u), lines, x, self.stress(x))
-            found.append(worst_kink(equations, cells.astype(np.int32), matter.material, *reinforced))
-        worst = min((kink for kink in found if kink is not None), default=None)
+            kinks.append(worst_kink(equations, cells.astype(np.int32), matter.material, *reinforced))
+        worst = min((kink for kink in kinks if kink is not None), default=None)
         return None if worst is None or worst[0] >= 0.0 else kinked(self._part.where, worst)
 
     def figures(self, equations: component.Equations) -> dict[str, float]:

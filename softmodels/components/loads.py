@@ -118,12 +118,12 @@ class Gravity(DirectedLoad):
             for matter, density in zip(on.system.matter, densities(on.system, components), strict=True)
             if density
         ]
-        masses += [one for part in components if isinstance(part, controls.HeavyPart) for one in part.masses(on, along)]
-        whole = sum(one.amount for one in masses)
+        masses += [m for part in components if isinstance(part, controls.HeavyPart) for m in part.masses(on, along)]
+        whole = sum(mass.amount for mass in masses)
         if not whole > 0.0:
             raise self.error("gravity acts on no mass; give the silicone's density, or add a mass to a face")
-        shares = tuple((on.constant(one.amount / whole), one) for one in masses)
-        forms = [share * form for share, one in shares for form in one.forms]
+        shares = tuple((on.constant(mass.amount / whole), mass) for mass in masses)
+        forms = [share * form for share, mass in shares for form in mass.forms]
         return controls.Weighed(forms, whole * self.magnitude, shares=shares)
 
 
@@ -364,11 +364,11 @@ class Moment(FaceLoad):
         integrands = [on.constant(1.0), *(on.places[i] for i in range(3)), ufl.dot(far, far)]
         integrals = [integrand * on.body.hoop * on.measure(self.face) for integrand in integrands]
 
-        def inverse(found: Array) -> Array:
-            moved = np.cross(axis, found[1:4])
-            return np.asarray(1.0 / (found[4] - moved @ moved / found[0]))
+        def inverse(sums: Array) -> Array:
+            moved = np.cross(axis, sums[1:4])
+            return np.asarray(1.0 / (sums[4] - moved @ moved / sums[0]))
 
-        on.measured.append(controls.MeasuredConstant(centre, integrals, lambda found: found[1:4] / found[0]))
+        on.measured.append(controls.MeasuredConstant(centre, integrals, lambda sums: sums[1:4] / sums[0]))
         on.measured.append(controls.MeasuredConstant(size, integrals, inverse))
 
 

@@ -175,7 +175,7 @@ class Pairs:
     surface: Surface
     meets: npt.NDArray[np.bool_]
     images: Array
-    _found: tuple[Array, float, Numbers, Numbers] | None = dataclasses.field(default=None, init=False, repr=False)
+    _last_pairs: tuple[Array, float, Numbers, Numbers] | None = dataclasses.field(default=None, init=False, repr=False)
 
     @functools.cached_property
     def radius(self) -> Array:
@@ -216,8 +216,8 @@ class Pairs:
     def within(self, places: Array, reach: float) -> tuple[Numbers, Numbers]:
         """Return at least the pairs that may touch and are nearer than ``reach`` at samples' places, shape (s, d), sorted by
         the first. They are looked for a little farther, and again only once samples have moved by as much."""
-        if self._found is not None:
-            before, far, i, j = self._found
+        if self._last_pairs is not None:
+            before, far, i, j = self._last_pairs
             moved = float(np.sqrt(np.einsum("si,si->s", places - before, places - before).max(initial=0.0)))
             if reach + 2 * moved <= far:
                 return i, j
@@ -225,7 +225,7 @@ class Pairs:
         i, j = _pairs_within(places, scipy.spatial.cKDTree(self.of_all(places)), far)
         may = self.allowed(i, j)
         i, j = i[may], j[may]
-        object.__setattr__(self, "_found", (places.copy(), far, i, j))
+        object.__setattr__(self, "_last_pairs", (places.copy(), far, i, j))
         return i, j
 
     def near(self, places: Array) -> tuple[Numbers, Numbers]:
@@ -239,9 +239,9 @@ class Pairs:
 
 def _pairs_within(places: Array, others: scipy.spatial.cKDTree, reach: float) -> tuple[Numbers, Numbers]:
     """Return the pairs of places and others in a tree that are nearer than ``reach``, sorted by the first, then the second."""
-    found = scipy.spatial.cKDTree(places).sparse_distance_matrix(others, reach, output_type="ndarray")
-    order = np.lexsort((found["j"], found["i"]))
-    return found["i"][order].astype(np.int64), found["j"][order].astype(np.int64)
+    pairs = scipy.spatial.cKDTree(places).sparse_distance_matrix(others, reach, output_type="ndarray")
+    order = np.lexsort((pairs["j"], pairs["i"]))
+    return pairs["i"][order].astype(np.int64), pairs["j"][order].astype(np.int64)
 
 
 def facing(surface: Surface, images: Array, reach: float) -> npt.NDArray[np.bool_]:
@@ -251,7 +251,7 @@ def facing(surface: Surface, images: Array, reach: float) -> npt.NDArray[np.bool
     places, areas = (values.reshape(count, -1, d) for values in surface.rest)
     middle, normal = places.mean(axis=1), areas.sum(axis=1)
     normal /= np.linalg.norm(normal, axis=1)[:, None]
-    others, across = (np.einsum("gij,fj->gfi", images, one).reshape(-1, d) for one in (middle, normal))
+    others, across = (np.einsum("gij,fj->gfi", images, vectors).reshape(-1, d) for vectors in (middle, normal))
     i, j = _pairs_within(middle, scipy.spatial.cKDTree(others), reach)
     chord = others[j] - middle[i]
     least = MIN_FACING_SINE * np.linalg.norm(chord, axis=1)
@@ -379,8 +379,8 @@ class PointEnergies:
         """Return those of the points that touch, a mask of shape (n,); zero of all others. The rest is as for `of`."""
         count, d = S.shape
         value, first, second = np.zeros(count), np.zeros((count, 1 + d)), np.zeros((count, 1 + d, 1 + d))
-        found = cls.of(N[on], S[on], area[on], penalty)
-        value[on], first[on], second[on] = found.value, found.first, found.second
+        energies = cls.of(N[on], S[on], area[on], penalty)
+        value[on], first[on], second[on] = energies.value, energies.first, energies.second
         return cls(value, first, second)
 
     @classmethod
@@ -424,14 +424,14 @@ def pair_curvatures(near: Near, first: Array) -> Array:
     v = a[:, None] * r + b
     along = np.einsum("pi,pi->p", m, v)
     rm = r[:, :, None] * m[:, None, :]
-    found = np.zeros((len(a), 2 * d, 2 * d))
-    found[:, :d, :d] = (4 * K2 * along)[:, None, None] * r[:, :, None] * r[:, None, :]
-    found[:, :d, :d] += (2 * K1 * along)[:, None, None] * eye + (2 * K1 * a)[:, None, None] * (
+    curvatures = np.zeros((len(a), 2 * d, 2 * d))
+    curvatures[:, :d, :d] = (4 * K2 * along)[:, None, None] * r[:, :, None] * r[:, None, :]
+    curvatures[:, :d, :d] += (2 * K1 * along)[:, None, None] * eye + (2 * K1 * a)[:, None, None] * (
         rm + rm.transpose(0, 2, 1)
     )
     mixed = (2 * K1)[:, None, None] * r[:, :, None] * v[:, None, :] + (K * a)[:, None, None] * eye
-    found[:, :d, d:], found[:, d:, :d] = mixed, mixed.transpose(0, 2, 1)
-    return found
+    curvatures[:, :d, d:], curvatures[:, d:, :d] = mixed, mixed.transpose(0, 2, 1)
+    return curvatures
 
 
 def sum_rates(near: Near) -> Array:
@@ -439,12 +439,12 @@ def sum_rates(near: Near) -> Array:
     d = near.r.shape[1]
     r, m, (K, K1, _) = near.r, near.m, near.K
     along = np.einsum("pi,pi->p", m, r)
-    found = np.zeros((len(along), 1 + d, 2 * d))
-    found[:, 0, :d] = (2 * K1 * along)[:, None] * r + K[:, None] * m
-    found[:, 0, d:] = K[:, None] * r
-    found[:, 1:, :d] = (2 * K1)[:, None, None] * m[:, :, None] * r[:, None, :]
-    found[:, 1:, d:] = K[:, None, None] * np.eye(d)
-    return found
+    rates = np.zeros((len(along), 1 + d, 2 * d))
+    rates[:, 0, :d] = (2 * K1 * along)[:, None] * r + K[:, None] * m
+    rates[:, 0, d:] = K[:, None] * r
+    rates[:, 1:, :d] = (2 * K1)[:, None, None] * m[:, :, None] * r[:, None, :]
+    rates[:, 1:, d:] = K[:, None, None] * np.eye(d)
+    return rates
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -513,13 +513,13 @@ class Pressed:
     @functools.cached_property
     def forces(self) -> Array:
         """Derivative of the energy by the nodes' places, shape (n, d)."""
-        found = np.zeros_like(self.nodes)
+        forces = np.zeros_like(self.nodes)
         if self.touching.any():
             by_places, by_areas = self._by_samples()
             at_nodes = np.einsum("sa,si->sai", self.surface.shapes, by_places)
             at_nodes += np.einsum("si,siaj->saj", by_areas, self.surface.area_rates(self.nodes))
-            np.add.at(found, self.surface.facets[self.surface.owner], at_nodes)
-        return found
+            np.add.at(forces, self.surface.facets[self.surface.owner], at_nodes)
+        return forces
 
     @functools.cached_property
     def stiffness(self) -> scipy.sparse.csr_array:
@@ -527,14 +527,14 @@ class Pressed:
         n, d = self.nodes.shape
         if not self.touching.any():
             return scipy.sparse.csr_array((n * d, n * d))
-        found = self._through_pairs()
+        stiffness = self._through_pairs()
         if d == 3:
             facets = self.surface.facets[self.surface.owner]
             pressed = np.unique(self.near.j)
             bent = self.surface.area_curvatures(self._by_samples()[1][pressed], pressed)
             dofs = components_of(facets[pressed], d)
-            found = found + scattered(bent.reshape(len(pressed), dofs.shape[1], -1), dofs, dofs, n * d, n * d)
-        return scipy.sparse.csr_array((found + found.T) / 2)
+            stiffness = stiffness + scattered(bent.reshape(len(pressed), dofs.shape[1], -1), dofs, dofs, n * d, n * d)
+        return scipy.sparse.csr_array((stiffness + stiffness.T) / 2)
 
     def _pair_places(self, near: Near, rates: Array) -> Array:
         """Return the derivative of (r, m) of pairs by the places of the nodes of both facets, shape (p, 2d, 2kd)."""
@@ -652,16 +652,16 @@ class PressedSamples(abc.ABC):
     @functools.cached_property
     def forces(self) -> Array:
         """Derivative of the energy by the nodes' places, shape (n, d)."""
-        found = np.zeros_like(self.nodes)
+        forces = np.zeros_like(self.nodes)
         at_nodes = np.einsum("sa,si->sai", self.surface.shapes, self.slopes())
-        np.add.at(found, self.surface.facets[self.surface.owner], at_nodes)
-        return found
+        np.add.at(forces, self.surface.facets[self.surface.owner], at_nodes)
+        return forces
 
     @functools.cached_property
     def stiffness(self) -> scipy.sparse.csr_array:
         """Second derivative of the energy, shape (n d, n d); nodes' components follow each other."""
-        found = self.scattered(self.curvatures())
-        return scipy.sparse.csr_array((found + found.T) / 2)
+        stiffness = self.scattered(self.curvatures())
+        return scipy.sparse.csr_array((stiffness + stiffness.T) / 2)
 
     def scattered(self, curvatures: Array) -> scipy.sparse.csr_array:
         """Return the matrix, shape (n d, n d), of what is by the place of each sample that touches, shape (t, d, d)."""
@@ -841,8 +841,8 @@ class PressedOn(PressedSamples):
         near, D = self._all_near, np.linalg.norm(self.S, axis=1) + SMALLEST_DENOMINATOR
         rates = np.einsum("pai,pi->pa", sum_rates(near)[:, :, : places.shape[1]], places[near.i])
         rates = _summed(near.i, rates, len(D))
-        found = rates[:, 0] / D - self.N / D**3 * _dot(self.S, rates[:, 1:])
-        return np.where(np.isfinite(self.gaps), found, 0.0)
+        gap_rates = rates[:, 0] / D - self.N / D**3 * _dot(self.S, rates[:, 1:])
+        return np.where(np.isfinite(self.gaps), gap_rates, 0.0)
 
     def soon(self, share: float) -> np.ndarray:
         """Return the samples nearer than ``share`` radii of the kernel."""
@@ -961,9 +961,9 @@ class Rubbed(PressedSamples):
         return self.pressed.energy
 
     def slopes(self) -> Array:
-        found = np.array(self.pressed.slopes())
-        found[self.touching] += self.pulls
-        return found
+        slopes = np.array(self.pressed.slopes())
+        slopes[self.touching] += self.pulls
+        return slopes
 
     def curvatures(self) -> Array:
         """Return the second derivative by the place of each sample that touches, the limits held: symmetric, shape (t, d,

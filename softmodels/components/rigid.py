@@ -163,14 +163,14 @@ def symmetric_motions(actuator: Actuator) -> tuple[Array, Array]:
 
 
 def _basis(vectors: Sequence[Array]) -> list[Array]:
-    found: list[Array] = []
+    basis: list[Array] = []
     for vector in vectors:
         left = np.array(vector, dtype=float)
-        for known in found:
+        for known in basis:
             left -= (left @ known) * known
         if np.linalg.norm(left) > 1e-6 * np.linalg.norm(vector):
-            found.append(left / np.linalg.norm(left))
-    return found
+            basis.append(left / np.linalg.norm(left))
+    return basis
 
 
 def _shown(direction: Array) -> str:
@@ -266,11 +266,11 @@ def _across(way: Vector, actuator: Actuator) -> list[Vector | None]:
     known = [plane.normal for plane in actuator.cut_planes]
     known += [hold.direction for hold in actuator.holds if hold.direction is not None]
     axes = np.eye(3)[[0, 2]] if actuator.dimension == 2 else np.eye(3)
-    found: list[npt.NDArray[np.float64]] = []
+    across: list[npt.NDArray[np.float64]] = []
     for candidate in [*np.array(known).reshape(-1, 3), *axes]:
-        if abs(candidate @ np.array(way)) < 1e-9 and all(abs(candidate @ one) < 1e-9 for one in found):
-            found.append(candidate / np.linalg.norm(candidate))
-    if actuator.dimension == 3 and len(found) < 2:
-        first = found[0] if found else np.linalg.svd(np.array([way]))[2][1]
-        found = [first, np.cross(way, first)]
-    return [(float(x), float(y), float(z)) for x, y, z in found]
+        if abs(candidate @ np.array(way)) < 1e-9 and all(abs(candidate @ other) < 1e-9 for other in across):
+            across.append(candidate / np.linalg.norm(candidate))
+    if actuator.dimension == 3 and len(across) < 2:
+        first = across[0] if across else np.linalg.svd(np.array([way]))[2][1]
+        across = [first, np.cross(way, first)]
+    return [(float(x), float(y), float(z)) for x, y, z in across]

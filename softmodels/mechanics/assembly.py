@@ -420,7 +420,7 @@ class FaceNodes:
         at = nodes.tabulate_dof_coordinates()[:, :d]
         block = space.dofmap.index_map_bs
         owned = topology.index_map(d).size_local
-        found: list[tuple[Numbers, Array, Numbers, int, Array]] = []
+        rows: list[tuple[Numbers, Array, Numbers, int, Array]] = []
         own: list[tuple[int, Numbers]] = []
         for number, role in enumerate(roles):
             for facet in body.entities[role][1]:
@@ -434,10 +434,10 @@ class FaceNodes:
                 dofs = numbers.reshape(local.shape) * block + local % block
                 ids = nodes.dofmap.index_map.local_to_global(here[chosen].astype(np.int32))
                 own.append((cell, chosen))
-                found.append((ids, at[here[chosen]], dofs, number, at[here[: d + 1]].mean(axis=0)))
+                rows.append((ids, at[here[chosen]], dofs, number, at[here[: d + 1]].mean(axis=0)))
         k = 3 if d == 2 else 6
         ids, places, dofs, faces, inside = (
-            mpi.everywhere(self.comm, np.array([entry[i] for entry in found], dtype=kind).reshape(-1, *shape))
+            mpi.everywhere(self.comm, np.array([row[i] for row in rows], dtype=kind).reshape(-1, *shape))
             for i, (kind, shape) in enumerate(
                 [(np.int64, (k,)), (np.float64, (k, d)), (np.int64, (k, d)), (np.int64, ()), (np.float64, (d,))]
             )
@@ -515,14 +515,14 @@ class FaceNodes:
 def _nodes_of_facets(topology: Sequence[Sequence[Sequence[int]]], d: int) -> list[Numbers]:
     """Return the nodes of each facet of a cell, numbered in the cell, as `FaceNodes.facets` orders them."""
     middles = {frozenset(edge): d + 1 + i for i, edge in enumerate(topology[1])}
-    found = []
+    nodes = []
     for corners in topology[d - 1]:
         if d == 2:
-            found.append(np.array([*corners, middles[frozenset(corners)]]))
+            nodes.append(np.array([*corners, middles[frozenset(corners)]]))
         else:
             a, b, c = corners
-            found.append(np.array([a, b, c, *(middles[frozenset(edge)] for edge in ((b, c), (c, a), (a, b)))]))
-    return found
+            nodes.append(np.array([a, b, c, *(middles[frozenset(edge)] for edge in ((b, c), (c, a), (a, b)))]))
+    return nodes
 
 
 CONTACT_SLACK = 3
@@ -718,8 +718,8 @@ def mass_matrix(
         form = density * work * ufl.Measure("dx", mesh, metadata={"quadrature_degree": 4})
     matrix = sparse_matrix(fem.form(form, jit_options=compiling.JIT), bcs, 0.0)
     for face, mass in inertia.faces if inertia else ():
-        measure, one = system.body.measure(face), fem.Constant(mesh, 1.0)
-        area = system.integral(fem.form(one * system.body.hoop * measure, jit_options=compiling.JIT))
+        measure, constant = system.body.measure(face), fem.Constant(mesh, 1.0)
+        area = system.integral(fem.form(constant * system.body.hoop * measure, jit_options=compiling.JIT))
         spread = fem.form(fem.Constant(mesh, mass / area) * work * measure, jit_options=compiling.JIT)
         plate = sparse_matrix(spread, bcs, 0.0)
         matrix.axpy(1.0, plate, matrix.Structure.DIFFERENT)  # type: ignore[arg-type]

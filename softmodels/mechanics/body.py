@@ -190,14 +190,14 @@ class Body:
 
     def _tags(self, role: str, wanted: int) -> meshes.MeshTags:
         """Return `SHEET_TAG` on the entities of a role, which have a dimension."""
-        dimension, found = self.entities.get(role, (-1, np.empty(0, dtype=np.int32)))
+        dimension, entities = self.entities.get(role, (-1, np.empty(0, dtype=np.int32)))
         if dimension != wanted:
             faces = ", ".join(name for name, (of, _) in self.entities.items() if of == self.mesh.topology.dim - 1)
             if self.is_edge(role):
                 raise ComponentError(f"{role!r} is an edge, which has no area; name a face: {faces}")
             raise BodyError(f"the mesh has no face named {role!r}; it has {faces}")
-        found = np.sort(found)
-        return meshes.meshtags(self.mesh, wanted, found, np.full(len(found), SHEET_TAG, dtype=np.int32))
+        entities = np.sort(entities)
+        return meshes.meshtags(self.mesh, wanted, entities, np.full(len(entities), SHEET_TAG, dtype=np.int32))
 
     @property
     def hoop(self) -> Expr | float:
@@ -275,9 +275,9 @@ class Body:
     def chambers(self) -> npt.NDArray[np.float64]:
         """Volumes enclosed by rigid parts besides the cavities' walls, shape (k,); dimensionless, of the slice."""
         actuator = self.actuator
-        found = np.zeros(len(actuator.ratios))
-        found[:1] = actuator.chamber_volume / (actuator.size**3 * actuator.copies)
-        return found
+        volumes = np.zeros(len(actuator.ratios))
+        volumes[:1] = actuator.chamber_volume / (actuator.size**3 * actuator.copies)
+        return volumes
 
     def _constant_inverse(self) -> fem.Constant:
         # A Constant, so that another angle does not recompile the form.
@@ -290,10 +290,10 @@ class Body:
         topology = self.mesh.topology
         conditions = []
         for role, components in self._held_components():
-            dimension, found = self.group(role)
+            dimension, entities = self.group(role)
             topology.create_connectivity(dimension, topology.dim)
             for component in components:
-                dofs = fem.locate_dofs_topological(space.sub(component), dimension, found)
+                dofs = fem.locate_dofs_topological(space.sub(component), dimension, entities)
                 conditions.append((component, dofs))
         return conditions
 
@@ -386,12 +386,12 @@ class Piece:
 
     def holds(self, places: Array) -> npt.NDArray[np.bool_]:
         """Return which places in device coordinates, m, shape (n, 3), lie within the bounds."""
-        found = np.ones(len(places), dtype=bool)
+        inside = np.ones(len(places), dtype=bool)
         for name, low, high in self.bounds:
             values = np.hypot(places[:, 0], places[:, 1]) if name == "r" else places[:, "xyz".index(name.strip("|"))]
             values = np.abs(values) if name.startswith("|") else values
-            found &= (values >= low) & (values <= high)
-        return found
+            inside &= (values >= low) & (values <= high)
+        return inside
 
 
 def pieces_in(text: str) -> list[Piece]:
@@ -417,8 +417,8 @@ def _piece(text: str) -> Piece:
 
 
 def _bounds(text: str, part: str) -> list[tuple[str, float, float]]:
-    found = COMPARISON.fullmatch(part)
-    if not found or not (found[1] or found[5]) or (found[1] and found[4] and ">" in found[4]):
+    match = COMPARISON.fullmatch(part)
+    if not match or not (match[1] or match[5]) or (match[1] and match[4] and ">" in match[4]):
         if coordinate := re.match(r"\s*\|?([A-Za-z_]\w*)\|?\s*[<>]", part):
             raise ComponentError(
                 f"{units.brief(text)} uses the coordinate {coordinate[1]!r}; x, y, z, r, |x|, |y| and |z| are known"
@@ -427,12 +427,12 @@ def _bounds(text: str, part: str) -> list[tuple[str, float, float]]:
             f"{units.brief(text)}: {units.brief(part)} is not a comparison of a coordinate with a length; write {EXAMPLE}"
         )
     low, high = -np.inf, np.inf
-    if found[1]:
-        low = _length(text, found[1])
-    if found[5]:
-        value = _length(text, found[5])
-        low, high = (low, value) if "<" in found[4] else (value, high)
-    return [(found[3], low, high)]
+    if match[1]:
+        low = _length(text, match[1])
+    if match[5]:
+        value = _length(text, match[5])
+        low, high = (low, value) if "<" in match[4] else (value, high)
+    return [(match[3], low, high)]
 
 
 def _length(text: str, value: str) -> float:
@@ -456,14 +456,14 @@ class Roles(dict[str, Entities]):
 
     def __init__(self, own: Mapping[str, Entities], find: Callable[[Roles, str], Entities]):
         super().__init__(own)
-        self._find, self._found = find, dict[str, Entities]()
+        self._find, self._cached = find, dict[str, Entities]()
 
     def __missing__(self, text: str) -> Entities:
         if text not in self:
             raise KeyError(text)
-        if text not in self._found:
-            self._found[text] = self._find(self, text)
-        return self._found[text]
+        if text not in self._cached:
+            self._cached[text] = self._find(self, text)
+        return self._cached[text]
 
     def __contains__(self, text: object) -> bool:
         if super().__contains__(text):
@@ -479,17 +479,17 @@ class Roles(dict[str, Entities]):
 def selected(mesh: meshes.Mesh, actuator: Actuator, roles: Mapping[str, Entities], text: str) -> Entities:
     """Return the local entities of a text's pieces; all ranks call it. `ComponentError` if they select nothing, or faces and
     edges at once."""
-    found, dimensions = [], set()
+    groups, dimensions = [], set()
     for piece in pieces_in(text):
         dimension, entities = _common(mesh, roles, piece)
         entities = entities[piece.holds(_middles(mesh, actuator, dimension, entities))]
         if not mpi.any_rank(mesh.comm, bool(len(entities))):
             raise ComponentError(f"{units.brief(piece.text)} selects nothing; {_spans(mesh, actuator, roles, piece)}")
-        found.append(entities)
+        groups.append(entities)
         dimensions.add(dimension)
     if len(dimensions) > 1:
         raise ComponentError(f"{units.brief(text)} has faces and edges; name one kind at a time")
-    return dimensions.pop(), np.unique(np.concatenate(found))
+    return dimensions.pop(), np.unique(np.concatenate(groups))
 
 
 def cells_within(mesh: meshes.Mesh, actuator: Actuator, condition: str) -> npt.NDArray[np.int32]:

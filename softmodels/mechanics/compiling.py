@@ -309,15 +309,15 @@ def use_cache() -> None:
 
     def kept(name: str, objects: Sequence[str], folder: Path, timeout: int) -> tuple[object, object]:
         key = name, *objects, str(folder)
-        if (found := loaded.get(key)) is None:
+        if (compiled := loaded.get(key)) is None:
             if _ahead and name in _running:
                 return [None], None
             _finish(name)
             _wait_for(Path(folder) / f"{name}.c")
-            found = look_up(name, objects, folder, timeout)
-            if found[0] is not None:
-                loaded[key] = found
-        return found
+            compiled = look_up(name, objects, folder, timeout)
+            if compiled[0] is not None:
+                loaded[key] = compiled
+        return compiled
 
     def when_ready(folder: Path, name: str, objects: Sequence[str]) -> tuple[object, object]:
         if _ahead:

@@ -366,12 +366,12 @@ register_component = COMPONENTS.register
 
 def column_texts(*columns: tuple[str, str, str]) -> dict[str, tuple[str, str]]:
     """Return names and meanings of a load's columns by their patterns, without and with the load's own name."""
-    found = {}
+    texts = {}
     for column, title, text in columns:
         what, _, unit = column.rpartition("_")
-        found[column] = (title, text)
-        found[rf"{what}_(\w+)_{unit}"] = (title.replace(" the ", " ") + " {0}", text)
-    return found
+        texts[column] = (title, text)
+        texts[rf"{what}_(\w+)_{unit}"] = (title.replace(" the ", " ") + " {0}", text)
+    return texts
 
 
 def gravity_of(components: Sequence[Component]) -> Array:
@@ -515,8 +515,8 @@ def direction(text: str, where: str) -> Vector:
     Raises:
         ComponentError: It is none.
     """
-    if found := re.fullmatch(r"\s*([+-]?)\s*([xyz])\s*", text):
-        sign, axis = (-1.0 if found[1] == "-" else 1.0), "xyz".index(found[2])
+    if match := re.fullmatch(r"\s*([+-]?)\s*([xyz])\s*", text):
+        sign, axis = (-1.0 if match[1] == "-" else 1.0), "xyz".index(match[2])
         vector = sign * np.eye(3)[axis]
     else:
         try:

@@ -355,8 +355,8 @@ class DistributedLoad:
         if isinstance(
             over, str
         ):  # a force on a face stays the same where the face grows, the weight of a region does not
-            one = self.constant(1.0) * self.body.hoop * self.measure(over)
-            self.measured.append(MeasuredConstant(vector, [one], lambda found: way / found[0]))
+            area = self.constant(1.0) * self.body.hoop * self.measure(over)
+            self.measured.append(MeasuredConstant(vector, [area], lambda areas: way / areas[0]))
         return ufl.dot(vector, self.test) * self.body.hoop * self.measure(over)
 
 
@@ -382,11 +382,11 @@ class DeadLoads:
         self.system = system
         self.loads = [part for part in components if isinstance(part, LoadPart) and not part.idle(components)]
         on = [DistributedLoad(system) for _ in self.loads]
-        spread = [part.spread(one, components) for part, one in zip(self.loads, on, strict=True)]
-        self.measured = [one.measured for one in on]
-        self.shares = [found.shares for found in spread]
-        self.amounts = np.array([found.amount for found in spread], dtype=float)
-        self.integrals = [found.forms for found in spread]
+        spread = [part.spread(distributed, components) for part, distributed in zip(self.loads, on, strict=True)]
+        self.measured = [distributed.measured for distributed in on]
+        self.shares = [load.shares for load in spread]
+        self.amounts = np.array([load.amount for load in spread], dtype=float)
+        self.integrals = [load.forms for load in spread]
         self.forms = [[system.form(form) for form in forms] for forms in self.integrals]
         self.origins: Array | None = None
         self._vector = fem.Function(system.space) if self.forms else system.w
@@ -395,14 +395,14 @@ class DeadLoads:
         """Return for each load its magnitude in SI units and the shares of its masses, of parts like those it was made of,
         whose numbers may be complex."""
         known = {part.key: part for part in components}
-        found: list[tuple[complex, Sequence[complex]]] = []
+        magnitudes: list[tuple[complex, Sequence[complex]]] = []
         for load, shares in zip(self.loads, self.shares, strict=True):
             masses = [known[mass.key].weighs if mass.key else mass.amount for _, mass in shares]
             part = known[load.key]
             assert isinstance(part, LoadPart)
             whole = sum(masses)
-            found.append((part.magnitude_of(whole), [mass / whole for mass in masses]))
-        return found
+            magnitudes.append((part.magnitude_of(whole), [mass / whole for mass in masses]))
+        return magnitudes
 
     def take(self, components: Sequence[Component]) -> None:
         """Set the numbers of other parts like those it was made of; what drives the device has to be coupled again."""
@@ -413,44 +413,44 @@ class DeadLoads:
 
     @functools.cached_property
     def _integrals(self) -> list[list[list[fem.Form]]]:
-        return [[[self.system.form(form) for form in one.integrals] for one in own] for own in self.measured]
+        return [[[self.system.form(form) for form in measured.integrals] for measured in own] for own in self.measured]
 
     def remeasure(self) -> None:
         """Follow a mesh that has moved."""
         for own, compiled in zip(self.measured, self._integrals, strict=True):
-            for one, forms in zip(own, compiled, strict=True):
-                one.constant.value = one.value(np.array([self.system.integral(form) for form in forms]))
+            for measured, forms in zip(own, compiled, strict=True):
+                measured.constant.value = measured.value(np.array([self.system.integral(form) for form in forms]))
 
     def check(self) -> None:
         """Reject a load that acts only on held dofs."""
         for load, forms in zip(self.loads, self.forms, strict=True):
-            found = self.system.assemble(forms)
-            if not mpi.total(self.system.comm, float(found @ found)) > 0.0:
+            force = self.system.assemble(forms)
+            if not mpi.total(self.system.comm, float(force @ force)) > 0.0:
                 raise ComponentError(f"{load.where} acts only on held dofs; use another face or direction")
 
     def moved(self) -> Array:
         """Return the work-conjugate of each load in the current state, shape (loads,); linear in w, moved held dofs
         included."""
-        system, found = self.system, []
+        system, displacements = self.system, []
         w = system.w.x.array[: system.n]
         for forms in self.forms:
             b = assembly.assembled_vector(
                 self._vector.x, forms
             )  # a separate function, because the system's may be in use
-            found.append(mpi.total(system.comm, float(b[: system.n] @ w)))
-        return np.array(found)
+            displacements.append(mpi.total(system.comm, float(b[: system.n] @ w)))
+        return np.array(displacements)
 
     def borne(self, dofs: npt.NDArray[np.int32], drives: Array) -> Array:
         """Return the loads of these dimensionless magnitudes, shape (loads,), that act only on some local dofs, such as the
         weight of a plate on the plate's, by owned dof."""
-        others, found = np.ones(self.system.n, dtype=bool), np.zeros(self.system.n)
+        others, force = np.ones(self.system.n, dtype=bool), np.zeros(self.system.n)
         others[dofs[dofs < self.system.n]] = False
         for drive, forms in zip(drives, self.forms, strict=True):
             for form in forms:
                 entries = self.system.assemble([form], held=True)
                 if not mpi.any_rank(self.system.comm, bool(entries[others].any())):
-                    found += drive * entries
-        return found
+                    force += drive * entries
+        return force
 
     @property
     def units(self) -> Array:
@@ -468,17 +468,17 @@ class DeadLoads:
     def figures(self, drives: Array) -> dict[str, float]:
         """Return the columns of ``path.csv`` in the current state, of the whole device, on all ranks, for dimensionless
         magnitudes of the loads, shape (loads,)."""
-        magnitudes, moved, found = drives * self.units, self.moved() * self.moved_units, dict[str, float]()
+        magnitudes, moved, figures = drives * self.units, self.moved() * self.moved_units, dict[str, float]()
         for place, (load, magnitude, way) in enumerate(zip(self.loads, magnitudes, moved, strict=True)):
             column, moved_column, travel_column = load.named_columns
-            found[column] = float(magnitude) / load.column_unit
-            found[moved_column] = float(way) / load.moved_column_unit
+            figures[column] = float(magnitude) / load.column_unit
+            figures[moved_column] = float(way) / load.moved_column_unit
             if self.origins is not None:
                 way -= self.origins[len(self.system.body.actuator.ratios) + place] * self.moved_units[place]
-                found[travel_column] = float(way) / load.moved_column_unit
+                figures[travel_column] = float(way) / load.moved_column_unit
             if load.share_column:
-                found[load.share_column] = float(magnitude) / self.amounts[place]
-        return {**found, LOADS_ENERGY: -float(magnitudes @ moved) * 1e3} if found else found
+                figures[load.share_column] = float(magnitude) / self.amounts[place]
+        return {**figures, LOADS_ENERGY: -float(magnitudes @ moved) * 1e3} if figures else figures
 
     def index(self, key: str) -> int:
         """Return the place of a load among these; KeyError for one that is not there."""

@@ -128,14 +128,14 @@ class Multigrid(newton.Preconditioner):
         body = self.system.body
         d = body.mesh.geometry.dim
         x = self._places[:, :d]
-        found = [np.tile(axis, (len(x), 1)) for axis in np.eye(d)]
+        motions = [np.tile(axis, (len(x), 1)) for axis in np.eye(d)]
         for i, j in itertools.combinations(range(d), 2):
             turn = np.zeros_like(x)
             turn[:, i], turn[:, j] = -x[:, j], x[:, i]
-            found.append(turn)
+            motions.append(turn)
         free = np.ones(self.K.getLocalSize()[0])
         free[self._held] = 0.0
-        return np.array([motion @ body.skew.T * free[self._u].reshape(-1, d) for motion in found])
+        return np.array([motion @ body.skew.T * free[self._u].reshape(-1, d) for motion in motions])
 
     def _schur_diagonal(self) -> Array:
         """Return S of the module's docstring at owned p."""
@@ -150,21 +150,21 @@ class Multigrid(newton.Preconditioner):
 
     def apply(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
         assert self._levels is not None
-        given, found = b.array_r, x.array_w
+        given, solution = b.array_r, x.array_w
         force = given[self._u]
         if self._coupling is not None:
             pressures = -given[self._p] / self._schur
             self._pressures.array_w[:] = pressures
             self._coupling.mult(self._pressures, self._b)
             force -= self._b.array_r
-            found[self._p] = pressures
+            solution[self._p] = pressures
         quadratic, linear = self._levels
         quadratic.smooth(force, begin=True)
         linear.correct(quadratic.residual(force))
         quadratic.smooth(force, begin=False)
-        found[self._u] = quadratic.x[: len(force)]
+        solution[self._u] = quadratic.x[: len(force)]
         # Coarser levels move held dofs slightly, which no residual detects: states would drift off their supports.
-        found[self._held] = given[self._held]
+        solution[self._held] = given[self._held]
 
     def equivalent_iterations(self, iterations: int, tolerance: float) -> int:
         """Return the iterations beyond those of the first solve after a set-up, of tight solves: loose ones are not
@@ -209,7 +209,7 @@ class MatrixParts:
         self.others, handles = np.empty(0, dtype=np.int32), [ctypes.c_void_p(matrix.handle)]
         if matrix.comm.size > 1:
             here, beyond, columns = ctypes.c_void_p(), ctypes.c_void_p(), ctypes.POINTER(ctypes.c_int32)()
-            pointers = [ctypes.byref(found) for found in (here, beyond, columns)]
+            pointers = [ctypes.byref(output) for output in (here, beyond, columns)]
             self._call("MatMPIAIJGetSeqAIJ", handles[0], *pointers)
             handles, count = [here, beyond], ctypes.c_int32()
             self._call("MatGetLocalSize", beyond, None, ctypes.byref(count))
@@ -224,10 +224,10 @@ class MatrixParts:
         for part, handle, place in zip(parts, self._handles, places, strict=False):
             count, done = ctypes.c_int32(), ctypes.c_int()
             starts, columns, values = (ctypes.c_void_p() for _ in range(3))
-            rows = [ctypes.byref(found) for found in (count, starts, columns, done)]
+            rows = [ctypes.byref(output) for output in (count, starts, columns, done)]
             self._call("MatGetRowIJ", handle, 0, 0, 0, *rows)
             self._call("MatSeqAIJGetArrayRead", handle, ctypes.byref(values))
-            part.starts, part.columns = (ffi.cast("int32_t *", found.value or 0) for found in (starts, columns))
+            part.starts, part.columns = (ffi.cast("int32_t *", pointer.value or 0) for pointer in (starts, columns))
             part.values = ffi.cast("double *", values.value or 0)
             part.places = ffi.from_buffer("int32_t[]", place)
         if len(self._handles) == 1:
@@ -297,8 +297,8 @@ class QuadraticLevel:
         scatter.scatter(known, wanted, addv=PETSc.InsertMode.INSERT_VALUES)
         beyond = wanted.array_r.astype(np.int64)
         there = np.unique(beyond[beyond >= 0] // d).astype(np.int32)
-        found = d * (self.nodes + np.searchsorted(there, beyond // d)) + beyond % d
-        self._places = (place, np.where(beyond < 0, -1, found).astype(np.int32))
+        dofs = d * (self.nodes + np.searchsorted(there, beyond // d)) + beyond % d
+        self._places = (place, np.where(beyond < 0, -1, dofs).astype(np.int32))
         for thing in (known, wanted, columns, scatter):
             thing.destroy()
         self.ghosts = len(there)

@@ -60,15 +60,15 @@ class History:
         space = fem.functionspace(mesh, element)
         self.values = fem.Function(space)
         self.places = np.array(space.dofmap.list)[region.cells]
-        self._starts = [0, *itertools.accumulate(SIX + 1 + bool(one.spring) for one in branches)]
+        self._starts = [0, *itertools.accumulate(SIX + 1 + bool(branch.spring) for branch in branches)]
         self.width = self._starts[-1] + (softening is not None)
         wider = basix.ufl.quadrature_element(
             mesh.basix_cell(), value_shape=(self.width,), degree=QUADRATURE_DEGREE, scheme="default"
         )
         self.begun = fem.Function(fem.functionspace(mesh, wider))
-        self.times = fem.Constant(mesh, np.array([one.time for one in branches] or [1.0]))
+        self.times = fem.Constant(mesh, np.array([branch.time for branch in branches] or [1.0]))
         self.moduli = fem.Constant(mesh, np.zeros(max(1, len(branches))))
-        self.flows = [None if one.linear else _constants(mesh, one) for one in branches]
+        self.flows = [None if branch.linear else _constants(mesh, branch) for branch in branches]
         self.softening = types.SimpleNamespace(
             **{name: fem.Constant(mesh, 1.0) for name in ("r", "m", "beta", "recovery") if softening is not None}
         )
@@ -104,7 +104,7 @@ class History:
             density += memory.softened(W, at_end, self.softening, memory.InUfl) - W
             hurt = memory.softened(ufl.as_ufl(0.0), Wm, self.softening, memory.InUfl)
             after.append(memory.InUfl.below(W, at_end, at_end, W))
-        stretch = [c - one for c, one in zip(C, memory.IDENTITY, strict=True)]
+        stretch = [c - unit for c, unit in zip(C, memory.IDENTITY, strict=True)]
         size = (1.0 + sum(self.moduli[k] for k in range(len(self.memory.branches)))) / 2
         stress, stiffness = self._creeping()
         self.density, self.free = density + stress, self._stored(self.strain) - hurt
@@ -112,10 +112,10 @@ class History:
         self._hurt = fem.form(hurt * self.body.hoop * self.region.dx, jit_options=compiling.JIT)
         spent *= self.body.hoop * abs(ufl.JacobianDeterminant(self.body.mesh))
         self.beginning, self.ending = ufl.as_vector(begin), ufl.as_vector(after)
-        found = ufl.as_vector([*after, error, size * ufl.sqrt(memory.contracted(stretch, stretch)), spent])
+        updated = ufl.as_vector([*after, error, size * ufl.sqrt(memory.contracted(stretch, stretch)), spent])
         self.points, self._weights = basix.make_quadrature(self.body.mesh.basix_cell(), QUADRATURE_DEGREE)
-        self._found, self._begin = (
-            fem.Expression(one, self.points, jit_options=compiling.JIT) for one in (found, self.beginning)
+        self._updated, self._begin = (
+            fem.Expression(vector, self.points, jit_options=compiling.JIT) for vector in (updated, self.beginning)
         )
 
     def _branch(self, k: int, C0: memory.Six, C: memory.Six) -> types.SimpleNamespace:
@@ -162,10 +162,10 @@ class History:
         stress, stiffness = [none] * SIX, [[none] * (p + 1) for p in range(SIX)]
         for k in range(len(self.flows)):
             G, begun = self.moduli[k], self._begun_of(k)
-            stress = [s + G * one for s, one in zip(stress, memory.step_stress(C, *begun), strict=True)]
+            stress = [s + G * d for s, d in zip(stress, memory.step_stress(C, *begun), strict=True)]
             of_branch = memory.step_stiffness(C, *begun)
             stiffness = [
-                [s + G * one for s, one in zip(*rows, strict=True)] for rows in zip(stiffness, of_branch, strict=True)
+                [s + G * d for s, d in zip(*rows, strict=True)] for rows in zip(stiffness, of_branch, strict=True)
             ]
         stress, stiffness = memory.isochoric(C, stress, stiffness)
         turned = scale * self._fixed.F.T * (self.strain.F - self._fixed.F)
@@ -177,14 +177,14 @@ class History:
 
     def _stored(self, strain: laws.Strain) -> Expr:
         """Return the energy of a state where a step begins and ends, above that which softening has spent."""
-        found = self.region.material.shape(strain, self.region.parameters)
+        energy = self.region.material.shape(strain, self.region.parameters)
         if self.memory.softening is not None:
-            found = memory.softened(found, self.values[self.size - 1], self.softening, memory.InUfl)
+            energy = memory.softened(energy, self.values[self.size - 1], self.softening, memory.InUfl)
         C = memory.six(strain.J ** (-2 / 3) * strain.C)
         for k, flow in enumerate(self.flows):
             spring = flow.spring if flow else ()
-            found += self.moduli[k] * memory.stored(C, [self.values[SIX * k + i] for i in range(SIX)], spring)
-        return found
+            energy += self.moduli[k] * memory.stored(C, [self.values[SIX * k + i] for i in range(SIX)], spring)
+        return energy
 
     @functools.cached_property
     def _stress(self) -> fem.Expression:
@@ -198,25 +198,27 @@ class History:
     def take(self, material: Material, mu: float) -> None:
         """Set a material's parameters, in units of a shear modulus in Pa; the number of branches stays."""
         assert material.memory is not None
-        flows = [_numbers(flow, one) for flow, one in zip(self.flows, material.memory.branches, strict=True) if flow]
+        flows = [
+            _numbers(flow, branch) for flow, branch in zip(self.flows, material.memory.branches, strict=True) if flow
+        ]
         for constant, value in (*self.numbers(material, mu), *itertools.chain(*flows)):
             constant.value = value
 
     def numbers(self, material: Material, mu: complex) -> list[tuple[fem.Constant, npt.NDArray[np.inexact]]]:
         """Return the constants to differentiate by, with their values of a material, see `take`; complex for a complex one."""
         own = material.memory
-        found: list[tuple[fem.Constant, npt.NDArray[np.inexact]]] = []
+        numbers: list[tuple[fem.Constant, npt.NDArray[np.inexact]]] = []
         assert own is not None
         if own.branches:
-            found.append((self.times, np.array([one.time for one in own.branches])))
-            shares = np.array([one.share for one in own.branches])
-            found.append((self.moduli, shares * material.shear_modulus_0 / mu))
+            numbers.append((self.times, np.array([branch.time for branch in own.branches])))
+            shares = np.array([branch.share for branch in own.branches])
+            numbers.append((self.moduli, shares * material.shear_modulus_0 / mu))
         if own.softening is not None:
             r, m, beta, recovery = dataclasses.astuple(own.softening)
             values = (r, m / mu, beta, recovery if math.isfinite(recovery) else 1.0)
             constants = (getattr(self.softening, name) for name in ("r", "m", "beta", "recovery"))
-            found += zip(constants, map(np.asarray, values), strict=True)
-        return found
+            numbers += zip(constants, map(np.asarray, values), strict=True)
+        return numbers
 
     # -- what is remembered -------------------------------------------------------------------------------------------
 
@@ -247,17 +249,17 @@ class History:
 
     def at_points(self, expression: fem.Expression, width: int) -> Array:
         """Return the values of an expression, shape (cells, points, width)."""
-        found, cells = np.empty((*self.places.shape, width)), self.region.cells
+        values, cells = np.empty((*self.places.shape, width)), self.region.cells
         for first in range(0, len(cells), MAX_CELLS_AT_ONCE):
             some = slice(first, first + MAX_CELLS_AT_ONCE)
-            found[some] = expression.eval(self.body.mesh, cells[some]).reshape(-1, *found.shape[1:])
-        return found
+            values[some] = expression.eval(self.body.mesh, cells[some]).reshape(-1, *values.shape[1:])
+        return values
 
     def trial(self) -> tuple[float, float]:
         """Look at the end of the step, in the state that the functions hold; return the largest error of the branches' stress
         in the step, and the largest stress, in shear moduli, on all ranks."""
         comm, self._next = self.body.mesh.comm, np.empty(0)
-        self._next = self.at_points(self._found, self.size + 3)
+        self._next = self.at_points(self._updated, self.size + 3)
         error, size = (mpi.largest(comm, float(self._next[..., i].max(initial=0.0))) for i in (-3, -2))
         return error, size
 
@@ -281,8 +283,8 @@ class History:
     def stress(self) -> Array:
         """Return the Cauchy stress where the step begins, without the pressure that keeps the volume, in shear moduli, shape
         (cells, points, 3, 3)."""
-        found = self.at_points(self._stress, 9)
-        return found.reshape(*found.shape[:2], 3, 3)
+        stress = self.at_points(self._stress, 9)
+        return stress.reshape(*stress.shape[:2], 3, 3)
 
     def save(self) -> tuple[Array, float]:
         """Return a copy of all that is remembered; see `component.Checkpoint`."""
@@ -310,10 +312,10 @@ def _constants(mesh: meshes.Mesh, branch: memory.Branch) -> types.SimpleNamespac
 
 def _numbers(flow: types.SimpleNamespace, branch: memory.Branch) -> list[tuple[fem.Constant, npt.NDArray[np.inexact]]]:
     """Return these constants with their values of a branch."""
-    found = [(getattr(flow, name), np.asarray(getattr(branch, name))) for name in FLOW_PARAMETERS]
+    numbers = [(getattr(flow, name), np.asarray(getattr(branch, name))) for name in FLOW_PARAMETERS]
     for constants, term in zip(flow.spring, branch.spring, strict=True):
-        found += zip(constants, map(np.asarray, term), strict=True)
-    return found
+        numbers += zip(constants, map(np.asarray, term), strict=True)
+    return numbers
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -383,8 +385,8 @@ class Motion:
             self._of_p = np.setdiff1d(np.arange(self.n), dofs)
         else:
             self._of_p = np.empty(0, dtype=np.int64)
-        one = fem.Constant(system.body.mesh, 1.0) * system.body.hoop
-        volumes = [system.integral(system.form(one * region.dx)) for region in system.matter]
+        integrand = fem.Constant(system.body.mesh, 1.0) * system.body.hoop
+        volumes = [system.integral(system.form(integrand * region.dx)) for region in system.matter]
         self._mass = sum(density * volume for density, volume in zip(inertia.densities, volumes, strict=True))
         self._mass += sum(mass for _, mass in inertia.faces)
         self.force = self.rounding = 0.0
@@ -398,9 +400,9 @@ class Motion:
         self._far, self.fresh = self._acceleration, True
 
     def _displacement(self, w: Array) -> Array:
-        found: Array = w[: self.n].copy()
-        found[self._of_p] = 0.0
-        return found
+        displacement: Array = w[: self.n].copy()
+        displacement[self._of_p] = 0.0
+        return displacement
 
     # -- the term of the potential ------------------------------------------------------------------------------------
 
@@ -423,11 +425,11 @@ class Motion:
         """Return local dofs with the displacement that the last acceleration leads to."""
         if not self._c:
             return w
-        found = w.copy()
+        predicted = w.copy()
         moved = self._w + (self._acceleration - self._far) / self._c
         moved[self._of_p] = w[self._of_p]
-        found[: self.n] = moved
-        return found
+        predicted[: self.n] = moved
+        return predicted
 
     def add_forces(self, w: Array, b: Array) -> None:
         """Add the forces of inertia to owned entries ``b``."""

@@ -152,8 +152,8 @@ def mpich_file(name: str) -> Path | None:
         files = importlib.metadata.files(MPICH) or []
     except importlib.metadata.PackageNotFoundError:
         return None
-    found = (Path(str(file.locate())).resolve() for file in files if file.name == name)
-    return next((file for file in found if file.is_file()), None)
+    paths = (Path(str(file.locate())).resolve() for file in files if file.name == name)
+    return next((path for path in paths if path.is_file()), None)
 
 
 def _load_mpich(library: Path | None) -> None:
@@ -197,12 +197,12 @@ def _loaded_mpis() -> list[Path]:
 
 def _stacks() -> list[str]:
     """Return the names of the installed packages that include PETSc or SLEPc; normally only one."""
-    found = []
+    stacks = []
     for folder in dict.fromkeys(sys.path):
         with contextlib.suppress(OSError):  # not a folder
             names = (entry.name for entry in os.scandir(folder or "."))
-            found += [name for name in names if name.endswith((".dist-info", ".egg-info")) and STACKS.match(name)]
-    return found
+            stacks += [name for name in names if name.endswith((".dist-info", ".egg-info")) and STACKS.match(name)]
+    return stacks
 
 
 def _looks() -> int:

@@ -701,10 +701,10 @@ class Factorisation(Preconditioner):
         r.aypx(-1.0, b)
         size = assembly.length(x)
         self.apply(r, x)
-        found = assembly.length(x) / size
+        error = assembly.length(x) / size
         for vector in (b, x, r):
             vector.destroy()
-        return found
+        return error
 
     def apply(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
         self._direct.apply(b, x)

@@ -141,8 +141,8 @@ class Potential:
 
     def _histories(self) -> list[memory.History]:
         """Return the histories of the regions whose silicone has a memory; make what a step begins with."""
-        found = [region for region in self.regions if region.material.memory is not None]
-        if not found:
+        regions = [region for region in self.regions if region.material.memory is not None]
+        if not regions:
             return []
         self.step, self.before = fem.Constant(self.body.mesh, 0.0), fem.Function(self.space)
         self._fixed = fem.Function(self.space, self.w.x)
@@ -150,7 +150,7 @@ class Potential:
             None  # the state that `memory_error` has last looked at in this step
         )
         before, fixed = (self._vector_part(w) for w in (self.before, self._fixed))
-        return [memory.History(self.body, region, self.displacement, before, fixed, self.step) for region in found]
+        return [memory.History(self.body, region, self.displacement, before, fixed, self.step) for region in regions]
 
     def density(self, law: Material, parameters: types.SimpleNamespace, bulk: Expr, shape: Expr | None = None) -> Expr:
         """Return a law's energy per reference volume, of anything that carries its parameters by name; or with another energy
@@ -174,10 +174,10 @@ class Potential:
         if self.histories:
             curved = [ufl.derivative(energy, self.w, self._test) for energy in self.energies]
             forces = [*curved, *forces[len(curved) :]]
-        found = [self.unfreeze_history(ufl.derivative(force, self.w, trial)) for force in forces]
+        tangents = [self.unfreeze_history(ufl.derivative(force, self.w, trial)) for force in forces]
         for number, predicted in self.predicted_tangents(trial).items():
-            found[number] = predicted
-        return found
+            tangents[number] = predicted
+        return tangents
 
     def unfreeze_history[T: (ufl.Form, Expr)](self, of: T) -> T:
         """Return a form or expression with w in place of what its derivatives took for a constant: kernels compute it once
@@ -188,14 +188,14 @@ class Potential:
 
     def predicted_tangents(self, trial: Expr) -> dict[int, ufl.Form]:
         """Return those of `tangent` that are not second derivatives of their energies, by index."""
-        found: dict[int, ufl.Form] = {}
+        tangents: dict[int, ufl.Form] = {}
         y = self._vector_part(self._known)
         at, mixed_points = len(self.regions), component.MixedPointStress(self._known, y, self._move, self._test, trial)
         for term in self.terms.values():
             if (seconds := term.tangent(mixed_points)) is not None:
-                found |= dict(enumerate(seconds, at))
+                tangents |= dict(enumerate(seconds, at))
             at += len(term.energies)
-        return found
+        return tangents
 
     def is_admissible(self, before: npt.NDArray[np.float64], after: npt.NDArray[np.float64]) -> bool:
         """Return whether a step from one state's w to another's is admissible: no wall passes through an
@@ -236,8 +236,8 @@ class Potential:
         if not self.histories:
             return 0.0, 0.0
         self.w.x.array[:], self._looked_at = w[: len(self.w.x.array)], w
-        found = [history.trial() for history in self.histories]
-        return max(error for error, _ in found), max(size for _, size in found)
+        trials = [history.trial() for history in self.histories]
+        return max(error for error, _ in trials), max(size for _, size in trials)
 
     def _remember(self, w: npt.NDArray[np.float64], reset: bool) -> None:
         """Let the silicone remember an accepted state; from here on no time passes until `pass_time`."""

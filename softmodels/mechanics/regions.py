@@ -61,9 +61,9 @@ class Regions:
 
     def _check_apart(self, cells: Sequence[npt.NDArray[np.int32]]) -> None:
         """Reject regions that share cells: which material those have would depend on the order of the tables."""
-        own = [found[found < self._owned()] for found in cells]
-        for (one, part), (two, other) in itertools.combinations(enumerate(self._parts), 2):
-            sizes = [len(np.intersect1d(own[one], own[two])), len(own[one]), len(own[two])]
+        own = [group[group < self._owned()] for group in cells]
+        for (i, part), (j, other) in itertools.combinations(enumerate(self._parts), 2):
+            sizes = [len(np.intersect1d(own[i], own[j])), len(own[i]), len(own[j])]
             common, first, second = self._body.mesh.comm.allreduce(np.array(sizes)).tolist()
             if common:
                 raise other.error(
@@ -334,12 +334,12 @@ class RigidMotion:
     def curvature(self, b: Array) -> Array:
         """Return the second derivatives by the unknowns of the work of entries b conjugate to w: over all ranks, shape (count,
         count)."""
-        found = np.zeros((self.freedom.count, self.freedom.count))
+        curvature = np.zeros((self.freedom.count, self.freedom.count))
         if self.turns:
             k = len(self.freedom.directions)
             moments = (b[self.dofs[self.owned]] @ self.skew).T @ self.arms[self.owned]
-            found[k:, k:] = np.einsum("ijab,ab->ij", self._turn.curvatures() @ self._base, self.sum(moments))
-        return found
+            curvature[k:, k:] = np.einsum("ijab,ab->ij", self._turn.curvatures() @ self._base, self.sum(moments))
+        return curvature
 
     def wrench(self, b: Array) -> tuple[Array, Array]:
         """Force, shape (d,), and moment about the centre where it is now, shape (3,), of owned entries conjugate to w."""
@@ -450,7 +450,7 @@ def with_number(material: Material, name: str, value: float) -> Material:
 def check_compressible(main: Material, components: Sequence[Component], mixed: bool) -> None:
     """Raise `MaterialError` for an incompressible material without p as an unknown."""
     materials = [main, *(part.material for part in components if isinstance(part, RegionPart))]
-    if not mixed and any(math.isinf(one.bulk) for one in materials):
+    if not mixed and any(math.isinf(material.bulk) for material in materials):
         raise MaterialError("poisson = 0.5 needs the mixed formulation; a pure displacement formulation would lock")
 
 
@@ -558,9 +558,9 @@ def _check_place(body: Body, where: str) -> None:
     modes = np.zeros((6, 6) if d == 3 else (1, 1))
     wanted = [(plane.name, plane.normal) for plane in body.actuator.cut_planes]
     for role, way in [*wanted, *((hold.role, hold.direction) for hold in body.holds)]:
-        dimension, found = body.group(role)
+        dimension, entities = body.group(role)
         mesh.topology.create_connectivity(dimension, mesh.topology.dim)
-        places = mesh.geometry.x[np.unique(meshes.entities_to_geometry(mesh, dimension, found))]
+        places = mesh.geometry.x[np.unique(meshes.entities_to_geometry(mesh, dimension, entities))]
         for e in np.eye(d) if way is None else in_section(way, d)[None]:
             turns = np.cross(places, np.broadcast_to(e, places.shape)) if d == 3 else np.empty((len(places), 0))
             moves = np.broadcast_to(e if d == 3 else e[1:], (len(places), d if d == 3 else 1))

@@ -117,7 +117,7 @@ class Sensitivity:
         eq = self.solver.system
         where, _, own = name.rpartition(".")
         part, material, ratios = self._part(where), eq.material, list(eq.ratios)
-        components = [one.nudged(own, by) if one is part else one for one in eq.components]
+        components = [c.nudged(own, by) if c is part else c for c in eq.components]
         if where == regions.RATIO_PREFIX:
             ratios[int(own)] += by
         elif part is None:
@@ -131,9 +131,7 @@ class Sensitivity:
 
     def _part(self, where: str) -> Component | None:
         """Return the part of a parameter's name; a region also goes by its own name alone."""
-        return next(
-            (one for one in self.solver.system.components if where in (one.key, one.key.removeprefix("region."))), None
-        )
+        return next((c for c in self.solver.system.components if where in (c.key, c.key.removeprefix("region."))), None)
 
     def force(self, name: str) -> Force:
         """Return the derivative of the equations at the loaded state by any parameter: one of `known_parameters`;
@@ -153,28 +151,28 @@ class Sensitivity:
         part = self._part(where)
         if part is None or isinstance(part, regions.RegionPart):
             return Force(*self.material_force(name.removeprefix("region.")), 0.0)
-        moved = [one.nudged(own, 1j * _COMPLEX_STEP) if one is part else one for one in eq.components]
-        found = self._load_force(moved)
+        moved = [c.nudged(own, 1j * _COMPLEX_STEP) if c is part else c for c in eq.components]
+        force = self._load_force(moved)
         if part.label in eq.potential.terms:
-            found = found + self._terms(part).force(part.nudged(own, 1j * _COMPLEX_STEP))
-        return Force(found, 0.0, 0.0)
+            force = force + self._terms(part).force(part.nudged(own, 1j * _COMPLEX_STEP))
+        return Force(force, 0.0, 0.0)
 
     def _load_force(self, moved: Sequence[Component]) -> Array:
         """Return the residual's derivative along the imaginary parts of the parts' numbers, through the dead loads."""
         eq = self.solver.system
-        found, dead = np.zeros(eq.n), eq.dead
+        force, dead = np.zeros(eq.n), eq.dead
         for i, (amount, shares) in enumerate(dead.magnitudes(moved)):
             drive, unit = dead.amounts[i] / dead.units[i], dead.units[i]
             if change := np.imag(amount) / _COMPLEX_STEP / unit:
-                found -= change * eq.assemble(dead.forms[i])
+                force -= change * eq.assemble(dead.forms[i])
             rates = [
                 np.imag(share) / _COMPLEX_STEP / float(known.value)
                 for share, (known, _) in zip(shares, dead.shares[i], strict=True)
             ]
             for rate, form in zip(rates, dead.forms[i], strict=False):
                 if rate:
-                    found -= drive * rate * eq.assemble([form])
-        return found
+                    force -= drive * rate * eq.assemble([form])
+        return force
 
     def _terms(self, part: Component) -> _TermDirection:
         if part.label not in self._of_terms:
@@ -187,8 +185,10 @@ class Sensitivity:
             self._along.turn(self.solver.system.material, name)
         where, _, own = name.rpartition(".")
         part, X = self._part(where), self._velocity(name)
-        for one in self._frictions:
-            one.turn(part.nudged(own, 1j * _COMPLEX_STEP) if part is not None and part.label == one.label else None, X)
+        for friction in self._frictions:
+            friction.turn(
+                part.nudged(own, 1j * _COMPLEX_STEP) if part is not None and part.label == friction.label else None, X
+            )
 
     def _velocity(self, name: str) -> Array | None:
         """Return the motion of the mesh's nodes with a length; None of other parameters."""
@@ -221,8 +221,8 @@ class Sensitivity:
         for magnitude, forms in zip(eq.pressures[len(eq.pressures) - len(loads) :], loads, strict=True):
             force -= magnitude * eq.assemble(forms)  # a thicker part is heavier
         for magnitude, own in zip(eq.pressures[len(eq.pressures) - len(loads) :], self.measured, strict=True):
-            for one in own:  # a force stays the same on a face that grows
-                force -= magnitude * eq.assemble(one.turned(moving))
+            for slope in own:  # a force stays the same on a face that grows
+                force -= magnitude * eq.assemble(slope.turned(moving))
         if eq.assembled.slack:
             moved = np.zeros(eq.n)
             force += eq.by_unknowns(eq.assembled.add_moved(eq.w.x.array, self.motion.at_nodes(X), moved))  # type: ignore[union-attr]
@@ -234,7 +234,7 @@ class Sensitivity:
         eq = self.solver.system
         assert self.motion is not None
         loads = zip(eq.dead.measured, eq.dead.integrals, strict=True)
-        return [[MeasuredSlope(eq, self.motion, one, forms) for one in own] for own, forms in loads]
+        return [[MeasuredSlope(eq, self.motion, measured, forms) for measured in own] for own, forms in loads]
 
     def rate(self, state: State, control: Control, name: str, rise: float = 0.0) -> Rate:
         """Return one of `rates`, which must have been called at this state, by a length or any parameter of `force`; an empty
@@ -248,8 +248,8 @@ class Sensitivity:
             force, dmu, opened = own.residual, own.stress, own.opened
         else:
             dmu, (force, opened) = 0.0, self.motion_force(X)
-        for one in self._frictions:
-            force = force + one.force()
+        for friction in self._frictions:
+            force = force + friction.force()
         mu = eq.stress_unit
         # The line is fixed in Pa and m3; in shear moduli it moves with the shear modulus.
         gap = rise - control.volume_coefficient * opened - control.pressure_coefficient * state.P * dmu / mu
@@ -267,13 +267,13 @@ def slope_along(form: ufl.Form, turns: Mapping[fem.Constant, fem.Constant]) -> u
     if not turns:
         return None
     variables = {constant: ufl.variable(constant) for constant in turns}
-    found = []
+    integrals = []
     for integral in form.integrals():
         integrand = ufl.replace(integral.integrand(), variables)
         for constant, turn in turns.items():
             slope = ufl.diff(integrand, variables[constant])
-            found.append(integral.reconstruct(integrand=ufl.dot(slope, turn) if turn.ufl_shape else slope * turn))
-    return ufl.Form(found)
+            integrals.append(integral.reconstruct(integrand=ufl.dot(slope, turn) if turn.ufl_shape else slope * turn))
+    return ufl.Form(integrals)
 
 
 class _TermDirection:
@@ -293,11 +293,11 @@ class _TermDirection:
         eq = self.eq
         for constant, value in self.term.constants_of(moved):
             self.turns[constant].value = np.imag(value) / _COMPLEX_STEP
-        found = eq.assemble(self._forms).copy()
+        force = eq.assemble(self._forms).copy()
         if isinstance(self.term, assembly.AssembledTerm):
             b = self.term.add_relocated(eq.w.x.array, _relocation(moved, eq), np.zeros(eq.n))
-            found += eq.by_unknowns(b)
-        return found
+            force += eq.by_unknowns(b)
+        return force
 
 
 class MeasuredSlope:
@@ -361,7 +361,7 @@ class InTime:
         self._values: dict[str, list[Array]] = {}
         for name, own in self._own.items():
             sensitivity.turn(own)
-            self._values[name] = [one.at_rest() for one in sensitivity.histories]
+            self._values[name] = [history.at_rest() for history in sensitivity.histories]
         self._before = {name: np.zeros_like(sensitivity.solver.system.w.x.array) for name in self._own}
 
     def begin(self, state: State, rates: Mapping[str, Rate]) -> None:
@@ -374,11 +374,11 @@ class InTime:
             if name in rates:
                 before[:] = rates[name].w[: len(before)]
             known.turn(own)
-            for one, values in histories:
-                one.begin(before, values)
-                values[:] = one.end(before)
-        for one in known.histories:
-            one.rest()
+            for history, values in histories:
+                history.begin(before, values)
+                values[:] = history.end(before)
+        for history in known.histories:
+            history.rest()
 
     def step(
         self, state: State, control: Control, rises: Mapping[str, float] = MappingProxyType({})
@@ -391,15 +391,15 @@ class InTime:
         rates = {}
         for name, own in self._own.items():
             known.turn(own)
-            for one, values in zip(known.histories, self._values[name], strict=True):
-                one.begin(self._before[name], values)
+            for history, values in zip(known.histories, self._values[name], strict=True):
+                history.begin(self._before[name], values)
             rate = known.rate(state, control, own, rises.get(name, 0.0) / unit)
-            for one, values in zip(known.histories, self._values[name], strict=True):
-                values[:] = one.end(rate.w)
+            for history, values in zip(known.histories, self._values[name], strict=True):
+                values[:] = history.end(rate.w)
             self._before[name][:] = rate.w[: len(self._before[name])]
             rates[name] = rate
-        for one in known.histories:
-            one.rest()
+        for history in known.histories:
+            history.rest()
         return along, rates
 
     def save(self) -> dict[str, list[Array]]:
@@ -445,7 +445,7 @@ class _LawDirection:
 
     def __init__(self, eq: System, region: regions.MaterialRegion):
         self.region, mesh = region, eq.body.mesh
-        self.history = next((one for one in eq.potential.histories if one.region is region), None)
+        self.history = next((history for history in eq.potential.histories if history.region is region), None)
         names = [field.name for field in laws.parameter_fields(region.material) if field.name != "poisson"]
         constants = {name: getattr(region.parameters, name) for name in names}
         variables = {name: ufl.variable(constant) for name, constant in constants.items()}
@@ -514,13 +514,15 @@ class LawHistory:
         self._values = fem.Function(self.history.values.function_space)
         begin, end = self.history.beginning, self.history.ending
         slopes = [
-            ufl.derivative(one, before, self._before)
-            + ufl.derivative(one, self.history.values, self._values)
-            + law.along(one)
-            for one in (begin, end)
+            ufl.derivative(vector, before, self._before)
+            + ufl.derivative(vector, self.history.values, self._values)
+            + law.along(vector)
+            for vector in (begin, end)
         ]
         slopes[1] += ufl.derivative(end, eq.w, self._w) + ufl.derivative(end, self.history.begun, self._start)
-        self._begin, self._end = (fem.Expression(one, self.history.points, jit_options=compiling.JIT) for one in slopes)
+        self._begin, self._end = (
+            fem.Expression(slope, self.history.points, jit_options=compiling.JIT) for slope in slopes
+        )
 
     def at_rest(self) -> Array:
         """Return the derivative of what is remembered at rest."""
@@ -538,10 +540,10 @@ class LawHistory:
 
     def end(self, w: Array) -> Array:
         """Return the derivative of what is remembered at the end of the step, from that of the dofs there, with ghosts."""
-        history, found = self.history, np.zeros_like(self.history.values.x.array)
+        history, values = self.history, np.zeros_like(self.history.values.x.array)
         self._w.x.array[:] = w[: len(self._w.x.array)]
-        found.reshape(-1, history.size)[history.places] = history.at_points(self._end, history.size)
-        return found
+        values.reshape(-1, history.size)[history.places] = history.at_points(self._end, history.size)
+        return values
 
     def rest(self) -> None:
         """Let the beginning of a step stay as it is, for `Sensitivity.rates`."""
@@ -709,22 +711,22 @@ def _interfaces(body: Body) -> npt.NDArray[np.int32]:
     cells = topology.connectivity(d - 1, d)
     first, count = cells.offsets[:-1], np.diff(cells.offsets)
     inner = np.flatnonzero(count == 2)
-    one, other = cells.array[first[inner]], cells.array[first[inner] + 1]
-    return inner[regions[one] != regions[other]].astype(np.int32)
+    cell, other = cells.array[first[inner]], cells.array[first[inner] + 1]
+    return inner[regions[cell] != regions[other]].astype(np.int32)
 
 
 def _stiffness(body: Body) -> fem.Function:
     """Return the inverse of each cell's volume, relative to the mean, so that small cells keep their shape."""
     space = fem.functionspace(body.mesh, ("DG", 0))
-    found = fem.Function(space)
+    stiffness = fem.Function(space)
     volume = fem.form(ufl.TestFunction(space) * ufl.Measure("dx", body.mesh, metadata={"quadrature_degree": 2}))
-    fem.assemble_vector(found.x.array, volume)
-    found.x.scatter_forward()
+    fem.assemble_vector(stiffness.x.array, volume)
+    stiffness.x.scatter_forward()
     count = space.dofmap.index_map.size_global
-    owned = found.x.array[: space.dofmap.index_map.size_local]
+    owned = stiffness.x.array[: space.dofmap.index_map.size_local]
     mean = mpi.total(body.mesh.comm, float(owned.sum())) / count
-    found.x.array[:] = mean / found.x.array
-    return found
+    stiffness.x.array[:] = mean / stiffness.x.array
+    return stiffness
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -747,9 +749,9 @@ SHAPE_STEP = 1e-6
 def coordinates(domain: meshes.Mesh) -> tuple[fem.FunctionSpace, npt.NDArray[np.int64]]:
     """Return the vector functions on a mesh's own nodes, and the node of the geometry that each block of dofs belongs to."""
     space = fem.functionspace(domain, domain.ufl_domain().ufl_coordinate_element())
-    found = np.empty(len(space.tabulate_dof_coordinates()), dtype=np.int64)
-    found[space.dofmap.list.ravel()] = domain.geometry.dofmaps[0].ravel()
-    return space, found
+    nodes = np.empty(len(space.tabulate_dof_coordinates()), dtype=np.int64)
+    nodes[space.dofmap.list.ravel()] = domain.geometry.dofmaps[0].ravel()
+    return space, nodes
 
 
 class MeshMotion:
@@ -879,9 +881,9 @@ class MeshMotion:
 
     def at_nodes(self, motion: Array) -> Array:
         """Return a motion of the nodes of `space`, shape (nodes, d), in the order of the mesh's geometry."""
-        found = np.zeros((len(self.body.mesh.geometry.x), self.dimension))
-        found[self._nodes] = motion
-        return found
+        shifts = np.zeros((len(self.body.mesh.geometry.x), self.dimension))
+        shifts[self._nodes] = motion
+        return shifts
 
     def by_nodes(self, rates: Array) -> Array:
         """Return shares of a derivative by the mesh's own nodes in the order of its geometry as a covector over `space`,

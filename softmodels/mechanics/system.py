@@ -127,11 +127,11 @@ class System:
 
     def _check_volume(self) -> None:
         """Reject a cavity whose openings are not in planes through the origin, because its volume would be wrong."""
-        found, known = self.rest().V * self.volume_unit, self.body.actuator.cavity_volume
-        self.volume_error = found / known - 1 if self._volumes else 0.0
+        enclosed, known = self.rest().V * self.volume_unit, self.body.actuator.cavity_volume
+        self.volume_error = enclosed / known - 1 if self._volumes else 0.0
         if abs(self.volume_error) > VOLUME_TOLERANCE:
             raise BodyError(
-                f"the cavity's wall encloses {found * 1e6:.4g} ml instead of {known * 1e6:.4g} ml: include "
+                f"the cavity's wall encloses {enclosed * 1e6:.4g} ml instead of {known * 1e6:.4g} ml: include "
                 f"every face around the air in its walls, let planes that cut the cavity pass through the "
                 f"origin, or use smaller cells if the mesh is coarse (--cell-size)"
             )
@@ -291,18 +291,18 @@ class System:
         On held dofs, and on rigid parts' as a whole, that is what holds them. The air pushes only on its walls, see
         `Body.pressing`, and all dead loads count.
         """
-        found = self.residual()
+        surplus = self.residual()
         for pressure, (load,), walls in zip(self.pressures, self._loads, self._pressing, strict=False):
-            found += pressure * self.assemble([load], held=True)
-            found -= pressure * self.assemble([walls], held=True)
-        return found
+            surplus += pressure * self.assemble([load], held=True)
+            surplus -= pressure * self.assemble([walls], held=True)
+        return surplus
 
     def residual(self) -> Array:
         """Return the derivative of the potential by each owned dof, held ones and rigid parts' too."""
-        found = np.zeros(self.n)
+        residual = np.zeros(self.n)
         for form, factor in self.forces_and_loads():
-            found += factor * self.assemble([form], held=True)
-        return self._add_own_forces(found, held=True)
+            residual += factor * self.assemble([form], held=True)
+        return self._add_own_forces(residual, held=True)
 
     # -- the current state --------------------------------------------------------------------------------------------
 
@@ -629,9 +629,9 @@ def _on_part(vectors: fem.FunctionSpace, body: Body, part: regions.RigidPart) ->
         return np.asarray(fem.locate_dofs_topological(vectors, body.mesh.topology.dim, body.regions[part.region]))
     if part.face not in body.entities:
         raise part.error(f"the mesh has no face {part.face!r}; it has {', '.join(body.entities)}")
-    dimension, found = body.entities[part.face]
+    dimension, entities = body.entities[part.face]
     body.mesh.topology.create_connectivity(dimension, body.mesh.topology.dim)
-    return np.asarray(fem.locate_dofs_topological(vectors, dimension, found))
+    return np.asarray(fem.locate_dofs_topological(vectors, dimension, entities))
 
 
 def unknowns_of(
@@ -652,8 +652,8 @@ def unknowns_of(
     motions: dict[str, regions.RigidMotion] = {}
     taken = none
     for part in rigid:
-        found = _on_part(vectors, body, part)
-        dofs, places = all_dofs[found], all_places[found]
+        on_part = _on_part(vectors, body, part)
+        dofs, places = all_dofs[on_part], all_places[on_part]
         freedom = part.freedom(body.actuator, _centre(body, part))
         motion = motions[part.label] = regions.RigidMotion(comm, freedom, body.skew, dofs, places, dofs[:, 0] < n)
         if mpi.any_rank(comm, bool(np.isin(dofs, taken).any())):
@@ -679,8 +679,8 @@ def _centre(body: Body, part: regions.RigidPart) -> Array:
         return np.zeros(d)
     area = body.sheet_face(part.face)[0] if part.face else cell_measure(body, body.regions[part.region])
     X = ufl.SpatialCoordinate(body.mesh)
-    one = fem.Constant(body.mesh, 1.0)
-    size, *moments = (mpi.total(body.mesh.comm, fem.assemble_scalar(fem.form(f * area))) for f in (one, *X))
+    constant = fem.Constant(body.mesh, 1.0)
+    size, *moments = (mpi.total(body.mesh.comm, fem.assemble_scalar(fem.form(f * area))) for f in (constant, *X))
     centre = np.array(moments) / size
     normals = np.array([plane.normal for plane in body.actuator.cut_planes]).reshape(-1, d)
     return np.asarray(centre - np.linalg.pinv(normals) @ normals @ centre)
@@ -737,8 +737,8 @@ def _thinnest(mesh: meshes.Mesh) -> float:
 def held_force(system: System, role: str, component: int) -> float:
     """Return the current force on the support of a role along a component of w, of the slice, dimensionless: what of the
     forces on the role's dofs nothing else balances, see `System.surplus`."""
-    dimension, found = system.body.entities[role]
-    dofs = fem.locate_dofs_topological(system.vectors.sub(component), dimension, found)
+    dimension, entities = system.body.entities[role]
+    dofs = fem.locate_dofs_topological(system.vectors.sub(component), dimension, entities)
     return mpi.total(system.comm, -float(system.surplus()[dofs[dofs < system.n]].sum()))
 
 
@@ -752,8 +752,8 @@ def face_load(system: System, role: str, direction: npt.ArrayLike) -> npt.NDArra
     y = ufl.split(test)[0] if system.mixed else test
     along = fem.Constant(body.mesh, in_section(direction, body.actuator.dimension))
     spread = fem.form(ufl.dot(along, body.displacement(y)) * body.hoop * measure)
-    one = fem.Constant(body.mesh, 1.0)
-    return system.assemble([spread], held=True) / system.integral(fem.form(one * body.hoop * measure))
+    constant = fem.Constant(body.mesh, 1.0)
+    return system.assemble([spread], held=True) / system.integral(fem.form(constant * body.hoop * measure))
 
 
 def nodal_forces(system: System) -> tuple[Array, Array]:

@@ -311,12 +311,12 @@ def _components(density: Expr, variable: Expr) -> set[int]:
     from ufl.classes import FixedIndex, Grad, Indexed
     from ufl.corealg.traversal import unique_pre_traversal
 
-    found: set[int] = set()
+    components: set[int] = set()
     for node in unique_pre_traversal(density):
         if variable not in node.ufl_operands:
             continue
         if isinstance(node, Grad):
             raise NoModuliError("second gradients")
         first = node.ufl_operands[1][0] if isinstance(node, Indexed) else None
-        found |= {int(first)} if isinstance(first, FixedIndex) else set(range(variable.ufl_shape[0]))
-    return found
+        components |= {int(first)} if isinstance(first, FixedIndex) else set(range(variable.ufl_shape[0]))
+    return components

@@ -118,16 +118,15 @@ class Continuation:
         history.modes = [Mode(stability.mass, point.mode) for point in points if point.mode is not None]
         last = [point for point in points if point.mode is None][-2:]
         history.line = last[-1].line
-        lines = [self.plane.stiffened(one.stiffest).square_to(one.tangent, one.state) for one in last]
-        found = solver.solve(lines[-1], last[-1].state.w, last[-1].state.P)
-        last[-1] = dataclasses.replace(last[-1], state=dataclasses.replace(last[-1].state, w=found.w))
+        lines = [self.plane.stiffened(p.stiffest).square_to(p.tangent, p.state) for p in last]
+        solved = solver.solve(lines[-1], last[-1].state.w, last[-1].state.P)
+        last[-1] = dataclasses.replace(last[-1], state=dataclasses.replace(last[-1].state, w=solved.w))
         solver.factorise(last[-1].state)
         stability.lowest()
         eigenvalues = (abs(point.signature.lowest) for point in points)
         stability.largest = max([stability.largest, *(value for value in eigenvalues if math.isfinite(value))])
         history.points = [
-            dataclasses.replace(one, tangent=solver.tangent(one.state, line))
-            for one, line in zip(last, lines, strict=True)
+            dataclasses.replace(p, tangent=solver.tangent(p.state, line)) for p, line in zip(last, lines, strict=True)
         ]
 
     def commit(self, point: Point) -> Point:
@@ -204,8 +203,8 @@ class Continuation:
             if leak := self.opened(before, after):
                 after, end = leak
             try:
-                found = [*events(self.corrector, self.requested, before, after, self.report), after]
-                return self._with_values(before, found, goals), end
+                points = [*events(self.corrector, self.requested, before, after, self.report), after]
+                return self._with_values(before, points, goals), end
             except newton.NoConvergence as failure:
                 what = f"what lies on a step of at most {step:.3g}"
                 self.report(f"{what} was not located ({failure}); halving the step")
@@ -217,21 +216,21 @@ class Continuation:
     def _with_values(self, here: Point, stops: list[Point], goals: Sequence[float]) -> list[Point]:
         """Return the points of a step with those where the device lands and has requested values, up to the last value; the
         rest is as for `stops`."""
-        found, left, level = list[Point](), list(goals), self.history.level
+        points, left, level = list[Point](), list(goals), self.history.level
         for stop in stops:
             if self.value(here.state) < level <= self.value(stop.state):
                 # A real device snaps through from the limit point of the requested quantity to here.
                 here, level = dataclasses.replace(self.between(here, stop, level), requested=False, jump=True), math.nan
-                found.append(here)
+                points.append(here)
             # Under its own control the path stops at a value; under another it has to locate those that it passed.
             while left and not self.direct and self.value(here.state) < left[0] <= self.value(stop.state):
                 here = self.between(here, stop, left.pop(0))
-                found.append(here)
+                points.append(here)
                 if not left:
-                    return found
+                    return points
             here, level = stop, self.value(stop.state) if stop.turn else level
-            found.append(here)
-        return found
+            points.append(here)
+        return points
 
     def _open_terms(self, state: State) -> list[component.EnergyTerm]:
         """Return the terms whose seal is open at a state with a pressure."""
@@ -415,7 +414,7 @@ def trace(
         first = path.begin()
         requested = bool(left) and left[0] == 0.0
         yield dataclasses.replace(first, requested=requested)
-        by_volume = any(isinstance(one, AddedVolume) for one in (path.requested, path.followed))
+        by_volume = any(isinstance(quantity, AddedVolume) for quantity in (path.requested, path.followed))
         if by_volume and first.stiffest <= path.plane.felt(0.0):
             raise PathEnd("the supports prevent any change", cause=DEVICE_LOCKED)
         left = left[1:] if requested else left
@@ -533,8 +532,8 @@ def _weights(places: Array, at: float) -> tuple[tuple[Array, Array], tuple[Array
     """Return the weights of values and slopes at one or two places in the interpolating polynomial at another, and
     their rates."""
     if len(places) == 1:
-        one = np.ones(1)
-        return (one, one * (at - places[0])), (0.0 * one, one)
+        ones = np.ones(1)
+        return (ones, ones * (at - places[0])), (0.0 * ones, ones)
     h = places[1] - places[0]
     x = (at - places[0]) / h
     values = np.array([(1 + 2 * x) * (1 - x) ** 2, x * x * (3 - 2 * x)])
@@ -685,12 +684,12 @@ class Corrector:
         locked = self.plane.locked(last.tangent.compliance)
         creeping = bool(self.solver.system.potential.histories)
         guess = None if locked else predict_direction(self.history.points, state, line, creeping)
-        found = self.solver.tangent(state, line, tolerance, guess)
+        tangent = self.solver.tangent(state, line, tolerance, guess)
         if locked or creeping or self.solver.system.direction > 0:
-            return found
-        return -found if self._turns_back(state, found) else found
+            return tangent
+        return -tangent if self._turns_back(state, tangent) else tangent
 
-    def _turns_back(self, state: State, found: controls.Tangent) -> bool:
+    def _turns_back(self, state: State, tangent: controls.Tangent) -> bool:
         """Return whether a tangent clearly leads back the way that the whole device has come.
 
         Where a shell snaps back, pressure and volume turn back at nearly the same state: their plane shows a cusp, and orients
@@ -705,7 +704,7 @@ class Corrector:
             size = motion.size(w)
             return motion.share(w) / size if size > 0.0 else 0.0
 
-        return cosine(found.w) < -MIN_DIRECTION_COSINE and cosine(self.history.last.tangent.w) > MIN_DIRECTION_COSINE
+        return cosine(tangent.w) < -MIN_DIRECTION_COSINE and cosine(self.history.last.tangent.w) > MIN_DIRECTION_COSINE
 
     def solve(self, line: controls.Curve, around: Sequence[Point]) -> State:
         """Return the state on a line, guessed by the cubic through one or two points and their tangents. Past a bifurcation
@@ -817,16 +816,16 @@ class Corrector:
         """Return the areas between a curve through two points in the volume-pressure plane and its chord: of the pressure as a
         cubic of the volume, and of the volume as one of the pressure, where it can be that and the cubic does not turn back."""
         s, t, a, b = before.state, after.state, before.tangent, after.tangent
-        dV, dP, found = t.V - s.V, t.P - s.P, []
+        dV, dP, bulges = t.V - s.V, t.P - s.P, []
         if dV * a.V > 0.0 and dV * b.V > 0.0:
-            found.append(dV**2 * (a.P / a.V - b.P / b.V) / 12)
+            bulges.append(dV**2 * (a.P / a.V - b.P / b.V) / 12)
         if (
             dP * a.P > 0.0
             and dP * b.P > 0.0
             and max(abs(a.V / a.P), abs(b.V / b.P)) * abs(dP) <= MAX_CUBIC_SLOPE * abs(dV)
         ):
-            found.append(dP**2 * (b.V / b.P - a.V / a.P) / 12)
-        return found
+            bulges.append(dP**2 * (b.V / b.P - a.V / a.P) / 12)
+        return bulges
 
     # -- between two points -------------------------------------------------------------------------------------------
 
@@ -861,10 +860,10 @@ class Corrector:
 
     def middle(self, before: Point, after: Point) -> Point:
         """Return the point half way between two, with its signature."""
-        found = self.on_the_way(before, after, 0.5)
-        self.solver.factorise(found.state)
-        signature, tangent = self.stability.signature(exact=True), self.tangent(found.state)
-        return dataclasses.replace(found, tangent=tangent, limit=False, signature=signature)
+        middle = self.on_the_way(before, after, 0.5)
+        self.solver.factorise(middle.state)
+        signature, tangent = self.stability.signature(exact=True), self.tangent(middle.state)
+        return dataclasses.replace(middle, tangent=tangent, limit=False, signature=signature)
 
     def root(self, low: Point, high: Point, f: Callable[[Point], float], tolerance: float = 1e-9) -> State:
         """Return the root of f between two points by the Illinois variant of the secant, on lines of given volume.
@@ -1021,12 +1020,12 @@ class StatesBeyond:
         for _ in range(MAX_HALVINGS):
             far = self._amount / part.share(rate.w)
             try:
-                found = self.solver.solve_along(
+                beyond = self.solver.solve_along(
                     part.image, state.w, self._amount, state.w + far * rate.w, state.P + far * rate.P
                 )
-                near = self._measure(found.w - state.w).length < MAX_STEP_OVERSHOOT * far
+                near = self._measure(beyond.w - state.w).length < MAX_STEP_OVERSHOOT * far
                 if near and (self.solver.system.volumes() > 0.0).all():
-                    self.state, self.tangent = found, self._direction(found, part)
+                    self.state, self.tangent = beyond, self._direction(beyond, part)
                     self._amount *= SNAP_STEP_GROWTH
                     return
             except newton.NoConvergence:
@@ -1107,13 +1106,13 @@ def events(
     """
     solver, stability = corrector.solver, corrector.stability
     kept = solver.lagged.base, stability.modes
-    found = changes(corrector, before, after, report)
+    points = changes(corrector, before, after, report)
     if turn := own_limit(corrector, requested, before, after):
-        found = sorted([*turn, *found], key=lambda point: abs(point.state.V - before.state.V))
+        points = sorted([*turn, *points], key=lambda point: abs(point.state.V - before.state.V))
     if solver.lagged.base is not kept[0] or stability.modes is not kept[1]:
         solver.factorise(after.state)
         stability.lowest()
-    return found
+    return points
 
 
 def own_limit(corrector: Corrector, requested: PathQuantity, before: Point, after: Point) -> list[Point]:
@@ -1294,23 +1293,23 @@ def creep(path: Continuation, curve: controls.Curve, state: State) -> State:
             motion.commit(state.w, reset=True)
             motion.begin(step if step < LAST_CREEP_STEP else 0.0)
             try:
-                found = path.corrector.solve_from(curve, state.w, state.P, state)
-                path.corrector.check_whole(found, state)
-                if not path.at(found).stable_under(curve.line(found.V, found.P)):
+                crept = path.corrector.solve_from(curve, state.w, state.P, state)
+                path.corrector.check_whole(crept, state)
+                if not path.at(crept).stable_under(curve.line(crept.V, crept.P)):
                     raise newton.NoConvergence("a saddle")
             except newton.NoConvergence:
                 step /= 2.0
                 if step < MIN_CREEP_STEP:
                     raise
                 continue
-            state = found
+            state = crept
             potential.commit(state.w)
             if step >= LAST_CREEP_STEP:
                 return state
             if abs(state.V) > FREE_GROWTH * path.plane.V_scale:
                 break
-            quick, slow = found.iterations <= FAST_ITERATIONS, found.iterations >= SLOW_ITERATIONS
-            step = LAST_CREEP_STEP if not found.iterations else step * (2.0 if quick else 1.0 if slow else 1.3)
+            quick, slow = crept.iterations <= FAST_ITERATIONS, crept.iterations >= SLOW_ITERATIONS
+            step = LAST_CREEP_STEP if not crept.iterations else step * (2.0 if quick else 1.0 if slow else 1.3)
     finally:
         potential.motion = None
     raise newton.NoConvergence("the device did not come to rest")
@@ -1392,13 +1391,13 @@ class Branch:
         change = (b.V - a.V, b.P - a.P)
         return self.path.plane.product(change, change) ** 0.5
 
-    def predicted(self, known: list[Point], found: Point) -> bool:
+    def predicted(self, known: list[Point], point: Point) -> bool:
         """Return whether two points predict a third well enough for arc-length control."""
         s, t = known[-1].state, known[-1].tangent
-        path, new = self.path, found.state
+        path, new = self.path, point.state
         line = path.plane.square_to(t, s)
         line = line.at(line.value(new.V, new.P))
-        forward = all(path.plane.product((p.tangent.V, p.tangent.P), (t.V, t.P)) > 0 for p in (*known, found))
+        forward = all(path.plane.product((p.tangent.V, p.tangent.P), (t.V, t.P)) > 0 for p in (*known, point))
         if len(known) < 2 or not forward or line.target <= line.value(s.V, s.P):
             return False
         amount = self.amount(new.w)
@@ -1428,11 +1427,11 @@ def follow(path: Continuation, bifurcation: Point, sign: int = 1, farthest: floa
     try:
         yield path.commit(branch.first())
         for _ in range(MAX_AMPLITUDES):
-            known, found = path.history.points, branch.next()
-            yield path.commit(found)
-            if ends(found):
+            known, new = path.history.points, branch.next()
+            yield path.commit(new)
+            if ends(new):
                 return
-            if branch.predicted(known, found):
+            if branch.predicted(known, new):
                 break
     except newton.NoConvergence as failure:
         raise PathEnd(str(failure)) from failure

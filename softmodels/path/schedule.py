@@ -98,18 +98,18 @@ class Cycle:
         """Return the part that a device snaps to at a pressure from the end of another, up (1) or down (-1)."""
         options = range(here + way, len(self.parts) if way > 0 else -1, way) if edge.limit else ()
         least = MIN_ADVANCE * self.path.plane.P_scale
-        found = next((k for k in options if self._part(k, way).leads_on(P, way, least)), None)
-        if found is None and (rest := self._released(edge, P, way)) is not None:
-            self.parts.insert(found := here + 1 if way > 0 else here, rest)
-        if found is None and edge.limit:
+        index = next((k for k in options if self._part(k, way).leads_on(P, way, least)), None)
+        if index is None and (rest := self._released(edge, P, way)) is not None:
+            self.parts.insert(index := here + 1 if way > 0 else here, rest)
+        if index is None and edge.limit:
             why = "the pressure has a limit point, and no stable state at that pressure was found beyond it"
             raise stability.PathEnd(why, edge)
-        if found is None:
+        if index is None:
             why = "the curve of its stable states ends"
             if way > 0 and self.parts[here].buckles:
                 raise stability.PathEnd(why, cause=DEVICE_BUCKLES)
             raise self.lost or stability.PathEnd(why)
-        return found
+        return index
 
     def _released(self, edge: stability.Point, P: float, way: int) -> CyclePart | None:
         """Return the stable part on which a device comes to rest that is released at a pressure from the end of another;
@@ -130,13 +130,13 @@ class Cycle:
         """Return the stable part that leads up (1) or down (-1) from where the device is at rest."""
         path = self.path
         quantity, goal = (path.requested, self.most) if way > 0 else (Fall(rest.P), rest.P)
-        one = dataclasses.replace(path, quantity=quantity, start=rest, history=continuation.PathHistory())
-        points = self._curve(one, goal)
+        branch = dataclasses.replace(path, quantity=quantity, start=rest, history=continuation.PathHistory())
+        points = self._curve(branch, goal)
         if way < 0:
             points = [dataclasses.replace(point, tangent=-point.tangent, requested=False) for point in points[::-1]]
-        alone = CyclePart((points[0 if way > 0 else -1],), one, buckles=False)  # where the curve is lost at once
+        alone = CyclePart((points[0 if way > 0 else -1],), branch, buckles=False)  # where the curve is lost at once
         return next(
-            (part for part in _stable_parts(points, one) if any(point.state is rest for point in part.points)), alone
+            (part for part in _stable_parts(points, branch) if any(point.state is rest for point in part.points)), alone
         )
 
     def _part(self, k: int, way: int) -> CyclePart:
@@ -429,11 +429,11 @@ class _Errors:
         """Return by how much the step after one that ends in a state should be longer, or this one."""
         error, size = self.potential.memory_error(state.w)
         self.largest = max(self.largest, size)
-        found = self._change(max(error / self.largest if self.largest else 0.0, self.drive.error(state)), math.sqrt)
+        change = self._change(max(error / self.largest if self.largest else 0.0, self.drive.error(state)), math.sqrt)
         if motion := self.potential.motion:
-            found = min(found, self._change(motion.error(state.w), math.cbrt))
-            found = 1.0 if SAFETY_FACTOR <= found < MIN_INERTIA_CHANGE else found
-        return found
+            change = min(change, self._change(motion.error(state.w), math.cbrt))
+            change = 1.0 if SAFETY_FACTOR <= change < MIN_INERTIA_CHANGE else change
+        return change
 
     def _change(self, error: float, root: Callable[[float], float]) -> float:
         """Return the same for an error, and the root of it that grows as the step."""
@@ -462,12 +462,12 @@ def _none(path: Continuation, pressure: float, step: float) -> bool:
     state, growth = last, FIRST_PROBED_GROWTH
     try:
         while growth < MAX_PROBED_GROWTH:
-            found = solver.solve(controls.volume_control(last.V * (1.0 + growth)), state.w, state.P)
-            if pressure <= found.P:
+            trial = solver.solve(controls.volume_control(last.V * (1.0 + growth)), state.w, state.P)
+            if pressure <= trial.P:
                 return False
-            if found.P < state.P and state is not last:
+            if trial.P < state.P and state is not last:
                 return True
-            state, growth = found, 1.5 * growth
+            state, growth = trial, 1.5 * growth
     except newton.NoConvergence:
         pass
     finally:
@@ -767,15 +767,15 @@ def in_drivers(
     eq, cavities = solver.system, len(solver.system.body.actuator.ratios)
     units = {PRESSURE: eq.stress_unit, VOLUME: eq.volume_unit}
     values, held = np.tile(kept, (len(steps), 1)), []
-    for one in courses(steps):
-        if one.of_cavity:
-            place, unit = int(one.of.removeprefix("cavity")) - 1, units[one.quantity]
+    for course in courses(steps):
+        if course.of_cavity:
+            place, unit = int(course.of.removeprefix("cavity")) - 1, units[course.quantity]
         else:
-            load = eq.dead.index(one.of)
-            place, unit = cavities + load, (eq.dead.moved_units if one.held else eq.dead.units)[load]
-            unit /= eq.dead.amounts[load] if one.quantity == "share" else 1.0
-        values[:, place] = np.array(one.values) / unit
-        held += [place] if one.held else []
+            load = eq.dead.index(course.of)
+            place, unit = cavities + load, (eq.dead.moved_units if course.held else eq.dead.units)[load]
+            unit /= eq.dead.amounts[load] if course.quantity == "share" else 1.0
+        values[:, place] = np.array(course.values) / unit
+        held += [place] if course.held else []
     return values, sorted(held)
 
 

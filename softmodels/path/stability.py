@@ -49,11 +49,11 @@ class Stability:
     @classmethod
     def of(cls, solver: Solver) -> Stability:
         """Return the instance of a solver, created at the first call."""
-        found = getattr(solver, "_stability", None)
-        if found is None:
-            found = cls(solver)
-            solver._stability = found  # type: ignore[attr-defined]
-        return found
+        stability = getattr(solver, "_stability", None)
+        if stability is None:
+            stability = cls(solver)
+            solver._stability = stability  # type: ignore[attr-defined]
+        return stability
 
     def start(self) -> None:
         """Drop the known modes and start from a shape with a part of every mode, the same on any number of ranks.
@@ -328,7 +328,7 @@ def nearest(
     widest = max(MAX_DIRECTIONS, DIRECTIONS_PER_MODE * count)
     for x in start:
         space.add(x.copy())
-    first, found, polished = len(space.x), list[float](), dict[int, float]()
+    first, lowest, polished = len(space.x), list[float](), dict[int, float]()
     for _ in range(most):
         values, shares = np.linalg.eigh(space.K)
         below = int(np.count_nonzero(values < 0.0))
@@ -343,20 +343,20 @@ def nearest(
             continue
         here = values[chosen]
         slack = max(filter(math.isfinite, tolerances)) ** 2 * np.abs(here).max()
-        while found and abs(found[-1] - here[len(found) - 1]) > slack:  # a lower one has appeared since
-            found.pop()
-            polished.pop(len(found), None)
-        while len(found) < len(chosen) and whole and math.isinf(tolerances[min(len(found), count - 1)]):
-            found.append(here[len(found)])
-        if len(found) == len(chosen) and whole:
+        while lowest and abs(lowest[-1] - here[len(lowest) - 1]) > slack:  # a lower one has appeared since
+            lowest.pop()
+            polished.pop(len(lowest), None)
+        while len(lowest) < len(chosen) and whole and math.isinf(tolerances[min(len(lowest), count - 1)]):
+            lowest.append(here[len(lowest)])
+        if len(lowest) == len(chosen) and whole:
             best = np.array([polished.get(k, value) for k, value in enumerate(here)])
             return Modes(best, [space.combined(column, space.x) for column in shares[:, chosen].T])
-        place = min(len(found), len(chosen) - 1)
+        place = min(len(lowest), len(chosen) - 1)
         tolerance = tolerances[min(place, count - 1)]
         solved = min(LOOSE_SOLVE_TOLERANCE, max(TIGHT_SOLVE_TOLERANCE, tolerance))
         size, new = _correction(space, here[place], shares[:, chosen[place]], solved, negatives is not None)
-        if size <= tolerance and len(found) < len(chosen):
-            found.append(here[place])
+        if size <= tolerance and len(lowest) < len(chosen):
+            lowest.append(here[place])
             polished[place] = _polished(space, here[place], new)
         elif not (math.isfinite(size) and space.add(new)):
             break
@@ -533,13 +533,13 @@ class Factorised(Spectrum):
 
     def lowest(self, modes: Sequence[PETSc.Vec]) -> tuple[float, list[PETSc.Vec]]:
         bordered, others = self.solver.bordered, [math.inf] * (TRACKED_MODES - 1)
-        found: Modes | None = None
+        lowest: Modes | None = None
         # Pressures that hold volumes are large relative to a small residual.
         if bordered.inverse.rounded and not bordered.constraint_columns:
             with contextlib.suppress(newton.NoConvergence):
-                found = self._search([REFINED_MODE_TOLERANCE, *others], refined=False)
-        found = found or self._search([REFINED_MODE_TOLERANCE, *others], refined=True)
-        return float(found.values[0]), found.vectors
+                lowest = self._search([REFINED_MODE_TOLERANCE, *others], refined=False)
+        lowest = lowest or self._search([REFINED_MODE_TOLERANCE, *others], refined=True)
+        return float(lowest.values[0]), lowest.vectors
 
     def corrected(self, state: State, modes: Sequence[PETSc.Vec]) -> float:
         system, bordered = self.solver.system, self.solver.bordered
@@ -556,8 +556,8 @@ class Factorised(Spectrum):
 
     def pairs(self, count: int, springs: Springs | None = None) -> list[tuple[float, PETSc.Vec]]:
         tolerances = [BIFURCATION_MODE_TOLERANCE] * count if springs is None else natural(count)
-        found = self._search(tolerances, refined=True, springs=springs)
-        return list(zip(map(float, found.values), found.vectors, strict=True))
+        modes = self._search(tolerances, refined=True, springs=springs)
+        return list(zip(map(float, modes.values), modes.vectors, strict=True))
 
 
 class Iterated(Spectrum):
@@ -579,9 +579,9 @@ class Iterated(Spectrum):
                 self.lowest(self._modes)
         return self._negative
 
-    def _take(self, found: Modes) -> Modes:
-        self._negative, self._counted, self._modes = found.negative, self.solver.lagged.updates, found.vectors
-        return found
+    def _take(self, modes: Modes) -> Modes:
+        self._negative, self._counted, self._modes = modes.negative, self.solver.lagged.updates, modes.vectors
+        return modes
 
     def _pencil(self) -> Pencil:
         solver = self.solver
@@ -611,21 +611,21 @@ class Iterated(Spectrum):
             self._turn = self._turn % (TRACKED_MODES - 1) + 1
             tolerances = [OTHER_MODES_TOLERANCE if k == self._turn else math.inf for k in range(TRACKED_MODES)]
             tolerances[0] = LOWEST_MODE_TOLERANCE
-        found = self._take(nearest(self._pencil(), self._start([*modes, *self._before] if modes else ()), tolerances))
+        lowest = self._take(nearest(self._pencil(), self._start([*modes, *self._before] if modes else ()), tolerances))
         self._before = list(modes[:1])
-        return float(found.values[0]), found.vectors
+        return float(lowest.values[0]), lowest.vectors
 
     def corrected(self, state: State, modes: Sequence[PETSc.Vec]) -> float:
         raise newton.NoConvergence("every state is examined separately, at the cost of a few solves")
 
     def pairs(self, count: int, springs: Springs | None = None) -> list[tuple[float, PETSc.Vec]]:
         if springs is None:
-            found = self._take(nearest(self._pencil(), self._start(()), [BIFURCATION_MODE_TOLERANCE] * count))
+            modes = self._take(nearest(self._pencil(), self._start(()), [BIFURCATION_MODE_TOLERANCE] * count))
         else:
             pencil, _ = springs.added_to(self._pencil())
             most = max(MAX_SOLVES, SOLVES_PER_MODE * count)
-            found = nearest(pencil, [self._lifted(pencil, seed) for seed in self.seeds], natural(count), most)
-        return list(zip(map(float, found.values), found.vectors, strict=True))
+            modes = nearest(pencil, [self._lifted(pencil, seed) for seed in self.seeds], natural(count), most)
+        return list(zip(map(float, modes.values), modes.vectors, strict=True))
 
 
 SMALL_SYSTEM = 6000
@@ -924,7 +924,7 @@ class LoadDisplacement(VolumeGain):
 
 
 QUANTITIES: dict[str, PathQuantity] = {
-    one.name: one for one in (Pressure(), AddedVolume(), DeadForce(), LoadDisplacement())
+    quantity.name: quantity for quantity in (Pressure(), AddedVolume(), DeadForce(), LoadDisplacement())
 }
 """Quantities without a supply, by name."""
 

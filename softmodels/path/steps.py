@@ -86,7 +86,7 @@ class Prescribed:
         try:
             given = units.plain(self.values)
             each = given if isinstance(given, list | tuple) else [given]
-            values = tuple(one if isinstance(one, units.Amount) else units.number(one) for one in each)
+            values = tuple(value if isinstance(value, units.Amount) else units.number(value) for value in each)
         except units.UnitError as error:
             raise StepError(f"{self.quantity} {units.brief(self.values)} of a step: {error}") from None
         object.__setattr__(self, "values", values)
@@ -126,26 +126,26 @@ def one_step(quantity: str, values: Sequence[float]) -> Steps:
 
 def is_program(steps: Steps) -> bool:
     """Return whether steps are a program, and not the values of one quantity, perhaps of a dead load at a pressure before."""
-    if any(one.named for step in steps for one in step.prescribed) or any(step.duration is not None for step in steps):
+    if any(p.named for step in steps for p in step.prescribed) or any(step.duration is not None for step in steps):
         return True
     if not steps or any(len(step.prescribed) != 1 for step in steps):
         return bool(steps)
     *before, last = (step.prescribed[0] for step in steps)
-    kept = [one.quantity == PRESSURE and len(one.values) == 1 for one in before]
+    kept = [driver.quantity == PRESSURE and len(driver.values) == 1 for driver in before]
     return len(before) > 1 or not all(kept) or bool(before and not last.of_load)
 
 
 def courses(steps: Steps) -> tuple[Prescribed, ...]:
     """Return the values of each driver of a program, one for each step. What a step does not name stays as it was, from 0 on,
     or from an open valve."""
-    found: dict[tuple[str, str], list[float]] = {}
+    series: dict[tuple[str, str], list[float]] = {}
     for place, step in enumerate(steps):
-        for one in step.prescribed:
-            before = 1.0 if one.quantity == VALVE else 0.0
-            found.setdefault((one.quantity, one.of), [before] * place).append(one.values[0])
-        for values in found.values():
+        for driver in step.prescribed:
+            before = 1.0 if driver.quantity == VALVE else 0.0
+            series.setdefault((driver.quantity, driver.of), [before] * place).append(driver.values[0])
+        for values in series.values():
             values += values[-1:] * (place + 1 - len(values))
-    return tuple(Prescribed(quantity, tuple(values), of) for (quantity, of), values in found.items())
+    return tuple(Prescribed(quantity, tuple(values), of) for (quantity, of), values in series.items())
 
 
 def check_steps(steps: Steps) -> None:
@@ -154,10 +154,10 @@ def check_steps(steps: Steps) -> None:
     if len(steps) > MAX_STEPS:
         raise StepError(f"the program has {len(steps)} steps; at most {MAX_STEPS} are allowed")
     drivers = courses(steps)
-    changes = np.diff(np.array([one.values for one in drivers]).T, axis=0, prepend=0.0)
-    if not changes[:, [one.quantity != VALVE for one in drivers]].any():
+    changes = np.diff(np.array([driver.values for driver in drivers]).T, axis=0, prepend=0.0)
+    if not changes[:, [driver.quantity != VALVE for driver in drivers]].any():
         raise StepError("the program contains only zeros; add a value above 0")
-    for opening in (value for one in drivers if one.quantity == VALVE for value in one.values):
+    for opening in (value for driver in drivers if driver.quantity == VALVE for value in driver.values):
         if not 0.0 <= opening <= 1.0:
             raise StepError(f"valve {opening:g} must be between 0 (closed) and 1 (open)")
     durations = [step.duration for step in steps]
@@ -167,13 +167,13 @@ def check_steps(steps: Steps) -> None:
         )
     if (shortest := min(duration or 0.0 for duration in durations)) < 0.0:
         raise StepError(f"a step has a duration of {shortest:g} s; it must be 0 or more")
-    for name in {one.name for one in drivers}:
-        if len(several := [one.quantity for one in drivers if one.name == name]) > 1:
+    for name in {driver.name for driver in drivers}:
+        if len(several := [driver.quantity for driver in drivers if driver.name == name]) > 1:
             raise StepError(f"{name} has {' and '.join(several)} prescribed; prescribe one of them in all steps")
     for place, (step, change) in enumerate(zip(steps, changes, strict=True), 1 - int(begins_at_rest(steps))):
         if not change.any() and not step.duration and place > 0:
             raise StepError(f"step {place} of the program changes nothing; leave it out, or give other values")
-        if len({one.held for one, changed in zip(drivers, change, strict=True) if changed}) == 2:
+        if len({driver.held for driver, changed in zip(drivers, change, strict=True) if changed}) == 2:
             raise StepError(
                 f"step {place} of the program changes pressures and volumes at once; change them in two steps, one after "
                 "the other"
@@ -192,11 +192,11 @@ def times_of(steps: Steps) -> tuple[float, ...]:
 
 def durations_of(times: Sequence[float]) -> list[float]:
     """Return the durations of steps that end at times in s, from which `times_of` makes the same floats."""
-    found, now = [], 0.0
+    durations, now = [], 0.0
     for time in times:
-        found.append(time - now)
-        now += found[-1]
-    return found
+        durations.append(time - now)
+        now += durations[-1]
+    return durations
 
 
 def time_at(steps: Steps, reached: float) -> float:
@@ -206,7 +206,7 @@ def time_at(steps: Steps, reached: float) -> float:
 
 def value_at(steps: Steps, quantity: str, reached: float) -> float:
     """Return the value of a supply's quantity after so many steps; before the first one it is 0, a valve's as there."""
-    values = next(one.values for one in courses(steps) if one.quantity == quantity)
+    values = next(course.values for course in courses(steps) if course.quantity == quantity)
     return _between(steps, values, values[0] if quantity == VALVE else 0.0, reached)
 
 
@@ -221,12 +221,12 @@ def _between(steps: Steps, values: Sequence[float], first: float, reached: float
 
 def prescribes(steps: Steps, quantity: str) -> bool:
     """Return whether any step prescribes a quantity."""
-    return any(one.quantity == quantity for step in steps for one in step.prescribed)
+    return any(driver.quantity == quantity for step in steps for driver in step.prescribed)
 
 
 def begins_at_rest(steps: Steps) -> bool:
     """Return whether the first values are all zero: the undeformed state, as step 0; a valve may be open."""
-    return not any(one.values[0] for one in steps[0].prescribed if one.quantity != VALVE)
+    return not any(driver.values[0] for driver in steps[0].prescribed if driver.quantity != VALVE)
 
 
 def last_number(steps: Steps) -> int:
@@ -243,7 +243,7 @@ def step_text(steps: Steps, number: int) -> str:
     """Return the values of the cavities and loads at a step, as written: ``"cavity1 60 cm, cavity2 2 ml added"``."""
     row = number - 1 + int(begins_at_rest(steps))
     texts = [
-        f"{one.name} {units.written(one.values[row])}{' added' if one.quantity == VOLUME else ''}"
-        for one in courses(steps)
+        f"{course.name} {units.written(course.values[row])}{' added' if course.quantity == VOLUME else ''}"
+        for course in courses(steps)
     ]
     return ", ".join([*texts, *([f"time {times_of(steps)[row]:g} s"] if timed(steps) else [])])

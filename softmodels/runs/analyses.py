@@ -84,7 +84,7 @@ class Limit(cards.ResultCard):
     notes: tuple[str, ...] = ()
 
     @property
-    def found(self) -> bool:
+    def exists(self) -> bool:
         return self.kind in ("limit", "bifurcation")
 
     def _line(self) -> str:
@@ -111,7 +111,7 @@ def find_limit(case: Case, materials: Sequence[Material], comm: MPI.Comm, hold: 
     ``hold`` is the hold time in s that silicones with a memory must survive at constant pressure; 0: unlimited. MeshingError,
     RunError, MaterialError and ComponentError as for a run."""
     body, known = simulation.meshed(case.actuator, comm), {}
-    found = []
+    limits = []
     try:
         for material in materials:
             own = loads.weighed(case.components, material)
@@ -122,11 +122,11 @@ def find_limit(case: Case, materials: Sequence[Material], comm: MPI.Comm, hold: 
             limit = _search(known[key])
             if hold and material.memory is not None and limit.kind == "limit" and not limit.why:
                 limit = _held(case, body, material, limit, hold)
-            found.append(dataclasses.replace(limit, notes=tuple(known[key].notes)))
+            limits.append(dataclasses.replace(limit, notes=tuple(known[key].notes)))
     finally:
         for model in known.values():
             model.release()
-    return found
+    return limits
 
 
 def check_hold(hold: object, materials: Sequence[Material]) -> float:
@@ -137,7 +137,7 @@ def check_hold(hold: object, materials: Sequence[Material]) -> float:
         raise CaseError(str(error)) from None
     if seconds < 0.0:
         raise CaseError(f"hold is {seconds:g} s; it must be 0 or more")
-    if seconds and (elastic := next((one for one in materials if one.memory is None), None)):
+    if seconds and (elastic := next((material for material in materials if material.memory is None), None)):
         raise CaseError(
             f"hold is {seconds:g} s, but {elastic.title or elastic.name} has no memory: what it withstands at "
             "once it withstands for any time; give it one ([material.memory], with_memory), or leave out the hold"
@@ -293,12 +293,12 @@ def scatter(
         devices = [case.actuator.made(changes) for changes in every]
     except GeometryError as error:
         raise CaseError(f"the tolerances include a device that cannot be built: {error}") from None
-    tasks = {k: dataclasses.replace(case, actuator=one, material=material) for k, one in enumerate(devices)}
-    found = mpi.on_root(comm, lambda: dict(processes.answers(__name__, limit_of.__name__, tasks, processes.cores())))
-    for done, value in found.values():
+    tasks = {k: dataclasses.replace(case, actuator=device, material=material) for k, device in enumerate(devices)}
+    answers = mpi.on_root(comm, lambda: dict(processes.answers(__name__, limit_of.__name__, tasks, processes.cores())))
+    for done, value in answers.values():
         if not done:
             raise RunError(value)
-    return [(changes, found[k][1]) for k, changes in enumerate(every)]
+    return [(changes, answers[k][1]) for k, changes in enumerate(every)]
 
 
 def limit_of(case: Case) -> Limit:
@@ -323,9 +323,9 @@ def with_sources(materials: Mapping[str, Material]) -> tuple[dict[str, Material]
         if known is None or known not in silicones.PRODUCTS or "/" in name:
             continue
         product, band = silicones.product_of(known), []
-        for one in silicones.spanning(product):
-            label = name if one is silicones.SILICONES[product] else silicones.full_name(product, one)
-            every.setdefault(label, _like(one.material, material))
+        for silicone in silicones.spanning(product):
+            label = name if silicone is silicones.SILICONES[product] else silicones.full_name(product, silicone)
+            every.setdefault(label, _like(silicone.material, material))
             band.append(label)
         bands[product] = tuple(band)
     return every, bands
@@ -344,17 +344,17 @@ def band_texts(bands: Mapping[str, tuple[str, ...]], limits: Mapping[str, Limit]
         if not names:
             texts.append(f"note: {silicones.spread_sentence(product)}")
             continue
-        found = sorted(((limits[name], name) for name in names), key=lambda pair: pair[0].pressure)
+        ranked = sorted(((limits[name], name) for name in names), key=lambda pair: pair[0].pressure)
         low, high = (
-            f"{one.pressure / cm:.4g} {units.column_unit(cm)} ({one.pressure / 1e3:.4g} kPa, {_what(one, name)})"
-            for one, name in (found[0], found[-1])
+            f"{limit.pressure / cm:.4g} {units.column_unit(cm)} ({limit.pressure / 1e3:.4g} kPa, {_what(limit, name)})"
+            for limit, name in (ranked[0], ranked[-1])
         )
         texts.append(f"{product} over its {len(names)} sources: {low} to {high}; see softmodels silicones {product}")
     return texts
 
 
-def _what(found: Limit, name: str) -> str:
-    return name if found.found else f"{name}, no limit found up to there"
+def _what(limit: Limit, name: str) -> str:
+    return name if limit.exists else f"{name}, no limit found up to there"
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -364,16 +364,16 @@ def _what(found: Limit, name: str) -> str:
 def check_varied(actuator: Actuator, tolerances: Sequence[Tolerance], comm: MPI.Comm) -> None:
     """Raise `CaseError`, before anything is solved, for the first tolerance that does not change the device as drawn, or that
     makes no device; MeshingError or OSError if a mesh is needed to decide and cannot be made."""
-    for one in tolerances:
+    for tolerance in tolerances:
         try:
-            devices = [actuator.made({one.name: one.middle + way * one.half}) for way in (-1, 1, 0)]
+            devices = [actuator.made({tolerance.name: tolerance.middle + way * tolerance.half}) for way in (-1, 1, 0)]
         except GeometryError as error:
             raise CaseError(f"the tolerances include a device that cannot be built: {error}") from None
         if len({_figures(device) for device in devices}) == 1 and _of_one_mesh(devices, comm):
-            low, high = (schema.shown(one.middle + way * one.half, one.unit) for way in (-1, 1))
+            low, high = (schema.shown(tolerance.middle + way * tolerance.half, tolerance.unit) for way in (-1, 1))
             raise CaseError(
-                f"--vary {one.name.replace('_', '-')}: this {type(actuator).__name__} is the same at {low} and at {high}"
-                f"{_because(actuator, one.name)}, so the limit does not scatter; leave it out"
+                f"--vary {tolerance.name.replace('_', '-')}: this {type(actuator).__name__} is the same at {low} and at {high}"
+                f"{_because(actuator, tolerance.name)}, so the limit does not scatter; leave it out"
             )
 
 
@@ -465,15 +465,15 @@ class NaturalFrequencies(cards.ResultCard):
     @property
     def unstable(self) -> list[str]:
         """A sentence on each run of states that are not stable."""
-        found, bad = [], [sum(not mode.stable for mode in modes) for modes in self.modes]
+        texts, bad = [], [sum(not mode.stable for mode in modes) for modes in self.modes]
         for state, count in enumerate(bad):
             if count and not (state and bad[state - 1]):
                 rate = max(mode.rate for mode in self.modes[state] if not mode.stable)
-                found.append(
+                texts.append(
                     f"unstable at {self.pressure[state]:.4g} Pa and {self.added_volume[state] * 1e6:.4g} ml: {count} of the "
                     f"modes have no frequency, and the fastest grows by a factor of e in {1 / rate:.2g} s"
                 )
-        return found
+        return texts
 
 
 def case_for_modes(case: Case, pressures: Steps | None = None) -> Case:

@@ -79,10 +79,10 @@ class Band:
             moves = []
         if not moves:
             return dict.fromkeys(self._columns())
-        found = {name: np.array([move[name] for move in moves]) for name in moves[0]}
+        changes = {name: np.array([move[name] for move in moves]) for name in moves[0]}
         at_rest = point.state.P == 0.0 and self.fields.rest_volume == abs(point.state.V)
         widths = {
-            name: 0.0 if at_rest else HALF_WIDTH_95 * float(np.linalg.norm(values)) for name, values in found.items()
+            name: 0.0 if at_rest else HALF_WIDTH_95 * float(np.linalg.norm(values)) for name, values in changes.items()
         }
         return {name: width if math.isfinite(width) else None for name, width in widths.items()}
 
@@ -133,9 +133,9 @@ class Band:
         """Return the changes of the probes' rises in mm and of the device's own figures for a change of the dofs."""
         fields, actuator = self.fields, self.fields.system.body.actuator
         shifts = fields.probes_moved(change)
-        found = {_named(f"{name}_mm"): 1e3 * float(shift @ np.asarray(actuator.lift)) for name, shift in shifts.items()}
+        rises = {_named(f"{name}_mm"): 1e3 * float(shift @ np.asarray(actuator.lift)) for name, shift in shifts.items()}
         if not all(np.isfinite(shift).all() for shift in shifts.values()):
-            return found | {_named(name): math.inf for name in actuator.figure_columns.values()}
+            return rises | {_named(name): math.inf for name in actuator.figure_columns.values()}
         now = fields.probes_moved(w)
         ends = []
         for sign in (1.0, -1.0):
@@ -144,7 +144,7 @@ class Band:
                 for name in shifts
             }
             ends.append(device_columns(actuator, {name: (p[0], p[1], p[2]) for name, p in places.items()}))
-        return found | {_named(name): (ends[0][name] - ends[1][name]) / (2 * DIFFERENCE_STEP) for name in ends[0]}
+        return rises | {_named(name): (ends[0][name] - ends[1][name]) / (2 * DIFFERENCE_STEP) for name in ends[0]}
 
 
 def _named(column: str) -> str:
@@ -196,13 +196,13 @@ class Solved:
 def row_of(solved: Solved) -> table.Row:
     """Return the row of a state, on rank 0."""
     case = solved.case
-    present = (one for one in every_variable() if one.present is None or one.present(case))
-    return table.Row.of(((one, one.value(solved)) for one in present if one.value), case.cm)
+    present = (variable for variable in every_variable() if variable.present is None or variable.present(case))
+    return table.Row.of(((variable, variable.value(solved)) for variable in present if variable.value), case.cm)
 
 
 def every_variable() -> list[table.Variable]:
     """Return all that are registered, then the extremes of other output fields."""
-    extremes = [one for field in outputs(OutputField) for one in field.extremes if one.key not in OUTPUTS]
+    extremes = [extreme for field in outputs(OutputField) for extreme in field.extremes if extreme.key not in OUTPUTS]
     return [*outputs(table.Variable), *extremes]
 
 
@@ -210,7 +210,7 @@ def term(column: str, device: Actuator | None = None, supply: str = "supply") ->
     """Return the description of a column of ``path.csv``; an unknown column is described by its own name. ``supply`` is in a
     word what drives the air."""
     # A column that is known by its whole name is not described by a pattern that fits it too, such as that of named gaps.
-    exact = [one for one in every_variable() if one.key == column]
+    exact = [variable for variable in every_variable() if variable.key == column]
     known = (
         exact[0].described(column)
         if exact
@@ -286,16 +286,16 @@ def _figure_term(column: str, device: Actuator | None) -> table.ColumnText | Non
     if exact := next((known[column] for known in texts if column in known), None):
         return table.described(column, exact)
     parts = [table.Variable(pattern, "", *text) for known in texts for pattern, text in known.items()]
-    found = (one.described(column) for one in (*outputs(table.Variable), *parts) if one.title)
-    return next((one for one in found if one is not None), None)
+    terms = (variable.described(column) for variable in (*outputs(table.Variable), *parts) if variable.title)
+    return next((term for term in terms if term is not None), None)
 
 
 def _named_term(column: str) -> table.ColumnText | None:
     """Return the description of a point, an angle or a rigid part named by the user."""
     name, unit = table.split(column)
-    if unit == "mm" and (found := re.fullmatch(r"(\w+)_([xyz])", name)):
+    if unit == "mm" and (match := re.fullmatch(r"(\w+)_([xyz])", name)):
         text = "for a named point its position in this state, for a rigid part the displacement of its centre"
-        return table.described(column, (f"{found[1].replace('_', ' ')}, {found[2]}", text))
+        return table.described(column, (f"{match[1].replace('_', ' ')}, {match[2]}", text))
     if unit == "mm" and name.endswith("_off"):
         text = "distance of the tracked surface point from the named point, undeformed"
         return table.described(column, (f"{name.removesuffix('_off').replace('_', ' ')}, off the surface", text))
@@ -492,15 +492,15 @@ def write_sources(folder: Path, sources: SourceTables) -> None:
 def read_sources(folder: Path, cm: float) -> dict[str, table.PathTable]:
     """Return the table of each source, ``cm`` being Pa in one cm of the case's column; empty where there is none, or none that
     can be read."""
-    found: dict[str, table.PathTable] = {}
+    sources: dict[str, table.PathTable] = {}
     try:
         with (folder / FILE).open(newline="", encoding="utf-8") as file:
             for cells in csv.DictReader(file):
-                own = found.setdefault(cells.pop("source"), table.PathTable())
+                own = sources.setdefault(cells.pop("source"), table.PathTable())
                 own.append(table.Row({k: _cell(k, v) for k, v in cells.items()}, cm))
     except (OSError, ValueError, KeyError):
         return {}
-    return found
+    return sources
 
 
 def _cell(column: str, text: str) -> table.Cell:
@@ -523,5 +523,5 @@ def stands_at(row: table.Row, case: Case, value: float) -> bool:
 
 def key_of(name: str) -> str:
     """Return the short name of a source, of a product's plain name too."""
-    found = silicones.silicone_called(name)
-    return found.origin.key if found else name
+    silicone = silicones.silicone_called(name)
+    return silicone.origin.key if silicone else name

@@ -47,7 +47,7 @@ class Fields:
         self._probes = {name: self._owner(point) for name, point in system.body.actuator.probes.items()}
         self._gauges, self._followed = gauges, tracked_points(system, self.grid, gauges)
         self._turning = turning_faces(system, self.grid, gauges)
-        self._wanted = [one for one in outputs(OutputField) if not one.requested or one.name in requested]
+        self._wanted = [field for field in outputs(OutputField) if not field.requested or field.name in requested]
 
     @functools.cached_property
     def walls(self) -> state_values.FacingWalls:
@@ -58,7 +58,7 @@ class Fields:
     @property
     def followed(self) -> list[str]:
         """A sentence on each named point: where it is tracked."""
-        return [entries.followed_text(name, one.away, one.place) for name, one in self._followed.items()]
+        return [entries.followed_text(name, point.away, point.place) for name, point in self._followed.items()]
 
     def values(self, state: State) -> StateValues:
         """Return a state's values; the state is loaded into the equations."""
@@ -74,9 +74,9 @@ class Fields:
         """Return each wanted `OutputField` over the grid's nodes by name, SI units, shape (n,), (n, 3) or (n, 3, 3), on rank 0;
         None elsewhere."""
         values = self.values(state)
-        found = {field.name: self.grid.collect(field.nodal(values)) for field in self._wanted}
-        whole = {name: field for name, field in found.items() if field is not None}
-        return whole if len(whole) == len(found) else None
+        collected = {field.name: self.grid.collect(field.nodal(values)) for field in self._wanted}
+        whole = {name: field for name, field in collected.items() if field is not None}
+        return whole if len(whole) == len(collected) else None
 
     def state(self, nodal: Mapping[str, Array] | None, P: float, V: float) -> State:
         """The state at a dimensionless cavity pressure and volume that `nodal` was made of, at least ``displacement`` and
@@ -99,10 +99,10 @@ class Fields:
         actuator, u = eq.body.actuator, values.displacement
         lift = np.asarray(actuator.lift)
         moved = self.probes_moved(state.w)
-        named = {name: self._moved(state, one) for name, one in self._followed.items()}
-        places = {name: one.place for name, one in self._followed.items()}
+        named = {name: self._moved(state, point) for name, point in self._followed.items()}
+        places = {name: point.place for name, point in self._followed.items()}
         sampled = {field: field.sampled(values) for field in outputs(OutputField) if field.sampled is not None}
-        extremes = {field.name: self._extremes(found) for field, found in sampled.items()}
+        extremes = {field.name: self._extremes(sample) for field, sample in sampled.items()}
         added = (eq.volumes() - self._rest_volumes) * eq.volume_unit
         pressures = eq.pressures_at(state) * eq.stress_unit
         device = together(
@@ -111,7 +111,7 @@ class Fields:
             *(term.figures(eq) for term in eq.potential.terms.values()),
             eq.dead.figures(eq.drives_at(state)[len(actuator.ratios) :]),
             rigid_parts(self.sampling, state),
-            *(one.cells(one.measured(self.sampling, state)) for one in outputs(table.Variable) if one.measured),
+            *(v.cells(v.measured(self.sampling, state)) for v in outputs(table.Variable) if v.measured),
         )
         return Figures(
             pressure=next((p / ratio for p, ratio in zip(pressures, actuator.ratios, strict=True) if ratio), 0.0),
@@ -124,9 +124,9 @@ class Fields:
             max_stretch_at=self._place_of(values.stretches[..., -1], extremes["largest_stretch"][1]),
             extremes=extremes,
             peaks={
-                field.name: state_values.volume_peak(eq.comm, found, eq.point_volumes(), field.rest)[0]
-                for field, found in sampled.items()
-                if any(one.peak for one in field.extremes)
+                field.name: state_values.volume_peak(eq.comm, sample, eq.point_volumes(), field.rest)[0]
+                for field, sample in sampled.items()
+                if any(extreme.peak for extreme in field.extremes)
             },
             stored_energy=eq.stored_energy() * eq.stress_unit * eq.volume_unit,
             dissipated_energy=eq.potential.dissipated * eq.stress_unit * eq.volume_unit,
@@ -162,35 +162,35 @@ class Fields:
     def _normals(self, w: Array) -> dict[str, tuple[Array, Array]]:
         """Return the normals of the faces whose rotation is tracked, undeformed and rotated."""
         eq, skew = self.system, self.sampling.skew
-        found = {}
+        normals = {}
         for name, face in self._turning.items():
             moved = body.in_space(w[skew[face.nodes]] @ eq.body.skew_inverse.T * eq.length_unit)
-            found[name] = face.normal, face.turned(moved)
-        return found
+            normals[name] = face.normal, face.turned(moved)
+        return normals
 
-    def _moved(self, state: State, one: TrackedPoint) -> Array:
+    def _moved(self, state: State, point: TrackedPoint) -> Array:
         """Return the displacement (3,) in m of a tracked place, on all ranks."""
         eq = self.system
-        u = one.weights @ state.w[self.sampling.skew[one.nodes]] @ eq.body.skew_inverse.T * eq.length_unit
+        u = point.weights @ state.w[self.sampling.skew[point.nodes]] @ eq.body.skew_inverse.T * eq.length_unit
         u = u if self.grid.dimension == 3 else np.array([u[0], 0.0, u[1]])
         return np.array([mpi.total(eq.comm, float(value)) for value in u])
 
     def _place_of(self, values: Array, peak: float) -> tuple[float, float, float]:
         """Return where a value at the integration points, shape (cells, points), reaches its peak over all ranks."""
         eq = self.system
-        found = np.empty((0, 3))
+        points = np.empty((0, 3))
         near = values >= peak * (1 - 1e-9)
         cells = np.flatnonzero(near.any(axis=1))
         if cells.size:
             places = self._places.eval(eq.body.mesh, eq.cells[cells])
             places = places.reshape(*near[cells].shape, -1)[near[cells]]
             flat = np.column_stack([places, np.zeros((len(places), 3 - places.shape[1]))]) * eq.length_unit
-            found = eq.body.actuator.device_points(flat)
+            points = eq.body.actuator.device_points(flat)
         # Among equal values, as at rest, the first in order of x, y, z, so that neither rounding nor the rank decides.
         place = []
         for axis in range(3):
-            least = -largest(eq.comm, -float(found[:, axis].min()) if len(found) else -math.inf)
-            found = found[found[:, axis] <= least + 1e-9 * eq.length_unit]
+            least = -largest(eq.comm, -float(points[:, axis].min()) if len(points) else -math.inf)
+            points = points[points[:, axis] <= least + 1e-9 * eq.length_unit]
             place.append(least)
         return place[0], place[1], place[2]
 
@@ -198,15 +198,15 @@ class Fields:
 def together(*groups: Mapping[str, float]) -> dict[str, float]:
     """Merge columns of ``path.csv``; `ComponentError` if two bear one name, as a rigid part ``tip`` and a device whose tip has
     a column."""
-    found: dict[str, float] = {}
+    figures: dict[str, float] = {}
     for group in groups:
-        if twice := sorted(found.keys() & group.keys()):
+        if twice := sorted(figures.keys() & group.keys()):
             raise ComponentError(
                 f"two figures of this device and its parts share the column {twice[0]} of path.csv; "
                 f"rename the part, point or angle in it"
             )
-        found |= group
-    return found
+        figures |= group
+    return figures
 
 
 def device_columns(device: actuator.Actuator, places: Mapping[str, Vector]) -> dict[str, float]:
@@ -352,7 +352,7 @@ def turning_faces(system: System, grid: state_values.Grid, gauges: entries.Probe
     places = system.body.actuator.device_points(here).reshape(-1, 3, 3) if len(here) else np.empty((0, 3, 3))
     sums = mpi.summed(system.comm, np.append(places.reshape(-1, 3).sum(axis=0), 3.0 * len(places)))
     near = 1e-5 * system.length_unit
-    found = {}
+    turning = {}
     for name, face in gauges.turning.items():
         if face.normal is not None:
             chosen = (np.abs(places @ np.asarray(face.normal) - face.at) < near).all(axis=1)
@@ -361,8 +361,8 @@ def turning_faces(system: System, grid: state_values.Grid, gauges: entries.Probe
             chosen = ((places > low - near) & (places < high + near)).all(axis=(1, 2))
         if not mpi.total(system.comm, float(chosen.sum())):
             raise entries.ProbeError(f"angle {name}: the device has no face 'face {face.text}'")
-        found[name] = TurningFace(system, facets[chosen], places[chosen], sums[:3] / sums[3])
-    return found
+        turning[name] = TurningFace(system, facets[chosen], places[chosen], sums[:3] / sums[3])
+    return turning
 
 
 def _surface(system: System, grid: state_values.Grid) -> Nodes:
@@ -375,27 +375,27 @@ def _surface(system: System, grid: state_values.Grid) -> Nodes:
     topology.create_connectivity(dim, dim - 1)
     cells_of, facets_of = topology.connectivity(dim - 1, dim), topology.connectivity(dim, dim - 1)
     layout = grid.space.dofmap.dof_layout
-    found = np.empty((len(outer), 3 * (dim - 1)), dtype=np.int64)
+    surface = np.empty((len(outer), 3 * (dim - 1)), dtype=np.int64)
     for row, facet in enumerate(outer):
         cell = cells_of.links(facet)[0]
         number = int(np.flatnonzero(facets_of.links(cell) == facet)[0])
-        found[row] = grid.space.dofmap.cell_dofs(cell)[sorted(layout.entity_closure_dofs(dim - 1, number))]
-    return found
+        surface[row] = grid.space.dofmap.cell_dofs(cell)[sorted(layout.entity_closure_dofs(dim - 1, number))]
+    return surface
 
 
 def _nearest(system: System, name: str, wanted: Array, facets: Nodes, places: Array) -> TrackedPoint:
     """Return the nearest place of facets whose nodes are at places (m, k, 3)."""
     comm, unit = system.comm, system.length_unit
     share = _weights(_barycentric(places, wanted)) if len(places) else np.empty((0, 1))
-    found = np.einsum("mk,mki->mi", share, places)
-    distance = np.linalg.norm(found - wanted, axis=1)
+    closest = np.einsum("mk,mki->mi", share, places)
+    distance = np.linalg.norm(closest - wanted, axis=1)
     away = -largest(comm, -float(distance.min()) if len(distance) else -math.inf)
     # Among equally near places the first in order of x, y, z, so that the rank does not decide.
     near = np.flatnonzero(distance <= away + body.LENGTH_TOLERANCE * unit)
     place = []
     for axis in range(3):
-        least = -largest(comm, -float(found[near, axis].min()) if len(near) else -math.inf)
-        near = near[found[near, axis] <= least + body.LENGTH_TOLERANCE * unit]
+        least = -largest(comm, -float(closest[near, axis].min()) if len(near) else -math.inf)
+        near = near[closest[near, axis] <= least + body.LENGTH_TOLERANCE * unit]
         place.append(least if abs(least) > body.LENGTH_TOLERANCE * unit else 0.0)
     holders = mpi.total(comm, float(bool(len(near))))  # several ranks know a place on an edge between them
     edge = places[near, 0] - places[near, 1] if len(near) else np.zeros((0, 3))
@@ -427,22 +427,22 @@ def _barycentric(places: Array, wanted: Array) -> Array:
     a, b, c = (places[:, i] for i in range(3))
     E = np.stack([b - a, c - a], axis=2)
     inner = np.einsum("mij,mi->mj", np.linalg.pinv(E).transpose(0, 2, 1), wanted - a)
-    found = np.column_stack([1 - inner.sum(axis=1), inner])
+    shares = np.column_stack([1 - inner.sum(axis=1), inner])
     for i, (j, k) in enumerate(((1, 2), (0, 2), (0, 1))):
-        outside = found[:, i] < 0.0
+        outside = shares[:, i] < 0.0
         if outside.any():  # the nearest edge of all three is the nearest place
             edge = np.zeros((int(outside.sum()), 3))
             edge[:, [j, k]] = _on_edge(places[outside, j], places[outside, k], wanted)
-            found[outside] = np.where(
-                _closer(places[outside], edge, found[outside], wanted)[:, None], edge, found[outside]
+            shares[outside] = np.where(
+                _closer(places[outside], edge, shares[outside], wanted)[:, None], edge, shares[outside]
             )
-    return found
+    return shares
 
 
-def _closer(places: Array, one: Array, two: Array, wanted: Array) -> npt.NDArray[np.bool_]:
+def _closer(places: Array, first: Array, second: Array, wanted: Array) -> npt.NDArray[np.bool_]:
     """Return whether the first barycentric coordinates are inside and nearer than the second, or those are outside."""
-    away = [np.linalg.norm(np.einsum("mi,mij->mj", at, places[:, :3]) - wanted, axis=1) for at in (one, two)]
-    return (two.min(axis=1) < 0.0) | (away[0] < away[1])
+    away = [np.linalg.norm(np.einsum("mi,mij->mj", at, places[:, :3]) - wanted, axis=1) for at in (first, second)]
+    return (second.min(axis=1) < 0.0) | (away[0] < away[1])
 
 
 def _on_edge(a: Array, b: Array, wanted: Array) -> Array:
@@ -522,7 +522,7 @@ class OutputField(table.Output):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        object.__setattr__(self, "extremes", tuple(one.of_field(self.name) for one in self.extremes))
+        object.__setattr__(self, "extremes", tuple(extreme.of_field(self.name) for extreme in self.extremes))
 
     @property
     def rest(self) -> float:
@@ -532,7 +532,7 @@ class OutputField(table.Output):
     @property
     def largest(self) -> Extreme | None:
         """The variable of its largest value, if it has one."""
-        return next((one for one in self.extremes if not (one.least or one.peak)), None)
+        return next((extreme for extreme in self.extremes if not (extreme.least or extreme.peak)), None)
 
 
 for _field in (
@@ -627,12 +627,12 @@ def rigid_parts(sampling: state_values.Sampling, state: State) -> dict[str, floa
         return {}
     surplus = eq.surplus()
     drives = eq.drives_at(state)[len(eq.body.actuator.ratios) :]
-    found: dict[str, float] = {}
+    figures: dict[str, float] = {}
     for name, motion in moving.items():
         # All forces on the part's nodes act on it, the silicone's weight there included, except its own loads.
         forces = -surplus - eq.dead.borne(motion.dofs.ravel(), drives)
-        found |= {f"{name}_{key}": value for key, value in _figures(eq, motion, forces)}
-    return found
+        figures |= {f"{name}_{key}": value for key, value in _figures(eq, motion, forces)}
+    return figures
 
 
 def _figures(eq: System, motion: regions.RigidMotion, forces: Array) -> Iterator[tuple[str, float]]:

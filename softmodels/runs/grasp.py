@@ -75,21 +75,21 @@ class Grasp:
 
     def at(self, pose: Array, P: float, load: float, before: Held) -> Held:
         """Return the fingers' equilibria around the object in a pose: two displacements in sizes, a rotation."""
-        states, found = [], []
+        states, pushes = [], []
         for finger in range(len(self.angles)):
             self._put(pose, finger, before.grips[finger])
             states.append(self.solver.solve(controls.pressure_control(P), before.states[finger].w, P))
-            found.append(self.term.pushes(states[-1].w))
+            pushes.append(self.term.pushes(states[-1].w))
         size, turns = self.system.length_unit, [self.plane @ turning(self.axis, angle) for angle in self.angles]
-        sides = list(zip(turns, found, strict=True))
-        press = [np.linalg.norm(one.pressing, axis=1).sum() for one in found]
+        sides = list(zip(turns, pushes, strict=True))
+        press = [np.linalg.norm(push.pressing, axis=1).sum() for push in pushes]
         return Held(
             P * self.system.stress_unit, load, pose[:2] * size, float(pose[2]),
-            self.force_unit * np.array([turn @ one.force for turn, one in sides]),
-            self.moment_unit * np.array([self.axis @ one.moment for one in found]),
-            self.force_unit * np.array(press), np.array([one.sliding for one in found]),
-            size * np.concatenate([one.arms @ turn.T for turn, one in sides]),
-            self.force_unit * np.concatenate([one.pressing @ turn.T for turn, one in sides]), states, before.grips,
+            self.force_unit * np.array([turn @ push.force for turn, push in sides]),
+            self.moment_unit * np.array([self.axis @ push.moment for push in pushes]),
+            self.force_unit * np.array(press), np.array([push.sliding for push in pushes]),
+            size * np.concatenate([push.arms @ turn.T for turn, push in sides]),
+            self.force_unit * np.concatenate([push.pressing @ turn.T for turn, push in sides]), states, before.grips,
         )  # fmt: skip
 
     def _pose(self, held: Held) -> Array:
@@ -119,9 +119,9 @@ class Grasp:
             if not 0.0 < np.abs(step).max() < 0.2:  # 0 where no finger resists
                 raise newton.NoConvergence("the object leaves the fingers")
             after = self.at(self._pose(held) + step, P, load, held)
-            found = self.imbalance(after)
-            J = J + np.outer(found - wrong - J @ step, step) / (step @ step)
-            held, wrong = after, found
+            imbalance = self.imbalance(after)
+            J = J + np.outer(imbalance - wrong - J @ step, step) / (step @ step)
+            held, wrong = after, imbalance
         raise newton.NoConvergence("the object's equilibrium was not found")
 
     def _kept(self, held: Held) -> Held:
@@ -151,12 +151,12 @@ class Grasp:
 
     def outlines(self, held: Held) -> list[Array]:
         """Return the corners of the fingers' facets in the plane, in m from the object's first centre, shape (f, 3, 2) each."""
-        found = []
+        outlines = []
         for angle, state in zip(self.angles, held.states, strict=True):
             places = self.section.moved(state.w) - self.term.centre
             turned = places @ (self.plane @ turning(self.axis, angle)).T
-            found.append(turned[self.section.facets[:, :3]] * self.system.length_unit)
-        return found
+            outlines.append(turned[self.section.facets[:, :3]] * self.system.length_unit)
+        return outlines
 
 
 MAX_FINGERS = 12
@@ -278,8 +278,8 @@ class Held:
         least = np.append(np.zeros(count), -1.0)
         equal = np.vstack([np.column_stack([wrenches, np.zeros(3)]), np.append(np.ones(count), 0.0)])
         above = np.column_stack([-np.eye(count), np.ones(count)])
-        found = scipy.optimize.linprog(least, A_ub=above, b_ub=np.zeros(count), A_eq=equal, b_eq=[0.0, 0.0, 0.0, 1.0])
-        return bool(found.status == 0 and -found.fun > 1e-9 / count)
+        optimum = scipy.optimize.linprog(least, A_ub=above, b_ub=np.zeros(count), A_eq=equal, b_eq=[0.0, 0.0, 0.0, 1.0])
+        return bool(optimum.status == 0 and -optimum.fun > 1e-9 / count)
 
     def bears(self, friction: float) -> float:
         """Return the largest load in N that the friction cones balance as the fingers press now; at least `load`."""
@@ -291,10 +291,10 @@ class Held:
         columns = np.column_stack([_wrench(self.arms, across * press[:, None] * friction).T, [1.0, 0.0, 0.0]])
         bounds = [*[(-1.0, 1.0)] * len(press), (None, None)]
         cost = np.append(np.zeros(len(press)), -1.0)
-        found = scipy.optimize.linprog(
+        optimum = scipy.optimize.linprog(
             cost, A_eq=columns, b_eq=-_wrench(self.arms, self.pressing).sum(axis=0), bounds=bounds
         )
-        return max(float(-found.fun), self.load) if found.status == 0 else self.load
+        return max(float(-optimum.fun), self.load) if optimum.status == 0 else self.load
 
     def _wrenches(self, friction: float) -> Array:
         """Return the edges of the friction cones as forces and moments of unit size, shape (3, 2 k)."""
@@ -356,7 +356,7 @@ def grasp(
         RunError: The fingers do not close to the first pressure.
     """
     made = Grasp(case, label, fingers, direction, steps)
-    here, found = made.rest(), []
+    here, states = made.rest(), []
     for pressure in [value for value in case.load.of(PRESSURE) if value > 0.0]:
         P = pressure / made.system.stress_unit
         here = [here, *made.follow(here, P, 0.0)][-1]
@@ -366,7 +366,7 @@ def grasp(
                 f"{here.pressure / case.cm:.4g} cm; lower the pressure, or use more fingers or friction",
                 outcomes.EXIT_NO_EQUILIBRIUM,
             )
-        found.append(here)
+        states.append(here)
     if load:
-        found += made.follow(here, here.states[0].P, load)
-    return made, found
+        states += made.follow(here, here.states[0].P, load)
+    return made, states

@@ -55,22 +55,22 @@ class Surface:
 
     def points(self, nodal: Array) -> Array:
         """Return the vectors at the vertices, shape (v, 3), from vectors at the nodes, shape (n, 3)."""
-        found = nodal[self.nodes]
-        found[self.turned] = found[self.turned] @ turn(SECTOR_DEGREES).T
-        return found
+        points = nodal[self.nodes]
+        points[self.turned] = points[self.turned] @ turn(SECTOR_DEGREES).T
+        return points
 
     def normals(self, points: Array) -> Array:
         """Return the unit normals at the vertices of a state, shapes (v, 3); smooth over symmetry planes too."""
         a, b, c = (points[self.triangles[:, k]] for k in range(3))
         faces = np.cross(b - a, c - a)
         corners = self.triangles.T.ravel()
-        found = np.column_stack([np.bincount(corners, np.tile(faces[:, i], 3), len(points)) for i in range(3)])
+        normals = np.column_stack([np.bincount(corners, np.tile(faces[:, i], 3), len(points)) for i in range(3)])
         which = 2 ** np.arange(len(self.planes)) @ self.on_plane
         for these in np.unique(which[which > 0]):  # an edge between two planes that are not perpendicular lies in both
             here = which == these
             across = self.planes[self.on_plane[:, np.argmax(here)]]
-            found[here] -= found[here] @ np.linalg.pinv(across) @ across
-        return found / np.maximum(np.linalg.norm(found, axis=1), 1e-300)[:, None]
+            normals[here] -= normals[here] @ np.linalg.pinv(across) @ across
+        return normals / np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
 
     def device(self, vectors: Array, kept: npt.NDArray[np.intp] | None = None) -> Array:
         """Return the vectors at the vertices of the images, one image after the other: (v, 3) to (m v, 3)."""
@@ -123,7 +123,7 @@ def surface_of(points: Array, cells: Cells, cell_name: str, actuator: Actuator) 
         sliced = near.all(axis=1).any(axis=1)
         whole = faces[~sliced]
         part = np.repeat(_parts(points, whole[:, :3]), len(QUARTERS))
-        shell, cut = (found[:, QUARTERS].reshape(-1, 3) for found in (whole, faces[sliced]))
+        shell, cut = (facets[:, QUARTERS].reshape(-1, 3) for facets in (whole, faces[sliced]))
         count = actuator.copies
     both = np.concatenate([points, points @ turn(SECTOR_DEGREES).T])  # the numbering that `_swept` uses
     nodes, triangles, edges = _creased(both, shell)
@@ -192,18 +192,18 @@ def _creased(points: Array, triangles: Cells, border_only: bool = False) -> tupl
     ends[swapped], corners[swapped] = ends[swapped, ::-1], corners[swapped, ::-1]
     order = np.lexsort(ends.T)
     same = (ends[order[1:]] == ends[order[:-1]]).all(axis=1)
-    one, other = order[:-1][same], order[1:][same]
+    edge, other = order[:-1][same], order[1:][same]
     a, b, c = (points[triangles[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
     normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
-    smooth = (normals[one // 3] * normals[other // 3]).sum(axis=1) > np.cos(np.radians(MIN_EDGE_DEGREES))
-    pairs = np.concatenate([np.column_stack([corners[one[smooth], k], corners[other[smooth], k]]) for k in (0, 1)])
+    smooth = (normals[edge // 3] * normals[other // 3]).sum(axis=1) > np.cos(np.radians(MIN_EDGE_DEGREES))
+    pairs = np.concatenate([np.column_stack([corners[edge[smooth], k], corners[other[smooth], k]]) for k in (0, 1)])
     vertex = joined(pairs, triangles.size)
     nodes = np.empty(vertex.max() + 1, dtype=np.int64)
     nodes[vertex] = triangles.ravel()
     alone = np.ones(len(ends), dtype=bool)
-    alone[one] = alone[other] = False
-    lines = corners[alone] if border_only else corners[one[~smooth]]
+    alone[edge] = alone[other] = False
+    lines = corners[alone] if border_only else corners[edge[~smooth]]
     return nodes, vertex[corner], vertex[lines].reshape(-1, 2)
 
 

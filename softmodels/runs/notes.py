@@ -127,7 +127,7 @@ def fill_time(rows: table.PathTable) -> float | None:
 
 def typed_notes(case: Case) -> Iterator[str]:
     """Yield a sentence on an ambiguous text of requested values, or none."""
-    yield from (one.doubt for step in case.steps for one in step.prescribed if one.doubt)
+    yield from (driver.doubt for step in case.steps for driver in step.prescribed if driver.doubt)
 
 
 def vacuum_notes(case: Case) -> Iterator[str]:
@@ -143,7 +143,7 @@ def lifted_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
     """Yield where a face that only stands on its plane lifts off, as a sentence; none if it does not."""
     role = case.actuator.standing
     forces = rows.get(f"{role}_force", math.nan)
-    at = next((k for k, (one, two) in enumerate(itertools.pairwise(forces)) if one > 0.0 >= two), None)
+    at = next((k for k, (above, below) in enumerate(itertools.pairwise(forces)) if above > 0.0 >= below), None)
     if at is not None:
         share = forces[at] / (forces[at] - forces[at + 1])
         before, after = (rows[k][case.variable] for k in (at, at + 1))
@@ -183,7 +183,9 @@ def law_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
     # other modes of tension the stretch itself is compared, because a membrane is pulled in both directions.
     strain = most**2 + 2 / most - 3
     weak = [
-        str(one) for one in specimens.instabilities(case.material) if one.strain <= strain or 1 < one.stretch <= most
+        str(instability)
+        for instability in specimens.instabilities(case.material)
+        if instability.strain <= strain or 1 < instability.stretch <= most
     ]
     if weak:
         yield (
@@ -289,7 +291,7 @@ def contact_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
             "path.csv); round its edges more, or use smaller cells there (--cell-size)"
         )
         return
-    found = (
+    overlap = (
         f"WALLS OVERLAP: {since} walls overlap by up to {1e3 * labels.overlap_of(deepest):.3g} mm at "
         f"{where.place(deepest)}: {told} "
         "(least_gap_mm and walls_touch in path.csv)"
@@ -297,12 +299,12 @@ def contact_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
     walls = [part for part in case.components if isinstance(part, Walls) and not part.off]
     if walls:
         yield (
-            f"{found}; {', '.join(part.words for part in walls)} are in contact; use smaller cells (--cell-size), a "
+            f"{overlap}; {', '.join(part.words for part in walls)} are in contact; use smaller cells (--cell-size), a "
             "larger stiffness, or add the faces there ([walls])"
         )
     else:
         auto = "" if case.actuator.meeting == () else " (--walls auto)"
-        yield f"{found}; enable self-contact{auto}, or name the faces in a [walls] table of a case file"
+        yield f"{overlap}; enable self-contact{auto}, or name the faces in a [walls] table of a case file"
 
 
 def depth_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
@@ -370,14 +372,14 @@ class Cycle:
 def cycles(rows: table.PathTable) -> list[Cycle]:
     """Return the cycles of one cavity in time, an unfinished one among them; none where nothing inflates it."""
     ends = [0, *(i for i, row in enumerate(rows) if i and row["requested"] and not row["pressure"]), len(rows) - 1]
-    found = []
+    cycles = []
     for first, last in itertools.pairwise(dict.fromkeys(ends)):
         part = rows[first : last + 1]
         P = part["pressure"]
         steps = (P[1:] + P[:-1]) / 2 * np.diff(part["added_volume"])
         if P.any():
-            found.append(Cycle(part, float(np.maximum(steps, 0.0).sum()), float(steps.sum())))
-    return found
+            cycles.append(Cycle(part, float(np.maximum(steps, 0.0).sum()), float(steps.sum())))
+    return cycles
 
 
 def time_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
@@ -391,12 +393,12 @@ def time_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
         yield "the load has times, but the silicone has no memory ([material.memory]): they change nothing"
     if case.inertia or not (case.timed and case.remembers):
         return
-    found, gauge = cycles(rows), case.actuator.gauge
+    all_cycles, gauge = cycles(rows), case.actuator.gauge
     told = []
-    if found and found[-1].closed and found[-1].work:
-        cycle, rises = found[-1], np.abs(found[-1].rows[gauge])
+    if all_cycles and all_cycles[-1].closed and all_cycles[-1].work:
+        cycle, rises = all_cycles[-1], np.abs(all_cycles[-1].rows[gauge])
         rest = f"; {rises[-1] / rises.max():.1%} of the {gauge}'s rise are left" if rises.any() else ""
-        told.append(f"cycle {len(found)} loses {cycle.loss}{rest}")
+        told.append(f"cycle {len(all_cycles)} loses {cycle.loss}{rest}")
     for first, last in _holds(rows):
         if first[gauge] and last[gauge]:
             told.append(
@@ -463,13 +465,13 @@ def span_sentence(case: Case, sources: columns.SourceTables) -> str:
 def _common(case: Case, sources: columns.SourceTables) -> dict[str, int]:
     """Return the row of each source at the last requested value that all of them reach; empty if they share none under load."""
     for value in sorted(case.values, key=abs, reverse=True):
-        found: dict[str, int] = {}
+        common: dict[str, int] = {}
         for name, rows in sources.items():
             there = [k for k, row in enumerate(rows) if columns.stands_at(row, case, value)]
             if there:
-                found[name] = there[0]
-        if value and len(found) == len(sources):
-            return found
+                common[name] = there[0]
+        if value and len(common) == len(sources):
+            return common
     return {}
 
 
@@ -492,24 +494,24 @@ def events(rows: table.PathTable, words: labels.StateLabels) -> list[dict[str, f
     kinds = ("limit", "bifurcation", "stroke_limit", "jump")
     from_keys = ("pressure_cm", "added_volume_ml", f"{words.gauge}_mm")
     keys = ("step", "pressure_cm", "pressure_Pa", *from_keys[1:])
-    found: list[dict[str, float | str]] = [
+    events: list[dict[str, float | str]] = [
         {"kind": kind, **{key: row.cell(key) for key in keys}} for row in rows for kind in kinds if row.get(kind)
     ]
-    landed = [event for event in found if event["kind"] == "jump"]
+    landed = [event for event in events if event["kind"] == "jump"]
     for event, (before, after) in zip(landed, jumps(rows), strict=True):
         event["way"] = _way(before, after, words, rows)
         event |= {f"from_{key}": before.cell(key) for key in from_keys}
-    return found
+    return events
 
 
 def jumps(rows: table.PathTable) -> list[tuple[table.Row, table.Row]]:
     """Return the snap-throughs of a path: the last state before and the first one after each."""
-    over, found = set(jumped_over(rows)), []
+    over, jumps = set(jumped_over(rows)), []
     for k, row in enumerate(rows):
         if row.get("jump"):
             held = [i for i in range(k) if i not in over]
-            found.append((rows[held[-1] if held else 0], row))
-    return found
+            jumps.append((rows[held[-1] if held else 0], row))
+    return jumps
 
 
 LOCAL_SNAP = 0.02
@@ -539,13 +541,13 @@ def jumps_text(rows: table.PathTable, words: labels.StateLabels) -> str:
 
 def jumped_over(rows: table.PathTable) -> list[int]:
     """Return which states of a path a supply skips by snap-through: the unstable ones, and all up to the next stable one."""
-    found, falling = [], False
+    jumped, falling = [], False
     for k, row in enumerate(rows):
         falling = falling and not row["jump"]
         if falling or not row.get("stable_under_supply", 1):
-            found.append(k)
+            jumped.append(k)
         falling = falling or bool(row.get("stroke_limit"))
-    return found
+    return jumped
 
 
 def unseen(actuator: Actuator) -> str:
@@ -591,7 +593,7 @@ def stability_text(
     changes, for the closing message."""
     if not rows or "negative_eigenvalues" not in rows[-1]:
         return ""
-    last, found = rows[-1], rows.where("bifurcation")
+    last, bifurcations = rows[-1], rows.where("bifurcation")
     load, moved = words.kept
     if last["stable_under_pressure"]:
         text = f"stable under {load} and under {moved}"
@@ -609,10 +611,10 @@ def stability_text(
             f"; at {lost[0].told('stroke')} of stroke ({lost[0].told('pressure')}) the device snaps through with "
             f"the gas of this {words.driver}, skipping {len(lost)} of the states (stroke_limit and jump in path.csv)"
         )
-    if found:
-        at = ", ".join(_state(row, words) for row in found)
+    if bifurcations:
+        at = ", ".join(_state(row, words) for row in bifurcations)
         text += (
-            f"; bifurcation{'s' if len(found) > 1 else ''} at {at}, beyond which the device leaves "
+            f"; bifurcation{'s' if len(bifurcations) > 1 else ''} at {at}, beyond which the device leaves "
             f"this shape (mode.png; {'the new branch is in branch/' if branch else 'use --branch to follow the new branch'})"
         )
     elif passed := unlocated(rows, words):
@@ -745,33 +747,33 @@ def known_causes(case: Case, row: table.Row, petsc: bool = False) -> list[str]:
     ``max_stretch``, ``J_min`` and ``pressure`` of the last state, and the variables of parts; ``petsc`` says whether PETSc's
     own options were given."""
     stretch = row["max_stretch"]
-    found = []
+    causes = []
     if petsc:
-        found.append("PETSc options were given: first try without them (what follows --)")
+        causes.append("PETSc options were given: first try without them (what follows --)")
     if weak := unstable_law(case, stretch):
-        found.append(weak)
+        causes.append(weak)
     if stretch >= NEAR_STRETCH_LIMIT * specimens.last_stretch(case.material, "equibiaxial"):
         ends = ", ".join(
             f"{specimens.last_stretch(case.material, mode):.3g} ({mode})" for mode in ("uniaxial", "equibiaxial")
         )
-        found.append(
+        causes.append(
             f"the chains of the law {specimens.described(case.material)} lock at stretch {ends}, and the last state "
             f"has {stretch:.3g}: it cannot deform further. Use a larger limit, or stay below"
         )
     modulus = case.material.shear_modulus_0
     if (pressure := row.get("pressure")) > MAX_QUIET_PRESSURE * modulus:
-        found.append(
+        causes.append(
             f"the pressure is {pressure / modulus:.3g} times the silicone's shear modulus: the supports or stiffeners "
             "leave the device almost no freedom, so the silicone itself is compressed. Support less of it, or stay below"
         )
     if row["J_min"] < MIN_QUIET_VOLUME_RATIO:
-        found.append(
+        causes.append(
             f"the smallest volume ratio (J) is {row['J_min']:.3g}, so cells are nearly inverted: refine the mesh "
             "(--cell-size) or round its corners (--fillet)"
         )
     components = (part.hindrance(case.actuator, row.get) for part in case.components)
-    found += [sentence for sentence in components if sentence]
-    return found
+    causes += [sentence for sentence in components if sentence]
+    return causes
 
 
 def mended(case: Case, cause: component.PathFailure, stretch: float) -> str:
@@ -883,7 +885,7 @@ def explain_step(case: Case, end: stability.PathEnd, rows: table.PathTable, reac
 
 def _beyond(case: Case) -> tuple[str, str]:
     """Return what a device does beyond a program's limit point, and what to request instead."""
-    if any(not one.of_cavity for step in case.steps for one in step.prescribed):
+    if any(not driver.of_cavity for step in case.steps for driver in step.prescribed):
         return "the device collapses", "volumes and travels (volume_ml, travel_mm) instead of pressures and forces"
     return "a cavity balloons", "that cavity's added volume (volume_ml) instead of its pressure"
 

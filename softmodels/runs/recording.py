@@ -175,7 +175,7 @@ def begin(case: Case, place: ResultsPlace) -> tuple[store.Results, bool]:
     try:
         wanted, output, base = identity(case), place.folder, Path("results") / case.name
         if output is None and place.resume:
-            output = _found(base, case, wanted)
+            output = _folder_to_resume(base, case, wanted)
         own = folders.take_default(base, store.RUN, wanted) if output is None else folders.OwnFolder(output, store.RUN)
         results = store.Results(own.path, case.name, case.actuator.gauge, cm=case.cm)
         results.own = own
@@ -204,7 +204,7 @@ def begin_together(case: Case, place: ResultsPlace, comm: MPI.Comm) -> tuple[sto
     return results, resumed
 
 
-def _found(base: Path, case: Case, wanted: Mapping[str, str]) -> Path:
+def _folder_to_resume(base: Path, case: Case, wanted: Mapping[str, str]) -> Path:
     """Return the numbered folder with a run of this case, or else with the only one that it can resume."""
     fitting = []
     for path in itertools.takewhile(Path.exists, folders.numbered(base)):

@@ -556,7 +556,7 @@ class Model(cards.ResultCard):
         case, system, dead = self.case, self.system, self.system.dead
         if not dead.loads:
             return None
-        changed = {one.of for step in case.steps for one in step.prescribed}
+        changed = {driver.of for step in case.steps for driver in step.prescribed}
         changed |= {case.load.driven_part.key} if case.driven else set()
         kept = [0.0 if load.key in changed else amount for load, amount in zip(dead.loads, dead.amounts, strict=True)]
         ratios = np.array(case.actuator.ratios)
@@ -641,12 +641,12 @@ class Model(cards.ResultCard):
             raise CaseError(
                 f"{resting} rests on the device, and neither frequencies nor inertia are computed with it; leave out its mass"
             )
-        found = loads.densities(self.system, self.components)
-        if not found[0] > 0.0:
+        densities = loads.densities(self.system, self.components)
+        if not densities[0] > 0.0:
             raise CaseError(
                 "the silicone has a density of 0 kg/m^3, and without mass no frequency and no inertia; leave out the density"
             )
-        return found
+        return densities
 
     @functools.cached_property
     def _stability(self) -> Stability:
@@ -681,8 +681,8 @@ class Model(cards.ResultCard):
 
     def _shape(self, w: Array) -> Array:
         shape = self.fields.shape(w)
-        found: Array = mpi.on_root(self.body.mesh.comm, lambda: np.asarray(shape) / np.abs(np.asarray(shape)).max())
-        return names.read_only(found)
+        scaled: Array = mpi.on_root(self.body.mesh.comm, lambda: np.asarray(shape) / np.abs(np.asarray(shape)).max())
+        return names.read_only(scaled)
 
 
 ZERO_EIGENVALUE_TOLERANCE = 1e-9
@@ -778,8 +778,8 @@ class Equilibrium(cards.ResultCard):
     def fields(self) -> Mapping[str, Array]:
         """Nodal fields by name: ``displacement`` (n, 3), ``p``, ``von_mises``, ``largest_stretch``, ``J`` (n,)."""
         nodal = self.model.fields.nodal(self.state)
-        found = mpi.on_root(self.model.body.mesh.comm, lambda: nodal or {})
-        return {name: names.read_only(values) for name, values in found.items()}
+        fields = mpi.on_root(self.model.body.mesh.comm, lambda: nodal or {})
+        return {name: names.read_only(values) for name, values in fields.items()}
 
     @property
     def pressure(self) -> float:
@@ -849,14 +849,14 @@ def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, table.PathTab
     case, band = simulation.case, simulation.case.band
     if not isinstance(band, materials.SourceBand):
         return {}
-    found: dict[str, table.PathTable] = {}
+    sources: dict[str, table.PathTable] = {}
     others = band.others(case.material)
     for number, (name, material) in enumerate(others.items(), 1):
         simulation.listener.say(f"solving with {name}, source {number} of {len(others)} besides the run's own")
         aside = Simulation(
             dataclasses.replace(case, material=material, band=None), simulation.comm, None, simulation.stopped
         )
-        rows = found[name] = table.PathTable()
+        rows = sources[name] = table.PathTable()
         try:
             aside.prepare(mesh)
             for step in aside.steps():
@@ -869,4 +869,4 @@ def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, table.PathTab
             simulation.listener.say(f"  the path of {name} ends here: {error}")
         finally:
             aside.release()
-    return {name: rows for name, rows in found.items() if rows}
+    return {name: rows for name, rows in sources.items() if rows}

@@ -47,16 +47,16 @@ class StateValues:
     @functools.cached_property
     def von_mises(self) -> Array:
         """Von Mises stress at the integration points in Pa, shape (cells, points)."""
-        found = np.empty(self.stretches.shape[:2])
+        stresses = np.empty(self.stretches.shape[:2])
         potential = self.system.potential
         remembered = {history.region.name: history for history in potential.histories}
         for region in potential.regions:
             if region.name in remembered:
                 stress = remembered[region.name].stress() * self.system.stress_unit
-                found[region.cells] = von_mises(np.linalg.eigvalsh(stress))
+                stresses[region.cells] = von_mises(np.linalg.eigvalsh(stress))
             else:
-                found[region.cells] = von_mises(shape_stresses(region.material, self.stretches[region.cells]))
-        return found
+                stresses[region.cells] = von_mises(shape_stresses(region.material, self.stretches[region.cells]))
+        return stresses
 
     @functools.cached_property
     def cauchy(self) -> Array:
@@ -66,22 +66,22 @@ class StateValues:
         """
         potential, unit = self.system.potential, self.system.stress_unit
         squares, axes = np.linalg.eigh(self.F @ np.swapaxes(self.F, -1, -2))
-        stretches, found = np.sqrt(np.maximum(squares, 0.0)), np.empty(self.F.shape)
+        stretches, stresses = np.sqrt(np.maximum(squares, 0.0)), np.empty(self.F.shape)
         remembered = {history.region.name: history for history in potential.histories}
         for number, region in enumerate(potential.regions):
             if region.name in remembered:
-                found[region.cells] = remembered[region.name].stress() * unit
+                stresses[region.cells] = remembered[region.name].stress() * unit
             else:
                 values = shape_stresses(region.material, stretches[region.cells])
-                found[region.cells] = (axes[region.cells] * values[..., None, :]) @ np.swapaxes(
+                stresses[region.cells] = (axes[region.cells] * values[..., None, :]) @ np.swapaxes(
                     axes[region.cells], -1, -2
                 )
             if potential.mixed:
                 p = self.state.w[potential.pressure_dofs[region.cells, :, number]] @ barycentric(self.system.points).T
             else:
                 p = float(region.bulk.value) * (np.linalg.det(self.F[region.cells]) - 1.0)
-            found[region.cells] += (p * unit)[..., None, None] * np.eye(3)
-        return found
+            stresses[region.cells] += (p * unit)[..., None, None] * np.eye(3)
+        return stresses
 
     @functools.cached_property
     def cauchy_at_nodes(self) -> Array:
@@ -136,7 +136,7 @@ class StateValues:
     def tensors_at_nodes(self, values: Array) -> Array:
         """Return the tensors at integration points, shape (cells, points, 3, 3), mapped to owned nodes, shape (owned, 3, 3)."""
         flat = np.moveaxis(values.reshape(*values.shape[:2], 9), -1, 0)
-        return np.stack([self.at_nodes(one) for one in flat], axis=-1).reshape(-1, 3, 3)
+        return np.stack([self.at_nodes(component) for component in flat], axis=-1).reshape(-1, 3, 3)
 
     def from_corners(self, values: Array) -> Array:
         """Return the values at the corners of the cells, shape (cells, corners), mapped to owned nodes, shape (owned,)."""
@@ -212,15 +212,15 @@ class VolumeRatio:
     def _weighted(self, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Return the sums of weighted values, shape (cells, points), over a region's cells around each corner, shape (cells,
         corners)."""
-        found = np.empty(self._vertices.shape)
+        sums = np.empty(self._vertices.shape)
         for cells in self._regions:
             self._sum.array[:] = 0.0
             weighted = np.einsum("cqv,cq->cv", self._shares[cells], values[cells])
             np.add.at(self._sum.array, self._vertices[cells], weighted)
             self._sum.scatter_reverse(la.InsertMode.add)
             self._sum.scatter_forward()
-            found[cells] = self._sum.array[self._vertices[cells]]
-        return found
+            sums[cells] = self._sum.array[self._vertices[cells]]
+        return sums
 
     def at_corners(self, J: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Return the means at the corners of each local cell, shape (cells, corners), of J at its points, shape (cells,
@@ -564,11 +564,11 @@ class FacingWalls:
 
     def _within(self, at: Array, reach: float) -> Gaps:
         """Return the gaps up to a distance."""
-        found = [
+        hits = [
             *(self._of_plane(at, number, reach) for number in range(len(self.planes))),
             *self._of_facets(at, reach),
         ]
-        values, facets, points, others, weights, normals = (np.concatenate(side) for side in zip(*found, strict=True))
+        values, facets, points, others, weights, normals = (np.concatenate(side) for side in zip(*hits, strict=True))
         far = np.where((others < 0) & (values < 0.0), 0.0, np.abs(values))  # a cut plane has only one side
         order = np.lexsort((far, points, facets))
         place = facets[order] * len(self._lattice) + points[order]
@@ -744,7 +744,7 @@ def _through(
     middle = points[cells[:, : len(parts)]].mean(axis=1)
     out = np.einsum("cfi,cfi->cf", faces[:, :, 0] - middle[:, None], across)
     across *= np.where(out > 0.0, 1.0, -1.0)[..., None]
-    found, cell, active = np.zeros(len(start)), owner.copy(), np.arange(len(start))
+    distances, cell, active = np.zeros(len(start)), owner.copy(), np.arange(len(start))
     for _ in range(len(cells)):
         c, o, way = cell[active], start[active], -normal[active]
         rate = np.einsum("pfi,pi->pf", across[c], way)
@@ -752,12 +752,12 @@ def _through(
         with np.errstate(divide="ignore", invalid="ignore"):
             t = np.where(rate > 1e-12 * np.linalg.norm(across[c], axis=2), to / rate, np.inf)
         last = np.argmin(t, axis=1)
-        found[active] = np.maximum(found[active], t[np.arange(len(c)), last])
+        distances[active] = np.maximum(distances[active], t[np.arange(len(c)), last])
         cell[active] = beyond[c, last]
         active = active[cell[active] >= 0]
         if not len(active):
             break
-    return found
+    return distances
 
 
 def _near(places: Array, reach: float) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
@@ -849,9 +849,9 @@ def displacement_maps(system: System, grid: Grid) -> tuple[npt.NDArray[np.int32]
     space = system.space
     if not system.mixed:
         nodes = _matched(grid, space)
-        found = np.empty((len(nodes), d), dtype=np.int32)
-        found[nodes] = d * np.arange(len(nodes))[:, None] + np.arange(d)
-        return found, None
+        dofs = np.empty((len(nodes), d), dtype=np.int32)
+        dofs[nodes] = d * np.arange(len(nodes))[:, None] + np.arange(d)
+        return dofs, None
     columns = []
     for component in range(d):
         sub, blocks = space.sub(0).sub(component).collapse()

@@ -155,8 +155,8 @@ class StoredStates:
             return even
         wanted = np.linspace(0.0, 1.0, most + 1)[1:]
         places = self.along[self.loaded]
-        found = {self.loaded[int(np.argmin(np.abs(places - value)))] for value in wanted}
-        return list[float](sorted(found | set(asked))[-most:])
+        shown = {self.loaded[int(np.argmin(np.abs(places - value)))] for value in wanted}
+        return list[float](sorted(shown | set(asked))[-most:])
 
 
 class FolderStates(StoredStates):
@@ -206,8 +206,8 @@ class FolderStates(StoredStates):
                 raise self.results.other_format(missing[0])
             raise ResultsError(f"the states in {self.folder} hold no {missing[0]}; {store.RERUN_ADVICE}")
         with self._readable():
-            found = self.results.fields(step, tuple(there if names is None else names))
-        return {name: values.astype(float) for name, values in found.items()}
+            fields = self.results.fields(step, tuple(there if names is None else names))
+        return {name: values.astype(float) for name, values in fields.items()}
 
     def restart(self, step: int) -> formats.Restart:
         return self.results.stored[step].restart
@@ -275,11 +275,11 @@ def cut_line(skin: grid.Surface, points: Array, displacement: Array, normal: Vec
     pieces = np.empty((len(hit), 2, 3))
     count = np.zeros(len(hit), dtype=int)
     for a, b in ((0, 1), (1, 2), (2, 0)):
-        one, two = hit[:, a], hit[:, b]
-        rows = np.flatnonzero((height[one] > 0.0) != (height[two] > 0.0))
-        one, two = one[rows], two[rows]
-        share = (height[one] / (height[one] - height[two]))[:, None]
-        pieces[rows, count[rows]] = moved[one] + share * (moved[two] - moved[one])
+        start, end = hit[:, a], hit[:, b]
+        rows = np.flatnonzero((height[start] > 0.0) != (height[end] > 0.0))
+        start, end = start[rows], end[rows]
+        share = (height[start] / (height[start] - height[end]))[:, None]
+        pieces[rows, count[rows]] = moved[start] + share * (moved[end] - moved[start])
         count[rows] += 1
     return pieces
 
@@ -352,10 +352,10 @@ class Line:
     def columns(self) -> dict[str, Array]:
         """All values within the silicone by the name of a CSV column, in mm, kPa or pure numbers."""
         inside = self.inside
-        found = {"distance_mm": self.distance * 1e3}
+        columns = {"distance_mm": self.distance * 1e3}
         for what, places in (("", self.points), ("_moved", self.places)):
-            found |= {f"{axis}{what}_mm": places[:, k] * 1e3 for k, axis in enumerate("xyz")}
-        found["normal_stress_kPa"] = self.normal_stress / 1e3
+            columns |= {f"{axis}{what}_mm": places[:, k] * 1e3 for k, axis in enumerate("xyz")}
+        columns["normal_stress_kPa"] = self.normal_stress / 1e3
         for name, values in self.fields.items():
             known = fields.OUTPUTS.get(name)
             unit = known.unit if isinstance(known, fields.OutputField) else ""
@@ -365,8 +365,8 @@ class Line:
                 f"_{i}{j}" for i in axes for j in "xyz"
             ]  # fmt: skip
             flat = values.reshape(len(values), -1)
-            found |= {f"{name}{part}{ending}": flat[:, k] * factor for k, part in enumerate(parts)}
-        return {name: values[inside] for name, values in found.items()}
+            columns |= {f"{name}{part}{ending}": flat[:, k] * factor for k, part in enumerate(parts)}
+        return {name: values[inside] for name, values in columns.items()}
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -406,11 +406,11 @@ class Probe:
         grid.clear_data()
         for name, values in fields.items():
             grid.point_data[name] = values.reshape(len(values), -1)
-        found = pyvista.PolyData(places).sample(grid, tolerance=beside * self.device.size)
-        outside = ~found["vtkValidPointMask"].astype(bool)
+        sampled = pyvista.PolyData(places).sample(grid, tolerance=beside * self.device.size)
+        outside = ~sampled["vtkValidPointMask"].astype(bool)
         result = {}
         for name, values in fields.items():
-            here = np.asarray(found[name]).reshape(len(points), *values.shape[1:]).astype(float)
+            here = np.asarray(sampled[name]).reshape(len(points), *values.shape[1:]).astype(float)
             here[outside] = np.nan
             if values.ndim == 2:
                 here = np.einsum("kij,kj->ki", turns, here)
@@ -428,21 +428,21 @@ class Probe:
             raise CaseError(f"points is {units.brief(count)}; give a whole number, 2 or more")
         points = begin + np.linspace(0.0, 1.0, count)[:, None] * (end - begin)
         smooth = {name: values for name, values in fields.items() if not name.startswith("principal")}
-        found = self.at(points, smooth)
-        inside = np.isfinite(found["displacement"][:, 0])
+        sampled = self.at(points, smooth)
+        inside = np.isfinite(sampled["displacement"][:, 0])
         if not inside.any():
             raise CaseError(
                 f"the line from {told(begin)} to {told(end)} does not meet the silicone of {type(self.device).__name__}; "
                 "places are in device coordinates of the undeformed body"
             )
         # Principal values change their order between nodes, so they are those of the interpolated tensors.
-        F = found["deformation_gradient"]
-        tensors = {"stresses": found["cauchy_stress"], "stretches": np.swapaxes(F, -1, -2) @ F}
+        F = sampled["deformation_gradient"]
+        tensors = {"stresses": sampled["cauchy_stress"], "stretches": np.swapaxes(F, -1, -2) @ F}
         for name, tensor in tensors.items():
             values = np.full((count, 3), np.nan)
             values[inside] = state_values.principal(tensor[inside])[0]
-            found[f"principal_{name}"] = values if name == "stresses" else np.sqrt(values)
-        return Line(points, found)
+            sampled[f"principal_{name}"] = values if name == "stresses" else np.sqrt(values)
+        return Line(points, sampled)
 
     def through(self, point: Array) -> tuple[Array, Array]:
         """Return both ends of the way straight through the wall at the surface point nearest to a place.

@@ -173,7 +173,7 @@ class Results:
             raise ResultsError(f"{self.folder} holds no {self.heavy.name}, so there is no run to resume")
         if self.steps.is_symlink():
             raise ResultsError(f"{self.steps} is a link, but the steps of a run must be in its own folder; remove it")
-        found: dict[int, formats.StoredStep] = {}
+        steps: dict[int, formats.StoredStep] = {}
         try:
             with formats.opened(self.heavy) as file:
                 self.format = int(file.attrs.get("format", 0))
@@ -183,15 +183,15 @@ class Results:
                 self._shapes = (points[0], cells, str(formats.inside(file, "mesh").attrs["cell_name"]))
                 for group in formats.inside(file, "steps") if "steps" in file else ():
                     step = formats.inside(file, f"steps/{group}")
-                    found[int(group)] = formats.read_step(step, self.heavy.name, f"/steps/{group}")
+                    steps[int(group)] = formats.read_step(step, self.heavy.name, f"/steps/{group}")
             for path in sorted(self.steps.glob("*.h5")):
                 with formats.opened(path) as file:
-                    found[int(path.stem)] = formats.read_step(file, f"{self.steps.name}/{path.name}", "")
+                    steps[int(path.stem)] = formats.read_step(file, f"{self.steps.name}/{path.name}", "")
         except ResultsError:
             raise
         except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
             raise ResultsError(f"the results in {self.folder} cannot be read ({hdf5_reason(error)})") from error
-        self.stored, self.later = [found[step] for step in not_passed(found)], {}
+        self.stored, self.later = [steps[step] for step in not_passed(steps)], {}
 
     def other_format(self, missing: str = "") -> ResultsError:
         """Return the error of results in another format than this version's, perhaps with what they are missing."""
@@ -233,10 +233,10 @@ class Results:
             self.load()  # the run that wrote it has merged its steps meanwhile
         stored = self.stored[step]
         with formats.opened(self.folder / stored.file) as file:
-            found = {name: np.asarray(formats.read_values(file, f"{stored.group}/{name}")) for name in names}
+            fields = {name: np.asarray(formats.read_values(file, f"{stored.group}/{name}")) for name in names}
         return {
             name: values.reshape(-1, 3, 3) if values.shape[1:] == (formats.TENSOR_COMPONENTS,) else values
-            for name, values in found.items()
+            for name, values in fields.items()
         }
 
     def finish(self) -> None:

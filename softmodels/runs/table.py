@@ -275,9 +275,9 @@ class Variable(Output):
 
     def described(self, column: str) -> ColumnText | None:
         """Return what a column is, None if it is not one of this."""
-        if (found := re.fullmatch(self.key, column)) is None:
+        if (match := re.fullmatch(self.key, column)) is None:
             return None
-        title, text = (words.format(*found.groups()) if found.groups() else words for words in (self.title, self.text))
+        title, text = (words.format(*match.groups()) if match.groups() else words for words in (self.title, self.text))
         return described(column, (title, text))
 
 

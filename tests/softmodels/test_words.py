@@ -44,15 +44,12 @@ NAMES = re.compile(
 """Private words: names that do not say what they hold or return."""
 UNITS = {"DPI", "HOUR", "IDENTITY", "MINUTE", "PSI", "ENLARGEMENTS", "PENALTIES", "PERCENTILES", "_LITRE"}
 """Numbers whose one-word name says all."""
-TO_BE_CLEANED = ("mechanics", "components", "path", "runs", "case", "api", "cli")
-"""Packages of softmodels whose names still hide what they are."""
 
 
-def _clean_files():
+def _files():
     for package in PACKAGES[:3]:
         for path in sorted(package.rglob("*.py")):
-            if not set(path.relative_to(ROOT).parts) & set(TO_BE_CLEANED) or package.name != "softmodels":
-                yield path, ast.parse(path.read_text(encoding="utf-8"))
+            yield path, ast.parse(path.read_text(encoding="utf-8"))
 
 
 def _names(tree):
@@ -73,7 +70,7 @@ def _is_number(value):
 
 
 def test_names_say_what_they_hold():
-    private = {f"{path.relative_to(ROOT)}: {name}" for path, tree in _clean_files() for name in _names(tree)
+    private = {f"{path.relative_to(ROOT)}: {name}" for path, tree in _files() for name in _names(tree)
                if NAMES.fullmatch(name)}  # fmt: skip
     assert not private
 
@@ -82,7 +79,7 @@ def test_numbers_say_what_they_count():
     """A number of a module is called by more than one word, such as `MIN_POINTS` or `CORNER_TOLERANCE`."""
     vague = {
         f"{path.relative_to(ROOT)}: {name.id}"
-        for path, tree in _clean_files()
+        for path, tree in _files()
         for node in tree.body
         if isinstance(node, ast.Assign) and _is_number(node.value)
         for target in node.targets
@@ -97,7 +94,7 @@ def test_plain_words(package):
     files = [path for path in package.rglob("*") if path.suffix in (".py", ".html", ".js", ".md", ".c")]
     for path in files:
         text = " ".join(re.sub(r'"?\n\s*(#|f?")?', " ", path.read_text(encoding="utf-8")).split())
-        assert not [found[0] for found in PHRASES.finditer(text)], path
+        assert not [match[0] for match in PHRASES.finditer(text)], path
 
 
 # -- One sentence, two readers: the command line reads of options, a caller from Python of arguments. A supply has a--
