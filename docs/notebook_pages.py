@@ -48,9 +48,7 @@ def markdown(path: Path) -> str:
     parts = []
     for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
         text = "".join(cell["source"])
-        parts += (
-            [text] if cell["cell_type"] == "markdown" else [f"```python\n{text}\n```", *map(output, cell["outputs"])]
-        )
+        parts += [text] if cell["cell_type"] == "markdown" else [f"```python\n{text}\n```", *map(output, cell["outputs"])]
     return "\n\n".join(parts) + "\n"
 
 
@@ -75,9 +73,7 @@ def refresh(path: Path) -> None:
 
     book = nbformat.read(path, 4)
     with tempfile.TemporaryDirectory() as folder:
-        nbclient.NotebookClient(
-            book, timeout=600, record_timing=False, resources={"metadata": {"path": folder}}
-        ).execute()
+        nbclient.NotebookClient(book, timeout=600, record_timing=False, resources={"metadata": {"path": folder}}).execute()
     for told in (told for cell in book.cells if cell.cell_type == "code" for told in cell.outputs if "data" in told):
         best = next(kind for kind in ("text/html", *PICTURES, "text/plain") if kind in told.data)
         told.data = {kind: told.data[kind] for kind in {best, "text/plain"}}

@@ -156,9 +156,7 @@ class Deck:
             blocks[len(nodes)].append(number)
         kinds = {3: "triangle", 6: "triangle6", 4: "tetra", 10: "tetra10"}
         try:
-            cells = [
-                (kinds[width], [[row[n] for n in body.cells[i]] for i in block]) for width, block in blocks.items()
-            ]
+            cells = [(kinds[width], [[row[n] for n in body.cells[i]] for i in block]) for width, block in blocks.items()]
         except KeyError as error:
             raise GeometryError(f"file {self.file} has cells with undefined nodes ({error})") from None
         points = np.array(list(body.nodes.values()), dtype=float).reshape(-1, 3)
@@ -176,9 +174,7 @@ class Deck:
         node_sets |= {key: nodes for key, (nodes, _) in surfaces.items() if nodes}
         faces = {key: np.array([row[n] for n in node_set if n in row], int) for key, node_set in node_sets.items()}
         # Beside nodes, shape (n,), the corners of triangles, shape (t, 3).
-        faces |= {
-            key: np.array([[row[n] for n in side] for side in sides]) for key, (_, sides) in surfaces.items() if sides
-        }
+        faces |= {key: np.array([[row[n] for n in side] for side in sides]) for key, (_, sides) in surfaces.items() if sides}
         return meshio.Mesh(
             _placed_nodes(points, self.places.get(name, [])),
             cells,
@@ -224,9 +220,7 @@ class Deck:
                 owned += [[corners[i] for i in half] for half in sides if corners and not side.startswith("E")]
         return nodes, owned
 
-    def _members(
-        self, name: str, body: Scope, scope: Scope, kind: str, members: Iterable[str], within: Within
-    ) -> set[int]:
+    def _members(self, name: str, body: Scope, scope: Scope, kind: str, members: Iterable[str], within: Within) -> set[int]:
         """Return the numbers of a set's nodes or elements; those of other instances are left out."""
         ids: set[int] = set()
         for member in members:

@@ -205,9 +205,7 @@ class Actuator(Designable, Castable, DeviceLabels, ABC):
             GeometryError: A name not in `variants`, or parameters that make no device.
         """
         if not isinstance(name, str) or name not in cls.variants:
-            raise GeometryError(
-                f"{cls.__name__} has no variant {units.brief(name)}; {errors.known_are(name, cls.variants)}"
-            )
+            raise GeometryError(f"{cls.__name__} has no variant {units.brief(name)}; {errors.known_are(name, cls.variants)}")
         return cls(**{**cls.variants[name], **changes})
 
     def told(self, name: str) -> str:
@@ -996,9 +994,7 @@ def find_openings(actuator: Actuator) -> tuple[Opening, ...]:
 
     def nodes(name: str) -> Ints:
         if name not in members:  # a region and a face may bear one name
-            node_sets = [
-                gmsh.model.mesh.getNodesForPhysicalGroup(*group)[0] for *group, known in groups if known == name
-            ]
+            node_sets = [gmsh.model.mesh.getNodesForPhysicalGroup(*group)[0] for *group, known in groups if known == name]
             members[name] = np.unique(np.concatenate(node_sets).astype(np.int64))
         return members[name]
 

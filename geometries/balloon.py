@@ -49,9 +49,7 @@ class Balloon(Revolved):
     radius: float = schema.length_field(0.015, "inner radius at the equator")
     polar_radius: float = schema.length_field(0.0, "inner radius along the axis; 0 makes a sphere", zero=True)
     wall: float = schema.length_field(0.001, "thickness of the wall")
-    neck_radius: float = schema.length_field(
-        0.004, "inner radius of the neck; 0 for a closed balloon without one", zero=True
-    )
+    neck_radius: float = schema.length_field(0.004, "inner radius of the neck; 0 for a closed balloon without one", zero=True)
     neck_length: float = schema.length_field(0.005, "length of the neck below the balloon", unless=("neck_radius", 0.0))
     neck_wall: float = schema.length_field(
         0.0, "thickness of the neck's wall; 0 for that of the balloon", zero=True, unless=("neck_radius", 0.0)
@@ -60,9 +58,7 @@ class Balloon(Revolved):
         0.001, "radius of the rounding outside between neck and balloon; 0 for none", zero=True,
         unless=("neck_radius", 0.0),
     )  # fmt: skip
-    held: str = schema.choice_field(
-        "end", ("end", "outside"), "the neck's end is held, or also its outside, as tied to a tube"
-    )
+    held: str = schema.choice_field("end", ("end", "outside"), "the neck's end is held, or also its outside, as tied to a tube")
     rod_radius: float = schema.length_field(
         0.0,
         "radius of a rod along the axis, bonded to the far pole; 0 for none",
@@ -213,9 +209,7 @@ class Balloon(Revolved):
         c, (A, C), z = meridian.inner[1], meridian.outer, meridian.height
         return {"apex": (0.0, 0.0, z + C), "ceiling": (0.0, 0.0, z + c), "equator": (A, 0.0, z)}
 
-    figure_texts: ClassVar = {
-        "width": ("mm", "width", "diameter of the outer surface at the undeformed equator, deformed")
-    }
+    figure_texts: ClassVar = {"width": ("mm", "width", "diameter of the outer surface at the undeformed equator, deformed")}
 
     def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
         x, y, _ = places["equator"]
@@ -289,9 +283,7 @@ class Meridian:
             return (r + fillet * math.cos(angle) / A / across, z + fillet * math.sin(angle) / C / across)
 
         wanted = self.neck[1] + fillet
-        angle = float(
-            scipy.optimize.brentq(lambda x: centre(x)[0] - wanted, -math.acos(self.neck[1] / A), 0.0, xtol=1e-14)
-        )
+        angle = float(scipy.optimize.brentq(lambda x: centre(x)[0] - wanted, -math.acos(self.neck[1] / A), 0.0, xtol=1e-14))
         z = centre(angle)[1]
         head = self.at(self.outer, angle)
         turn = math.atan2(head[1] - z, wanted - head[0])
@@ -345,9 +337,7 @@ class _Maker:
                         revolved.Side(arc.middle, arc.head, few, "outer", arc.centre, axes)),
         ]  # fmt: skip
 
-    def _arc(
-        self, start: revolved.Place, end: revolved.Place, cells: int, role: str, outer: bool = False
-    ) -> revolved.Side:
+    def _arc(self, start: revolved.Place, end: revolved.Place, cells: int, role: str, outer: bool = False) -> revolved.Side:
         axes = self.meridian.outer if outer else self.meridian.inner
         return revolved.Side(start, end, cells, role, (0.0, self.meridian.height), axes)
 

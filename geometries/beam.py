@@ -54,9 +54,7 @@ class Beam(actuator.MirroredHalf):
 
     def check(self) -> None:
         if self.clamp == "slip" and self.part == "full":
-            raise GeometryError(
-                "clamp = slip leaves a whole beam free to slide sideways; take part = half, or clamp = held"
-            )
+            raise GeometryError("clamp = slip leaves a whole beam free to slide sideways; take part = half, or clamp = held")
         for name in ("length", "width", "thickness"):
             self.check_most("cell_size", 1.0, name)
         self.check_most("width thickness", 20.0, "length", "more than {}, suggests a wrong unit")
@@ -155,6 +153,4 @@ class Beam(actuator.MirroredHalf):
         for _, face in model.getEntities(2):
             box = np.reshape(model.getBoundingBox(2, face), (2, 3))
             axis = int(np.argmin(box[1] - box[0]))
-            model.addPhysicalGroup(
-                2, [face], name=names[axis][int(box.mean(axis=0)[axis] > low[axis] + edges[axis] / 2)]
-            )
+            model.addPhysicalGroup(2, [face], name=names[axis][int(box.mean(axis=0)[axis] > low[axis] + edges[axis] / 2)])

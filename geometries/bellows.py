@@ -97,13 +97,9 @@ class Bellows(actuator.HeldTip, Revolved):
 
         least, quarter = 0.5 * self.wall + schema.MIN_LENGTH, 0.25 * self.pitch
         if self.bend < least * (1 - schema.BOUND_TOLERANCE):
-            reject(
-                f"in the middle of a wall of {schema.shown(self.wall, 'm')} it must be at least {schema.shown(least, 'm')}"
-            )
+            reject(f"in the middle of a wall of {schema.shown(self.wall, 'm')} it must be at least {schema.shown(least, 'm')}")
         if self.bend > quarter * (1 + schema.BOUND_TOLERANCE):
-            reject(
-                f"it must be at most a quarter of pitch, {schema.shown(quarter, 'm')}, with which its ends are half circles"
-            )
+            reject(f"it must be at most a quarter of pitch, {schema.shown(quarter, 'm')}, with which its ends are half circles")
         if 2.0 * self.bend > self.depth * (1 + schema.BOUND_TOLERANCE):
             reject(
                 f"root and crest together need {schema.shown(2 * self.bend, 'm')} between inner_radius and "
@@ -202,9 +198,7 @@ class Bellows(actuator.HeldTip, Revolved):
 
     @property
     def recipe(self) -> actuator.Recipe:
-        wall = actuator.Pour(
-            name="wall", up=self.lift, level=self.cap, sideways=(0.0, 1.0, 0.0), lost=True, gate=self.height
-        )
+        wall = actuator.Pour(name="wall", up=self.lift, level=self.cap, sideways=(0.0, 1.0, 0.0), lost=True, gate=self.height)
         plate = actuator.Pour(name="plate", up=(0.0, 0.0, -1.0), level=-self.cap, lid=False)
         return actuator.Recipe(
             pours=(wall, plate),
@@ -221,9 +215,7 @@ class Bellows(actuator.HeldTip, Revolved):
     def movable(self) -> tuple[str, ...]:
         """All lengths except those that would insert a line between two arcs where they meet: no mesh can follow that."""
         bend = "rounding" if self.rounding else "pitch"
-        lines: dict[tuple[str, ...], float] = {
-            ("outer_radius", "inner_radius", "wall", bend): self.depth - 2.0 * self.bend
-        }
+        lines: dict[tuple[str, ...], float] = {("outer_radius", "inner_radius", "wall", bend): self.depth - 2.0 * self.bend}
         lines |= {("pitch", "rounding"): 0.25 * self.pitch - self.rounding} if self.rounding else {}
         met = {name for names, line in lines.items() if line < ZERO_LENGTH_TOLERANCE * self.pitch for name in names}
         return tuple(name for name in super().movable if name not in met)

@@ -49,9 +49,7 @@ class Cylinder(actuator.Sectioned, actuator.Halved):
     wall: float = schema.length_field(0.002, "thickness of the wall")
     length: float = schema.length_field(0.060, "length of the cavity, from the base to the cap")
     cap: float = schema.length_field(0.004, "thickness of the cap")
-    fillet: float = schema.length_field(
-        0.001, "radius of the rounding where the wall meets the cap; 0 for none", zero=True
-    )
+    fillet: float = schema.length_field(0.001, "radius of the rounding where the wall meets the cap; 0 for none", zero=True)
     section: str = schema.choice_field(
         "axisymmetric",
         ("axisymmetric", "half", "whole"),
@@ -396,9 +394,7 @@ def build_solid(device: Cylinder) -> None:
     gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: size(math.hypot(x, y), z))
 
 
-def _profile(
-    device: Cylinder, at: Callable[[float, float], tuple[float, float, float]]
-) -> tuple[tuple[int, int], Edges]:
+def _profile(device: Cylinder, at: Callable[[float, float], tuple[float, float, float]]) -> tuple[tuple[int, int], Edges]:
     """Add the wall's and the cap's face; return their tags, and the edges on the boundary with their roles. ``at`` makes a
     point in space of radius and height."""
     occ = gmsh.model.occ

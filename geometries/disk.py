@@ -65,13 +65,9 @@ class HollowDisk(actuator.Wedged):
         numbers=True,
     )
     cell_size: float = schema.length_field(0.003, "edge length of the cells far from the membrane's root", shape=False)
-    refinement: float = schema.number_field(
-        2.0, "how many times smaller the cells at the membrane's root are", shape=False
-    )
+    refinement: float = schema.number_field(2.0, "how many times smaller the cells at the membrane's root are", shape=False)
     order: int = schema.choice_field(2, (1, 2), "order of the cells' geometry: 1 straight, 2 curved edges")
-    section: str = schema.choice_field(
-        "wedge", ("wedge", "axisymmetric"), "solid slice, or profile in radius and height"
-    )
+    section: str = schema.choice_field("wedge", ("wedge", "axisymmetric"), "solid slice, or profile in radius and height")
     angle: float = schema.angle_field(
         45.0,
         "angle of the wedge; divides 360 deg evenly (180 half, 360 full disk)",
@@ -175,17 +171,11 @@ class HollowDisk(actuator.Wedged):
         # Three quarters of a disk around each root, then rings of growing cells.
         if not solid:
             rings = (
-                0.5 * (core / cell) ** 2 + math.log(max(far / cell, 1.0)) / CELL_SIZE_GROWTH**2
-                for _, cell, core in roots(self)
+                0.5 * (core / cell) ** 2 + math.log(max(far / cell, 1.0)) / CELL_SIZE_GROWTH**2 for _, cell, core in roots(self)
             )
             return (1.5 * math.pi * sum(rings) + bulk) / revolved.TRIANGLE_AREA
         rings = (0.5 * core**2 / cell**3 + 0.5 / (CELL_SIZE_GROWTH**2 * cell) for _, cell, core in roots(self))
-        return (
-            self.angle
-            / 360.0
-            * (bulk + 2.0 * math.pi * radius * 1.5 * math.pi * sum(rings))
-            / revolved.TETRAHEDRON_VOLUME
-        )
+        return self.angle / 360.0 * (bulk + 2.0 * math.pi * radius * 1.5 * math.pi * sum(rings)) / revolved.TETRAHEDRON_VOLUME
 
     @property
     def size(self) -> float:
@@ -321,9 +311,7 @@ class HollowDisk(actuator.Wedged):
         if not self.profile:
             return {"membrane": self.membrane}
         gaps = len(self.profile) - 1
-        thickness = self.membrane_top.thickness(
-            self.cavity_radius * np.linspace(0.0, 1.0, len(ENTRY_PLACES) * gaps + 1)
-        )
+        thickness = self.membrane_top.thickness(self.cavity_radius * np.linspace(0.0, 1.0, len(ENTRY_PLACES) * gaps + 1))
         at = {f"membrane at entry {k} of profile": len(ENTRY_PLACES) * (k - 1) for k in range(1, gaps + 2)}
         at |= {
             f"membrane {part} from entry {k} to entry {k + 1} of profile": len(ENTRY_PLACES) * (k - 1) + place
@@ -442,10 +430,7 @@ def size_function(disk: HollowDisk) -> Callable[[float, float], float]:
             membrane + CELL_SIZE_GROWTH * max(0.0, ceiling - z, r - radius),
             base + CELL_SIZE_GROWTH * max(0.0, z - floor),
             wall + CELL_SIZE_GROWTH * max(0.0, radius - r, floor - z),
-            *(
-                cell + CELL_SIZE_GROWTH * max(0.0, math.hypot(r - radius, z - height) - core)
-                for height, cell, core in rings
-            ),
+            *(cell + CELL_SIZE_GROWTH * max(0.0, math.hypot(r - radius, z - height) - core) for height, cell, core in rings),
         )
 
     return size
@@ -545,9 +530,7 @@ def outline(disk: HollowDisk) -> list[revolved.Side]:
     inner, outer, fillet, lower = disk.cavity_radius, disk.outer_radius, disk.fillet, disk.base_fillet
     floor, ceiling, top, apex = disk.base, disk.ceiling, disk.height, disk.probes["apex"][2]
 
-    def rounded(
-        start: revolved.Place, end: revolved.Place, centre: revolved.Place, radius: float
-    ) -> list[revolved.Side]:
+    def rounded(start: revolved.Place, end: revolved.Place, centre: revolved.Place, radius: float) -> list[revolved.Side]:
         return [revolved.Side(start, end, 1, "cavity", centre, (radius, radius))] if radius else []
 
     arch = [revolved.Side((outer, top), (inner, top), 1, "top")]
@@ -651,7 +634,5 @@ def _name_rim(disk: HollowDisk) -> None:
     meshing.name_group(1, rim, "support")
     places = {"anchor0": np.zeros(3), "anchor1": disk.outer_radius * np.array(disk.radial)}
     for role in {hold.role for hold in disk.holds if hold.point}:
-        tags = [
-            tag for _, tag in gmsh.model.getEntities(0) if np.abs(meshing.place_of(tag) - places[role]).max() < near
-        ]
+        tags = [tag for _, tag in gmsh.model.getEntities(0) if np.abs(meshing.place_of(tag) - places[role]).max() < near]
         meshing.name_group(0, tags, role)

@@ -605,17 +605,13 @@ class Boundary(abc.ABC):
         for i, text in enumerate(part.planes):
             take(f"plane{i}", self._in_cut_plane(text, left))
         pieces = self.pieces(left)
-        outside = max(
-            pieces, key=lambda piece: float(np.linalg.norm(np.ptp(self.box(piece), axis=0))), default=left[:0]
-        )
+        outside = max(pieces, key=lambda piece: float(np.linalg.norm(np.ptp(self.box(piece), axis=0))), default=left[:0])
         if not part.cavities:
             take(cavity_role(0), self._only_inner([piece for piece in pieces if piece is not outside]))
         for i, text in enumerate(part.cavities[: part.cavity_count]):
             wall = self._wall(text, pieces, left)
             if np.isin(outside, wall).any():
-                raise GeometryError(
-                    f"cavities has {text!r}; that is outside the part, or its cavity is open to the outside"
-                )
+                raise GeometryError(f"cavities has {text!r}; that is outside the part, or its cavity is open to the outside")
             if not np.isin(wall, left).all():
                 raise GeometryError(f"cavities has {text!r}; that cavity is already selected")
             take(cavity_role(i), wall)
@@ -634,9 +630,7 @@ class Boundary(abc.ABC):
             normal = self.fitted(roles[f"plane{i}"])
             normal = np.where(self.inwards(normal, roles[f"plane{i}"]), -normal, normal) + 0.0
             if (self.nodes @ normal).max() > self.near:
-                raise GeometryError(
-                    f"planes has {text!r}; the part extends to both sides of it, so it is not cut there"
-                )
+                raise GeometryError(f"planes has {text!r}; the part extends to both sides of it, so it is not cut there")
             x, y, z = (float(value) for value in normal)
             normals.append((x, y, z))
         actuator.check_slice(normals, self.part.planes)
@@ -797,9 +791,7 @@ class Solids(Boundary):
 
     def nearest(self, place: Vector, pieces: list[mesh_arrays.Ints]) -> mesh_arrays.Ints:
         probe = gmsh.model.occ.addPoint(*place)
-        nearest_piece = min(
-            pieces, key=lambda piece: min(gmsh.model.occ.getDistance(0, probe, 2, tag)[0] for tag in piece)
-        )
+        nearest_piece = min(pieces, key=lambda piece: min(gmsh.model.occ.getDistance(0, probe, 2, tag)[0] for tag in piece))
         gmsh.model.occ.remove([(0, probe)])
         return nearest_piece
 
@@ -826,9 +818,7 @@ def glued(part: ImportedActuator, plugs: Sequence[tuple[int, int]] = ()) -> Soli
     for name, pieces_of_region in zip(names, made, strict=False):
         for _, tag in pieces_of_region:
             if tag in owner:
-                raise GeometryError(
-                    f"file {part.file}: the solids {owner[tag]} and {name} overlap; cut one by the other"
-                )
+                raise GeometryError(f"file {part.file}: the solids {owner[tag]} and {name} overlap; cut one by the other")
             owner[tag] = name
             regions[name].append(tag)
     pieces = tuple(tuple(tag for _, tag in tools) for tools in made[len(volumes) :])
@@ -846,9 +836,7 @@ def _names(file: str, volumes: list[tuple[int, int]]) -> list[str]:
     region_names_of_parts = []
     for number, (own, volume) in enumerate(zip(solid_names(file), volumes, strict=True), 1):
         label = str(gmsh.model.getEntityName(*volume)).rpartition("/")[2]
-        region_names_of_parts.append(
-            next((text for text in (own, label) if not NAMELESS.fullmatch(text)), f"solid {number}")
-        )
+        region_names_of_parts.append(next((text for text in (own, label) if not NAMELESS.fullmatch(text)), f"solid {number}"))
     region_names(file, region_names_of_parts)
     return [region_name(text) for text in region_names_of_parts]
 
@@ -937,9 +925,7 @@ def open_part(part: ImportedActuator, unit: str = "M") -> Solids:
             gmsh.model.occ.importShapes(part.file, format="step")
         gmsh.model.occ.synchronize()
     except Exception as error:  # Gmsh raises bare Exception
-        raise GeometryError(
-            f"file {part.file} cannot be read as STEP ({str(error).strip() or 'no reason given'})"
-        ) from None
+        raise GeometryError(f"file {part.file} cannot be read as STEP ({str(error).strip() or 'no reason given'})") from None
     metre = {"M": 1.0, "MM": 1e3}[unit]
     whole = glued(part)
     openings = part.to_close(len(whole.pieces(whole.every)) - 1, lambda: _surface(metre))
@@ -1220,9 +1206,7 @@ def _physical_groups(file: str, mesh: Any) -> Sets:
     """Return the physical groups with a name of a Gmsh file: of each block of cells those in it."""
     content = files.read_file(file, files.MAX_GEOMETRY_BYTES)
     begin, end = _section(content, b"PhysicalNames")
-    named = [
-        (int(d), int(number), name.decode("utf-8", "replace")) for d, number, name in GROUP.findall(content[begin:end])
-    ]
+    named = [(int(d), int(number), name.decode("utf-8", "replace")) for d, number, name in GROUP.findall(content[begin:end])]
     try:
         entities, data = _entities(content), mesh.cell_data
     except (ValueError, OverflowError, StopIteration):
@@ -1441,9 +1425,7 @@ class Triangles(Boundary):
             return among[((corners > low - near) & (corners < high + near)).all(axis=(1, 2))]
         normal = np.array(choice.normal)
         typed = (
-            0.0
-            if np.abs(normal).max() == 1.0
-            else PLANE_TOLERANCE * float(np.linalg.norm(corners, axis=2).max(initial=0.0))
+            0.0 if np.abs(normal).max() == 1.0 else PLANE_TOLERANCE * float(np.linalg.norm(corners, axis=2).max(initial=0.0))
         )
         return among[(np.abs(corners @ normal - choice.at) < near + typed).all(axis=1)]
 

@@ -80,15 +80,11 @@ def plugged(surface: tuple[Array, NDArray[np.int64]], plugs: Sequence[Inlet]) ->
         manifold3d.Mesh64(np.array(turned.points, dtype=float), np.array(turned.regular_faces, dtype=np.uint64))
     )
     if part.is_empty():
-        raise GeometryError(
-            "the part's surface crosses itself, so its inlets cannot be closed; repair it where it was made"
-        )
+        raise GeometryError("the part's surface crosses itself, so its inlets cannot be closed; repair it where it was made")
     for inlet in plugs:
         first, second = _across(np.array(inlet.axis))
         place = np.column_stack([first, second, inlet.axis, np.array(inlet.place) / size])
-        part += manifold3d.Manifold.cylinder(
-            inlet.length / size, inlet.cylinder / size, circular_segments=48
-        ).transform(place)
+        part += manifold3d.Manifold.cylinder(inlet.length / size, inlet.cylinder / size, circular_segments=48).transform(place)
     mesh = part.to_mesh64()
     return size * np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)
 
@@ -279,13 +275,9 @@ class _Wall:
     def _bore(self, across: Array, along: Array, axis: Array, radius: float, step: float) -> tuple[float, float, float]:
         """Return from where to where along its axis a bore has walls all around, and its farthest wall's distance, m."""
         away = np.linalg.norm(across, axis=1)
-        near = (
-            (away < 1.35 * radius + step) & (np.abs(self.normals @ axis) < 0.5) & (np.abs(along) < BORE_REACH * radius)
-        )
+        near = (away < 1.35 * radius + step) & (np.abs(self.normals @ axis) < 0.5) & (np.abs(along) < BORE_REACH * radius)
         first, second = _across(axis)
-        sector = ((np.arctan2(across[near] @ second, across[near] @ first) / np.pi + 1.0) * 0.5 * SECTOR_COUNT).astype(
-            int
-        )
+        sector = ((np.arctan2(across[near] @ second, across[near] @ first) / np.pi + 1.0) * 0.5 * SECTOR_COUNT).astype(int)
         bins = np.floor(along[near] / step).astype(int)
         low = bins.min(initial=0)
         seen = np.zeros((bins.max(initial=0) - low + 2, SECTOR_COUNT), dtype=bool)

@@ -106,9 +106,7 @@ def _cells_and_sides(cells: Ints, corners: Mapping[str, Ints]) -> dict[str, Ints
     keys = {tuple(side): place for place, side in enumerate(sides.tolist())}
     cells_and_sides = {}
     for name, triangles in corners.items():
-        places = np.array(
-            [keys[tuple(corner_triple)] for corner_triple in np.sort(triangles, axis=1).tolist()], dtype=np.int64
-        )
+        places = np.array([keys[tuple(corner_triple)] for corner_triple in np.sort(triangles, axis=1).tolist()], dtype=np.int64)
         cells_and_sides[name] = np.column_stack([places // 4, places % 4])
     return cells_and_sides
 

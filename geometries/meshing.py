@@ -419,9 +419,7 @@ def apart[T](task: Callable[..., T], *arguments: Any, stopped: Callable[[], bool
                 process.kill()
                 process.wait()
         if process.returncode:
-            time.sleep(
-                POLLING_INTERVAL
-            )  # a batch queue signals all processes of a job, this one perhaps a moment later
+            time.sleep(POLLING_INTERVAL)  # a batch queue signals all processes of a job, this one perhaps a moment later
             if stopped():
                 raise MeshingStopped
             errors.seek(0)
@@ -570,9 +568,7 @@ def _mesher_versions() -> str:
 
 def _forget_old(place: Path) -> None:
     """Take away what is beyond `MOST_KEPT`."""
-    kept_files = sorted(
-        ((file.stat().st_mtime, file.stat().st_size, file) for file in place.glob("*.msh")), reverse=True
-    )
+    kept_files = sorted(((file.stat().st_mtime, file.stat().st_size, file) for file in place.glob("*.msh")), reverse=True)
     total = 0
     for _, size, file in kept_files:
         total += size
@@ -625,9 +621,7 @@ def load_mesh(path: str | Path, dimension: int | None = None) -> list[tuple[int,
         except Exception as error:  # Gmsh raises bare Exception
             raise MeshFileError(f"{path} is a broken mesh file ({str(error).strip() or 'no reason given'})") from None
     if dimension not in (None, top_dimension := gmsh.model.getDimension()):
-        raise MeshFileError(
-            f"{path} is the mesh of another device: its cells have {top_dimension} dimensions, not {dimension}"
-        )
+        raise MeshFileError(f"{path} is the mesh of another device: its cells have {top_dimension} dimensions, not {dimension}")
     return named_groups()
 
 
@@ -767,9 +761,7 @@ def add_block(low: Vector, high: Vector) -> Entity:
 def one_solid(solids: Sequence[Entity]) -> Entity:
     """Return the only one of them; MeshingError if the CAD kernel has made more or none."""
     if [dimension for dimension, _ in solids] != [3]:
-        raise MeshingError(
-            f"the CAD kernel made {len(solids)} solids of one body; please report this with the parameters"
-        )
+        raise MeshingError(f"the CAD kernel made {len(solids)} solids of one body; please report this with the parameters")
     return solids[0]
 
 
@@ -793,9 +785,7 @@ def bond(layers: Mapping[str, Sequence[Entity]], role_of: Callable[[int], str]) 
 def set_sizes(size: Callable[[float, float, float], float]) -> None:
     """Let cells have a size in m that is a function of the place in m; the mesh is written in m."""
     gmsh.option.setNumber("Mesh.ScalingFactor", 1.0 / MM_PER_M)
-    gmsh.model.mesh.setSizeCallback(
-        lambda dim, tag, x, y, z, other: MM_PER_M * size(x / MM_PER_M, y / MM_PER_M, z / MM_PER_M)
-    )
+    gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: MM_PER_M * size(x / MM_PER_M, y / MM_PER_M, z / MM_PER_M))
 
 
 def face_block(tag: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

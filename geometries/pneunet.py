@@ -53,9 +53,7 @@ class PneuNet(actuator.Finger):
     wall: float = schema.length_field(0.001, "thickness of the walls between a chamber and a gap, or of a rib")
     side_wall: float = schema.length_field(0.002, "thickness of the walls at the sides")
     top_wall: float = schema.length_field(0.002, "thickness of the walls above the chambers")
-    gap: float = schema.length_field(
-        0.0005, "gap between chambers; 0 for ribs, one wall between two chambers", zero=True
-    )
+    gap: float = schema.length_field(0.0005, "gap between chambers; 0 for ribs, one wall between two chambers", zero=True)
     bridge: float = schema.length_field(0.002, "solid between the channel and the floor of a gap", unless=("gap", 0.0))
     channel_width: float = schema.length_field(0.004, "width of the channel that joins the chambers")
     channel_height: float = schema.length_field(0.002, "height of the channel above the base")
@@ -110,9 +108,7 @@ class PneuNet(actuator.Finger):
                 "share their walls",
             )
         if self.paper and self.base - self.paper < 2.0 * self.least_wall * (1 - schema.BOUND_TOLERANCE):
-            self.reject(
-                "paper", f"with {self.given('base')} less than {self.given('least_wall')} is left above and below it"
-            )
+            self.reject("paper", f"with {self.given('base')} less than {self.given('least_wall')} is left above and below it")
         self.check_cells(name for name in self.walls if name in SOLID)
 
     @property
@@ -254,9 +250,7 @@ class PneuNet(actuator.Finger):
         for axis, (mine, theirs) in enumerate(zip(self.places, other.places, strict=True)):  # linear between walls
             order = np.argsort(mine, kind="stable")
             if len(mine) != len(theirs) or np.any(np.diff(theirs[order]) < 0.0) or self.sides != other.sides:
-                raise GeometryError(
-                    "the mesh of this PneuNet cannot follow: the other one has its walls in another order"
-                )
+                raise GeometryError("the mesh of this PneuNet cannot follow: the other one has its walls in another order")
             points[:, axis] = np.sign(points[:, axis]) * np.interp(np.abs(points[:, axis]), mine[order], theirs[order])
         return points
 
@@ -390,9 +384,6 @@ def _role(finger: PneuNet, tag: int) -> str:
         if flat == axis and abs(at - place) < near:
             return role
     # One face may run along several boxes, as the base's does under the chambers and the channel.
-    if all(
-        any(box.holds(corner, corner, near) for box in finger.air)
-        for corner in meshing.corners_of(tag) / meshing.MM_PER_M
-    ):
+    if all(any(box.holds(corner, corner, near) for box in finger.air) for corner in meshing.corners_of(tag) / meshing.MM_PER_M):
         return "cavity"
     return "chamber_walls" if flat == 0 else "outer"

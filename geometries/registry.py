@@ -30,9 +30,7 @@ def _list_variant_fields(device: type[Actuator]) -> None:
     kinds = inspect.Parameter
     given = [kinds("cls", kinds.POSITIONAL_OR_KEYWORD), kinds("name", kinds.POSITIONAL_OR_KEYWORD, default="default")]
     fields = [
-        kinds(field.name, kinds.KEYWORD_ONLY, default=field.default)
-        for field in dataclasses.fields(device)
-        if field.init
+        kinds(field.name, kinds.KEYWORD_ONLY, default=field.default) for field in dataclasses.fields(device) if field.init
     ]
     variant.__signature__ = inspect.Signature([*given, *fields])  # type: ignore[attr-defined]
     device.variant = classmethod(checked(variant))  # type: ignore[assignment]

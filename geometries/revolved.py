@@ -162,9 +162,7 @@ class Revolved(actuator.Wedged):
 
 def section_field() -> Any:
     """Return a dataclass field: how much of a body of revolution is modelled."""
-    return schema.choice_field(
-        "axisymmetric", ("axisymmetric", "wedge"), "profile in radius and height, or solid slice"
-    )
+    return schema.choice_field("axisymmetric", ("axisymmetric", "wedge"), "profile in radius and height, or solid slice")
 
 
 def wedge_field() -> Any:
@@ -372,9 +370,7 @@ def whole_edges(sides: Iterable[Side], corners: Sequence[Place]) -> list[Side]:
     while len(merged) < count:  # a side may join two that were found apart
         count, left, merged = len(merged), merged, []
         for side in left:
-            joined = (
-                (at, _joined_side(other, side, corners)) for at, other in enumerate(merged) if other.role == side.role
-            )
+            joined = ((at, _joined_side(other, side, corners)) for at, other in enumerate(merged) if other.role == side.role)
             place, whole = next(((at, whole) for at, whole in joined if whole), (len(merged), side))
             merged[place : place + 1] = [whole]
     return chained(sorted(merged, key=lambda side: side.role == AXIS))

@@ -55,9 +55,7 @@ class SeminarActuator(actuator.MirroredHalf, actuator.HeldTip):
     length: float = schema.length_field(0.070, "length from the clamped base to the tip")
     base_width: float = schema.length_field(0.060, "width at the base")
     thickness: float = schema.length_field(0.008, "thickness of the slab")
-    tip_radius: float = schema.length_field(
-        0.004, "radius of the rounding at the tip, seen from above; 0 for none", zero=True
-    )
+    tip_radius: float = schema.length_field(0.004, "radius of the rounding at the tip, seen from above; 0 for none", zero=True)
     channels: int = schema.choice_field(5, tuple(range(1, 31)), "number of channels")
     spread: float = schema.angle_field(
         100.0, "angle between the outermost channels, which is that of the manifold's arc", instead="angles"
@@ -123,9 +121,7 @@ class SeminarActuator(actuator.MirroredHalf, actuator.HeldTip):
         for length, radius in tubes:
             h = wall_size(self, radius)
             # Rings of cells that grow with distance r from the wall: int 2 pi (radius + r) / (h + g r)^3 dr.
-            total += (
-                length * 2.0 * math.pi * (0.5 * radius / (CELL_SIZE_GROWTH * h**2) + 0.5 / (CELL_SIZE_GROWTH**2 * h))
-            )
+            total += length * 2.0 * math.pi * (0.5 * radius / (CELL_SIZE_GROWTH * h**2) + 0.5 / (CELL_SIZE_GROWTH**2 * h))
         return share * total / revolved.TETRAHEDRON_VOLUME
 
     @property
@@ -225,9 +221,7 @@ class SeminarActuator(actuator.MirroredHalf, actuator.HeldTip):
         """
         lines = [line for line in fan(self) if line is not None]
         begin = -0.5 * spread(self)
-        air = _rounded_network(
-            self, [*_manifold(self, begin), _cap(self, begin), *(_air(self, line) for line in lines)]
-        )
+        air = _rounded_network(self, [*_manifold(self, begin), _cap(self, begin), *(_air(self, line) for line in lines)])
         cut_out(_whole_prism(self), air)
         gmsh.model.occ.synchronize()
 
@@ -580,9 +574,7 @@ def _bores(slab: SeminarActuator) -> list[tuple[float, str]]:
     """Return every radius of the channels that was given, and the name it was given by."""
     pairs = (("bores", "channel_bore"), ("end_bores", "end_bore"))
     bores = {
-        name: bore
-        for number in range(half_count(slab), 0, -1)
-        for bore, name in (own(slab, *pair, number) for pair in pairs)
+        name: bore for number in range(half_count(slab), 0, -1) for bore, name in (own(slab, *pair, number) for pair in pairs)
     }
     bores |= {f"middle_bores[{number}]": bore for number, bore in enumerate(slab.middle_bores, 1)}
     return [(bore, name) for name, bore in bores.items()]
@@ -762,9 +754,7 @@ def _wall_excesses(slab: SeminarActuator, lines: list[Channel]) -> dict[str, flo
     """Return what the shape needs beyond walls: 0 is enough."""
     radius, bore, fillet = slab.manifold_radius, slab.manifold_bore, slab.fillet
     half, shorter = 0.5 * spread(slab), {"length": slab.length, "width": slab.base_width}
-    wall_excesses = {
-        f"room for the thickness in the {name}": 0.5 * size - slab.thickness for name, size in shorter.items()
-    }
+    wall_excesses = {f"room for the thickness in the {name}": 0.5 * size - slab.thickness for name, size in shorter.items()}
     wall_excesses |= {
         "room for a cell in the thickness": slab.thickness - slab.cell_size,
         "room for the manifold's bore in its radius": radius - 2.0 * bore,
@@ -772,9 +762,7 @@ def _wall_excesses(slab: SeminarActuator, lines: list[Channel]) -> dict[str, flo
         "room for a narrower fan": radius * (half - math.radians(0.5 * MIN_SPREAD)),
     }
     if slab.tip_radius:
-        wall_excesses |= {
-            f"room for tip_radius in the {name}": 0.4 * size - slab.tip_radius for name, size in shorter.items()
-        }
+        wall_excesses |= {f"room for tip_radius in the {name}": 0.4 * size - slab.tip_radius for name, size in shorter.items()}
     for number, line in enumerate(lines, 1):
         end_bore = own(slab, "end_bores", "end_bore", number)[0]
         wall_excesses[f"straight length of channel {number}"] = line.end - line.start - bore - end_bore
@@ -1039,9 +1027,7 @@ MIN_ARC_STRETCH = 0.02
 """Least stretch of an arc between two channels that is followed."""
 
 
-def arc_map(
-    slab: SeminarActuator, other: SeminarActuator, lines: list[tuple[Channel, Channel]]
-) -> Callable[[Array], Array]:
+def arc_map(slab: SeminarActuator, other: SeminarActuator, lines: list[tuple[Channel, Channel]]) -> Callable[[Array], Array]:
     """Return a smooth, rising function from angles along one slab's arc to those along another's, in radians, by the channels
     with y >= 0 from the middle outwards, on both. GeometryError if the solid between two channels shrinks to next to
     nothing."""
@@ -1070,12 +1056,7 @@ def arc_map(
         share = (turn - starts[gap]) / span[gap]
         between = (share > 0.0) & (share < 1.0)
         s = np.clip(share, 0.0, 1.0)
-        cubic = (
-            low[gap]
-            + rise[gap] * s**2 * (3.0 - 2.0 * s)
-            + first[gap] * s * (1.0 - s) ** 2
-            - last[gap] * s**2 * (1.0 - s)
-        )
+        cubic = low[gap] + rise[gap] * s**2 * (3.0 - 2.0 * s) + first[gap] * s * (1.0 - s) ** 2 - last[gap] * s**2 * (1.0 - s)
         return np.where(between, cubic, angles_on_other)
 
     return carry
@@ -1221,9 +1202,7 @@ class Junction:
         fillet = self.slab.fillet
         if fillet == 0.0:
             return level, normal
-        close = np.flatnonzero(
-            np.sqrt(((points - self.rim(direction)[0]) ** 2).sum(axis=1)) < ROUNDING_SEARCH_RADIUS * fillet
-        )
+        close = np.flatnonzero(np.sqrt(((points - self.rim(direction)[0]) ** 2).sum(axis=1)) < ROUNDING_SEARCH_RADIUS * fillet)
         if not len(close):
             return level, normal
         centre = self.nearest(points[close])
@@ -1329,9 +1308,7 @@ def _pairs(slab: SeminarActuator, other: SeminarActuator) -> list[_Pair]:
         room = line.cones[0].end - slab.manifold_radius - slab.manifold_bore - slab.fillet
         gap = min([*gaps, math.inf])
         inner = min(1.05 * slab.fillet or 0.3 * line.bore, 0.4 * gap, max(0.5 * room, 0.1 * line.bore))
-        outer = inner + min(
-            CREASE_BLEND_LENGTH * slab.manifold_bore, 0.95 * gap - inner, max(0.5 * room, 0.1 * line.bore)
-        )
+        outer = inner + min(CREASE_BLEND_LENGTH * slab.manifold_bore, 0.95 * gap - inner, max(0.5 * room, 0.1 * line.bore))
         pairs.append(_Pair(Junction(slab, line), Junction(other, its_line), inner, outer))
     return pairs
 
@@ -1354,9 +1331,7 @@ def carry_network(slab: SeminarActuator, other: SeminarActuator, points: Array) 
     for number, pair in enumerate(pairs):
         mine = np.flatnonzero(nearest == number)
         if len(mine):
-            moved_points[mine], near[mine] = _nearest_places(
-                pair, points[mine], tube[mine], first[mine], levels[number, mine]
-            )
+            moved_points[mine], near[mine] = _nearest_places(pair, points[mine], tube[mine], first[mine], levels[number, mine])
     return near, moved_points
 
 
@@ -1472,9 +1447,7 @@ def _channel_map(pair: _Pair, points: Array) -> Array:
     return pair.target.place(to, height, direction)
 
 
-def _tube_map(
-    slab: SeminarActuator, other: SeminarActuator, lines: list[tuple[Channel, Channel]]
-) -> Callable[[Array], Array]:
+def _tube_map(slab: SeminarActuator, other: SeminarActuator, lines: list[tuple[Channel, Channel]]) -> Callable[[Array], Array]:
     """Return the manifold onto the other's: by angle along the arc, angle around it and height over its wall."""
     turn_map = arc_map(slab, other, lines)
     half, its_half = 0.5 * spread(slab), 0.5 * spread(other)
@@ -1541,9 +1514,7 @@ def _lengths(slab: SeminarActuator, other: SeminarActuator) -> Callable[[Array],
     if knots[0][2] > FOLLOWED_LENGTH_SHARE * knots[0][3]:  # the channels reach into the tip
         knots = [[low, start, end] for low, start, _, end in knots]
     if min(np.diff(knots[1])) <= 0.0:
-        raise GeometryError(
-            "the channels reach so much farther into the tip that the mesh cannot follow; make a new mesh"
-        )
+        raise GeometryError("the channels reach so much farther into the tip that the mesh cannot follow; make a new mesh")
     carry = scipy.interpolate.PchipInterpolator(*knots)
     return lambda x: np.asarray(carry(np.clip(x, 0.0, knots[0][-1])))
 
@@ -1555,9 +1526,7 @@ def _prism_outline(slab: SeminarActuator, other: SeminarActuator, points: Array)
     wide, its_wide = 0.5 * slab.base_width, 0.5 * other.base_width
     to = _lengths(slab, other)(x)
     width, its_width = wide + (edge - wide) * (x / corner), its_wide + (its_edge - its_wide) * (to / its_corner)
-    prism_outline = np.column_stack(
-        [to, y * its_width / np.maximum(width, 1e-300), z * (other.thickness / slab.thickness)]
-    )
+    prism_outline = np.column_stack([to, y * its_width / np.maximum(width, 1e-300), z * (other.thickness / slab.thickness)])
     if slab.tip_radius:
         middle, its_middle = slab.length - slab.tip_radius, other.length - other.tip_radius
         bend = math.atan2(its_edge, its_corner - its_middle) / math.atan2(edge, corner - middle)

@@ -301,9 +301,7 @@ def lens_profile(
         raise CameraError("the photograph has no focal length (EXIF); give it in mm")
     body, glass = _find(known.maker, known.camera, wanted, database)
     if not glass.min_focal * 0.99 <= focal <= glass.max_focal * 1.01:
-        raise CameraError(
-            f"the lens {glass.model} goes from {glass.min_focal:g} to {glass.max_focal:g} mm, not {focal:g} mm"
-        )
+        raise CameraError(f"the lens {glass.model} goes from {glass.min_focal:g} to {glass.max_focal:g} mm, not {focal:g} mm")
     lensfunpy = _lensfun()
     if glass.type != lensfunpy.LensType.RECTILINEAR:
         raise CameraError(f"the lens {glass.model} is not a rectilinear lens; calibrate it from chessboards")
@@ -318,10 +316,7 @@ def lens_profile(
     for camera in cameras:
         # A homography is fitted to the screen's grid anyway, so only what it leaves of the distortion matters.
         seen = camera.distort(ideal)
-        left = (
-            cv2.perspectiveTransform(ideal.reshape(-1, 1, 2), cv2.findHomography(ideal, seen, 0)[0]).reshape(-1, 2)
-            - seen
-        )
+        left = cv2.perspectiveTransform(ideal.reshape(-1, 1, 2), cv2.findHomography(ideal, seen, 0)[0]).reshape(-1, 2) - seen
         bends.append(np.sqrt(np.mean(left**2)))
     return dataclasses.replace(cameras[0], error_px=PROFILE_SHARE * float(max(bends)))
 
@@ -336,9 +331,7 @@ def _at_focal(body: lensfunpy.Camera, glass: lensfunpy.Lens, focal: float, width
     ideal = frame_points(width, height)
     maps = [modifier.apply_geometry_distortion(x, y, 1, 1) for x, y in ideal]
     if maps[0] is None:
-        raise CameraError(
-            "lensfun gives no distortion for this lens at this focal length; calibrate it from chessboards"
-        )
+        raise CameraError("lensfun gives no distortion for this lens at this focal length; calibrate it from chessboards")
     powers = _radial_fit(ideal, np.array([nearest_entry[0, 0] for nearest_entry in maps], dtype=float), centre, unit)
     pixel = math.hypot(width, height) * body.crop_factor / FULL_FRAME_DIAGONAL  # px per mm on the sensor
     matrix = np.array([[focal * pixel, 0, (width - 1) / 2], [0, focal * pixel, (height - 1) / 2], [0, 0, 1]])
@@ -369,13 +362,10 @@ def _find(maker: str, camera: str, lens: str, database: Path | str | None) -> tu
     alike = [
         known_lens
         for known_lens in known.find_lenses(bodies[0], None, lens)
-        if set(_numbers(lens)) <= set(_numbers(known_lens.model))
-        or set(_numbers(known_lens.model)) == set(_numbers(lens))
+        if set(_numbers(lens)) <= set(_numbers(known_lens.model)) or set(_numbers(known_lens.model)) == set(_numbers(lens))
     ]
     if not alike:
-        raise CameraError(
-            f"lensfun does not have the lens {lens} for the {bodies[0].model}; check its name or calibrate"
-        )
+        raise CameraError(f"lensfun does not have the lens {lens} for the {bodies[0].model}; check its name or calibrate")
     exact = [known_lens for known_lens in alike if _plain(known_lens.model) == _plain(lens)]
     return bodies[0], (exact or alike)[0]
 

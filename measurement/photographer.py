@@ -286,9 +286,7 @@ def _check(truth: Truth) -> None:
     with np.errstate(over="ignore", invalid="ignore"):
         back = bent(u, v, truth.distortion)
     if not np.allclose(back[0] * scene.focal_px + truth.matrix[0, 2], rim[:, 0], atol=1e-3):
-        raise SceneError(
-            "the lens bends so much that it shows nothing in the picture's corners; lower its coefficients"
-        )
+        raise SceneError("the lens bends so much that it shows nothing in the picture's corners; lower its coefficients")
     # Beyond the horizon the homography's denominator has the other sign than in the middle of the picture.
     below = np.column_stack([u, v, np.ones(len(u))]) @ truth.matrix.T @ truth.homography[2]
     if not np.all(below * below[len(below) // 2] > 0.0):
@@ -299,9 +297,7 @@ BODY_BASE = -0.2
 """Z in m of the underside of a body: below the picture."""
 
 
-def dome(
-    height: float, radius: float = 0.015, centre: float = 0.0, floor: float = 0.0, half_width: float = 0.2
-) -> Array:
+def dome(height: float, radius: float = 0.015, centre: float = 0.0, floor: float = 0.0, half_width: float = 0.2) -> Array:
     """Return the polygon (k, 2) in m of an inflated disk seen from the side: a bump above the floor, as wide as twice
     ``radius``, on a solid body, which reaches beyond the picture unless ``half_width`` is given."""
     inner = np.linspace(-radius, radius, 1001)
@@ -423,9 +419,7 @@ def shadowed(rays: Rays, polygon: Array, penumbra: float, ambient: float, lamp: 
         indexing="ij",
     )
     middle = rays.at(np.minimum(rows, height).ravel(), np.minimum(columns, width).ravel()).reshape(*rows.shape, 2)
-    radius = (
-        RAY_SPACING_PX * max(float(extent.max()) for row in (0, height - 1) for extent in rays.footprints(row)) * 0.75
-    )
+    radius = RAY_SPACING_PX * max(float(extent.max()) for row in (0, height - 1) for extent in rays.footprints(row)) * 0.75
     coarse = outline.distance(middle.reshape(-1, 2)).reshape(rows.shape)
     share = np.repeat(np.repeat((coarse > 0.0).astype(np.float32), RAY_SPACING_PX, axis=0), RAY_SPACING_PX, axis=1)[
         :height, :width

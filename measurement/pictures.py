@@ -216,9 +216,7 @@ def _decoded_picture(path: Path, picture: Image.Image) -> Pixels:
     if picture.mode == "CMYK":
         return np.asarray(_from_ink(picture))
     if picture.mode in _UNUSABLE:
-        raise Unmeasurable(
-            f"its pixels are {_UNUSABLE[picture.mode]}; save it as grey or RGB with 8 or 16 bits per channel"
-        )
+        raise Unmeasurable(f"its pixels are {_UNUSABLE[picture.mode]}; save it as grey or RGB with 8 or 16 bits per channel")
     if picture.has_transparency_data:
         if (whole := np.asarray(picture.convert("RGBA")))[..., 3].min() < 255:
             raise Unmeasurable(_CUT_OUT)

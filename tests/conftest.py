@@ -220,9 +220,7 @@ class CostWriter:
 
 
 def pytest_addoption(parser):
-    parser.addoption(
-        "--write-figures", action="store_true", help="write the measured figures to tests/verification/README.md"
-    )
+    parser.addoption("--write-figures", action="store_true", help="write the measured figures to tests/verification/README.md")
     parser.addoption("--write-costs", action="store_true", help="write CPU seconds by file to tests/costs.csv")
 
 

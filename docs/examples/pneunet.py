@@ -15,9 +15,7 @@ run = sm.inflate(finger, "ecoflex-00-30/marechal-2021", pressures="0,4,8 cm")
 half = run.last.grid.warp_by_vector("displacement")
 half["von Mises stress (kPa)"] = half["von_mises"] / 1e3
 plotter = pv.Plotter(off_screen=True, window_size=(800, 500))
-plotter.add_mesh(
-    half, scalars="von Mises stress (kPa)", cmap="viridis", clim=(0, 12), lighting=False, scalar_bar_args=BAR
-)
+plotter.add_mesh(half, scalars="von Mises stress (kPa)", cmap="viridis", clim=(0, 12), lighting=False, scalar_bar_args=BAR)
 plotter.camera_position = [(0.02, -0.1, 0.03), (0.018, 0, 0.002), (0, 0, 1)]
 plotter.screenshot("pneunet.png")
 

@@ -25,6 +25,4 @@ figure.savefig("syringe.png", dpi=150)
 
 assert abs(stroke[turn] - 694.7) < 0.5, "the limit point of the stroke"
 assert run.apex[landed] > 2 * run.apex[turn], "it lands more than twice as high"
-print(
-    f"at a stroke of {stroke[turn]:.1f} ml it jumps from {run.apex[turn] * 1e3:.1f} to {run.apex[landed] * 1e3:.1f} mm"
-)
+print(f"at a stroke of {stroke[turn]:.1f} ml it jumps from {run.apex[turn] * 1e3:.1f} to {run.apex[landed] * 1e3:.1f} mm")

@@ -102,9 +102,7 @@ def length(text: str) -> float:
 def per_metre(text: str) -> float:
     """Return the pixels per metre from "75px/mm"."""
     # A pixel is a count here; Pint's own pixel is a unit of its own.
-    text_match = len(text) <= units.MAX_CHARACTERS and re.fullmatch(
-        r"\s*([^a-z]+?)\s*(?:px|pixels?)?\s*/\s*(\w+)\s*", text
-    )
+    text_match = len(text) <= units.MAX_CHARACTERS and re.fullmatch(r"\s*([^a-z]+?)\s*(?:px|pixels?)?\s*/\s*(\w+)\s*", text)
     try:
         return units.quantity(f"{text_match[1]} {text_match[2]}^-1" if text_match else text, "1/m")
     except units.UnitError as error:

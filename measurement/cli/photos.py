@@ -36,9 +36,7 @@ help="Folder for the results.  [default: outlines; outlines-2 and so "
     "--water-density",
     help=f"Density of the column's liquid.  [default: {units.WATER_DENSITY:g}kg/m^3, {units.DENSITY_NOTE}]",
 )
-@click.option(
-    "--density-error", default=f"{photo_list.DENSITY_ERROR:.2g}kg/m^3", show_default=True, help="Its standard error."
-)
+@click.option("--density-error", default=f"{photo_list.DENSITY_ERROR:.2g}kg/m^3", show_default=True, help="Its standard error.")
 @click.option("--reading-error", default=f"{photo_list.READING_ERROR * 1e3:g}mm", show_default=True,
               help="Standard error of reading one level of the column.")  # fmt: skip
 @click.option("--body-width", metavar="LENGTH",
@@ -87,9 +85,7 @@ def photos(listing: Path, setup_file: Path, output: Path | None, **given: Any) -
     except SetupError as error:
         cli.stop(str(error))
     except NoZero as error:
-        cli.stop(
-            str(error), commands.EXIT_FAILED if any(photo.is_zero for photo in listed) else commands.EXIT_BAD_INPUT
-        )
+        cli.stop(str(error), commands.EXIT_FAILED if any(photo.is_zero for photo in listed) else commands.EXIT_BAD_INPUT)
     made = _measure_all(listed, setup, zero, folder, given)
     if not given["quiet"]:
         _report(made, folder.path, width)
@@ -159,9 +155,7 @@ def _width(text: str) -> tuple[float, float]:
 
 def _scale_words(setup: Setup, zero: zero.ZeroLine, width: tuple[float, float] | None) -> str:
     """Return what the lengths are held against."""
-    seen = (
-        "" if zero.sides is None else f"; the body's sides lie {zero.sides.width * 1e3:.3f} mm apart at zero pressure"
-    )
+    seen = "" if zero.sides is None else f"; the body's sides lie {zero.sides.width * 1e3:.3f} mm apart at zero pressure"
     if width is not None or setup.magnification_error > 0.0:
         error = f" +- {setup.magnification_error:.2g}" if setup.magnification_error else ""
         return f"Lengths are those of the shadow divided by its magnification of {setup.magnification:.5f}{error}{seen}"

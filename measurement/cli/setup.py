@@ -149,9 +149,7 @@ def _report(made: Setup, given: dict[str, Any], written: str) -> None:
     raw = raw[np.isfinite(made.to_metres(raw)).all(axis=1)]
     span = float(np.sqrt(abs(np.linalg.det(made.jacobian([[camera.width / 2, camera.height / 2]])[0]))))
     error = float(np.sqrt(np.mean(made.error(raw, 0.0) ** 2)))
-    processes.say(
-        f"Lens: {camera.source}, standard error {camera.error_px:.2g} px; focal length {camera.matrix[0, 0]:.0f} px"
-    )
+    processes.say(f"Lens: {camera.source}, standard error {camera.error_px:.2g} px; focal length {camera.matrix[0, 0]:.0f} px")
     size = f"{made.magnification:.4f}" + (f" +- {made.magnification_error:.1g}" if made.magnification_error else "")
     processes.say(f"In the picture's middle one pixel spans {span * 1e6:.2f} um of the object; magnification {size}")
     if made.pitch_error:
@@ -314,7 +312,5 @@ def _plane(given: dict[str, Any], picture: NDArray[np.uint8], camera: Camera, pi
         board = calibration.find_chessboard(picture, (columns, rows), camera)
     else:
         squares = (columns + 1, rows + 1)
-        board = calibration.find_charuco(
-            picture, squares, units.number(given["marker_share"]), given["dictionary"], camera
-        )
+        board = calibration.find_charuco(picture, squares, units.number(given["marker_share"]), given["dictionary"], camera)
     return grid.counted_from(board, camera, pitch, origin).plane(camera)

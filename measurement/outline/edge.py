@@ -123,9 +123,7 @@ def refine_edge(shading: Shading, contour: Array, factor: float, camera: EdgeSha
             break
         reach = 2.0 * reach
     if len(edge.px) < 10:
-        raise pictures.Unmeasurable(
-            "its edge is not clear enough; photograph it again in focus, with more light and contrast"
-        )
+        raise pictures.Unmeasurable("its edge is not clear enough; photograph it again in focus, with more light and contrast")
     # The second look follows the first one's edge, so that its profiles need no room for the contour's error.
     spacing = max(3.0, float(np.linalg.norm(np.diff(edge.px, axis=0), axis=1).sum()) / MOST_STATIONS)
     reach = float(np.clip(4.5 * width + 2.0, 5.0, 250.0))
@@ -369,9 +367,7 @@ def _stretch(edge: Edge, part: slice) -> BridgedLine:
     error = SHARED_NOISE_FACTOR * np.where(turned, np.maximum(noise, gain * own), gain * own)
     line, normal = guide + value[:, None] * across, edge.normal[part]
     bent = _edge_offset(line, normal, edge.width[part])
-    return BridgedLine(
-        line + bent[:, None] * normal, normal, np.hypot(error, BENT_ERROR * bent), np.zeros(len(px), dtype=bool)
-    )
+    return BridgedLine(line + bent[:, None] * normal, normal, np.hypot(error, BENT_ERROR * bent), np.zeros(len(px), dtype=bool))
 
 
 def _edge_offset(px: Array, normal: Array, width: Array) -> Array:
@@ -387,9 +383,7 @@ def _edge_offset(px: Array, normal: Array, width: Array) -> Array:
     inside = (arc >= reach) & (arc <= arc[-1] - reach)
     if not inside.any():
         return np.zeros(len(px))
-    near, far = (
-        np.column_stack([np.interp(arc + side * reach, arc, px[:, axis]) for axis in (0, 1)]) for side in (-1.0, 1.0)
-    )
+    near, far = (np.column_stack([np.interp(arc + side * reach, arc, px[:, axis]) for axis in (0, 1)]) for side in (-1.0, 1.0))
     sagitta = np.einsum("ni,ni->n", px - 0.5 * (near + far), normal)
     bend = 8.0 * sagitta / np.maximum(np.sum((far - near) ** 2, axis=1), 1e-9)
     return np.asarray(0.5 * np.interp(arc, arc[inside], bend[inside]) * width**2)
@@ -601,9 +595,7 @@ class Traced:
     def look(self) -> GridLook | None:
         """The screen's grid in the light; None without a grid."""
         pitch = self.setup.grid_pitch
-        return (
-            None if pitch is None else look_at_grid(self.view, pitch, _well_inside(~(self.coarse.dark | self.covered)))
-        )
+        return None if pitch is None else look_at_grid(self.view, pitch, _well_inside(~(self.coarse.dark | self.covered)))
 
     @functools.cached_property
     def movement(self) -> tuple[float, float]:

@@ -200,9 +200,7 @@ class Outline:
         except KeyError as error:
             raise OutlineError(f"{path} has no comment line '# {error.args[0]} = …'") from None
         except units.UnitError as error:
-            raise OutlineError(
-                f"{path}: pressure_Pa, pressure_error_Pa, sunk_m, scale, history or an error: {error}"
-            ) from None
+            raise OutlineError(f"{path}: pressure_Pa, pressure_error_Pa, sunk_m, scale, history or an error: {error}") from None
         points = np.array(rows, dtype=np.float64).reshape(-1, 4)
         trust = notes.get("trusted", "no")
         trusted = trust == "yes"

@@ -605,9 +605,7 @@ def _numbers(count: int) -> Array:
     return np.linspace(0.0, 1.0, count)
 
 
-def common_shape(
-    z: Array, residual: Array, clean: Mask, stored: StoredLight, camera: EdgeShape | None = None
-) -> EdgeShape:
+def common_shape(z: Array, residual: Array, clean: Mask, stored: StoredLight, camera: EdgeShape | None = None) -> EdgeShape:
     """Return the shape that n profiles have in common, from what error functions leave of them over their rise:
     ``residual`` at the distances ``z`` from their middles in widths, where it is clean of ink, shapes (n, k). ``camera``
     is as of `edge.refine_edge`."""
@@ -625,14 +623,11 @@ def common_shape(
     lift = hidden = 0.0
     if camera is not None:
         fits = [
-            (lamp, _fitted_profile(place, value, spread, lamp, stored, camera))
-            for lamp in (*LAMP_EXPONENTS, BULB_EXPONENT)
+            (lamp, _fitted_profile(place, value, spread, lamp, stored, camera)) for lamp in (*LAMP_EXPONENTS, BULB_EXPONENT)
         ]
         bent, deep = min(fits, key=lambda pair: float(pair[1].cost))
         lift = float(np.interp(0.5, _penumbra(deep.x, bent), nodes()))
-        if 2.0 * (best.cost - deep.cost) >= DECISIVE_CHI_SQUARE * max(
-            1.0, 2.0 * deep.cost / (len(place) - SHAPE_PARAMETERS)
-        ):
+        if 2.0 * (best.cost - deep.cost) >= DECISIVE_CHI_SQUARE * max(1.0, 2.0 * deep.cost / (len(place) - SHAPE_PARAMETERS)):
             lamp, best = bent, deep
         else:
             lift, hidden = 0.0, float(np.hypot(lift, _place_error(deep.jac)))
@@ -674,9 +669,7 @@ def _mean_profile(z: Array, residual: Array, clean: Mask) -> tuple[Array, Array,
         own = residual[chosen]
         middle, at = float(np.median(own)), float(z[chosen].mean())
         # The median of n normal values errs by 1.25 sigma / sqrt(n).
-        mean_bins.append(
-            (at, ndtr(at) + middle, 1.25 * deviation(own - middle) / np.sqrt(len(own) / CORRELATED_SAMPLES))
-        )
+        mean_bins.append((at, ndtr(at) + middle, 1.25 * deviation(own - middle) / np.sqrt(len(own) / CORRELATED_SAMPLES)))
     return tuple(np.array(mean_bins).reshape(-1, 3).T)  # type: ignore[return-value]
 
 
@@ -729,9 +722,7 @@ def _shape(p: Array, lamp: float, stored: StoredLight) -> Array:
 def _penumbra(p: Array, lamp: float) -> Array:
     """Return the blurred penumbra at `nodes` as the camera receives it."""
     width, share = float(np.exp(p[1])), float(p[2])
-    wider = (
-        np.where(nodes() > 0.0, 1.0 + p[DEPTH_PARAMETER], 1.0 - p[DEPTH_PARAMETER]) if len(p) > DEPTH_PARAMETER else 1.0
-    )
+    wider = np.where(nodes() > 0.0, 1.0 + p[DEPTH_PARAMETER], 1.0 - p[DEPTH_PARAMETER]) if len(p) > DEPTH_PARAMETER else 1.0
     bare = np.interp(nodes() / (width * np.sqrt(share) * wider + 1e-3), *_lamp(lamp))
     return _blurred_values(bare, width * np.sqrt(1.0 - share))
 

@@ -300,9 +300,7 @@ def sides_of(placed: Array, upwards: Array, error: Array, band: tuple[float, flo
     if steep.sum() < 2 * MIN_SIDE_POINTS:
         return None
     # Smoothing rounds the corner between surface and side, over half a span of points on either side of it.
-    clear = steep & binary_erosion(
-        np.abs(upwards) < SIDE_NORMAL_COSINE, np.ones(edge.SMOOTHING_POINTS + 1), border_value=1
-    )
+    clear = steep & binary_erosion(np.abs(upwards) < SIDE_NORMAL_COSINE, np.ones(edge.SMOOTHING_POINTS + 1), border_value=1)
     steep = clear if clear.sum() >= 4 * MIN_SIDE_POINTS else steep
     middle = 0.5 * (placed[steep, 0].min() + placed[steep, 0].max())
     halves = [steep & (placed[:, 0] < middle), steep & (placed[:, 0] > middle)]
@@ -319,9 +317,7 @@ def sides_of(placed: Array, upwards: Array, error: Array, band: tuple[float, flo
         terms = np.column_stack([np.ones(int(part.sum())), placed[part, 1] - depth])
         line = robust.robust_fit(terms, placed[part, 0], 6)
         variance += (
-            (robust.deviation(line.rest) ** 2 + float(np.median(error[part])) ** 2)
-            * CORRELATED_SIDE_POINTS
-            / float(part.sum())
+            (robust.deviation(line.rest) ** 2 + float(np.median(error[part])) ** 2) * CORRELATED_SIDE_POINTS / float(part.sum())
         )
         lines.append(line.coefficients)
     width, lean = lines[1] - lines[0]
@@ -436,9 +432,7 @@ class Displacement:
         # Where the surface's end is hidden or masked, the last visible point is the bulge's foot.
         hidden = low - zero.extent[0] > reach, zero.extent[1] - high > reach
         ends = placed[:, 0] <= low + reach, placed[:, 0] >= high - reach
-        for end in (
-            end for end, gone in zip(ends, hidden, strict=True) if not (gone and np.isfinite(zero.extent).all())
-        ):
+        for end in (end for end, gone in zip(ends, hidden, strict=True) if not (gone and np.isfinite(zero.extent).all())):
             # Steep points are the body's sides or a bulge as wide as the picture; they do not lie on the surface anyway.
             mine = seen & end & (upwards > MIN_COSINE)
             if mine.sum() < 5:

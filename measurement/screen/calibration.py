@@ -192,9 +192,7 @@ def _covariance(solution: _Solution, views: list[Points], board: Points) -> Poin
     return np.asarray(covariance, dtype=np.float64)
 
 
-def _errors(
-    camera: Camera, covariance: Points, views: list[Points], board: Points, use_k3: bool, coverage: float
-) -> Points:
+def _errors(camera: Camera, covariance: Points, views: list[Points], board: Points, use_k3: bool, coverage: float) -> Points:
     """Return the standard error in px of an undistorted point per axis, (RINGS,) at equal steps from the frame's middle to
     a corner. The covariance does not know that corners in one photograph share their board's bends and blur; leaving out
     one photograph at a time (the jackknife) does, but is itself uncertain with few of them. The larger one counts."""
@@ -202,9 +200,7 @@ def _errors(
     slopes = []
     for number, step in enumerate(0.01 * np.sqrt(np.diag(covariance))):
         f, cx, cy, *lens = values + step * np.eye(len(values))[number]
-        other = dataclasses.replace(
-            camera, matrix=np.array([[f, 0, cx], [0, f, cy], [0, 0, 1]]), distortion=np.array(lens)
-        )
+        other = dataclasses.replace(camera, matrix=np.array([[f, 0, cx], [0, f, cy], [0, 0, 1]]), distortion=np.array(lens))
         slopes.append(_ring_distances(camera, other, coverage) / step)
     variance = np.einsum("irk,ij,jrk->rk", slopes, covariance, slopes)
     count = len(views)
@@ -212,8 +208,7 @@ def _errors(
     if count > MIN_VIEWS:
         rest = (views[:left_out] + views[left_out + 1 :] for left_out in range(count))
         moved = [
-            _ring_distances(camera, _solve(some, board, camera.size, use_k3).camera(camera.size, ""), coverage)
-            for some in rest
+            _ring_distances(camera, _solve(some, board, camera.size, use_k3).camera(camera.size, ""), coverage) for some in rest
         ]
         spread = (count - 1) / count * np.sum(np.square(moved), axis=0)
     return np.sqrt(np.maximum(variance.mean(axis=1), spread.mean(axis=1)))
@@ -360,9 +355,7 @@ def find_chessboard(image: ArrayLike, pattern: tuple[int, int] = (9, 6), camera:
         raise GridError(f"a chessboard of {columns} x {rows} inner corners is too small; give at least 3 x 3")
     corners = _board_corners(gray, pattern)
     if corners is None:
-        raise GridError(
-            f"no chessboard with {columns} x {rows} inner corners was found; check the pattern and the picture"
-        )
+        raise GridError(f"no chessboard with {columns} x {rows} inner corners was found; check the pattern and the picture")
     reach = corner_reach(corners)
     stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-5)
     corners = cv2.cornerSubPix(gray, corners.astype(np.float32).reshape(-1, 1, 2), (reach, reach), (-1, -1), stop)

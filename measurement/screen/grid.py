@@ -45,9 +45,7 @@ class GridPoints:
         size = pitch if pitch is not None else self.pitch
         if size is None or not size > 0.0:
             raise GridError("the pitch of the grid must be a positive length")
-        return weighted_plane(
-            camera.undistort(self.px), np.asarray(self.indices * size, dtype=np.float64), self.sigma_px
-        )
+        return weighted_plane(camera.undistort(self.px), np.asarray(self.indices * size, dtype=np.float64), self.sigma_px)
 
 
 WORST_SHARE = 0.005
@@ -101,9 +99,7 @@ def find_grid(
     return counted_from(grid_points, seen_by, pitch, origin)
 
 
-def counted_from(
-    points: GridPoints, camera: Camera, pitch: float, origin: tuple[float, float] | None = None
-) -> GridPoints:
+def counted_from(points: GridPoints, camera: Camera, pitch: float, origin: tuple[float, float] | None = None) -> GridPoints:
     """Return the same points counted from the crossing nearest to a pixel, the picture's middle unless given."""
     middle = ((camera.width - 1) / 2, (camera.height - 1) / 2) if origin is None else origin
     # The origin need not be measured itself: dust on it must not move it to its neighbour.
@@ -145,9 +141,7 @@ def checked(px: Points, indices: NDArray[np.int64], sigma: Points, plane: setup.
     units = axes / np.linalg.norm(axes, axis=0)
     level = np.abs(units[0])
     if abs(level[0] - level[1]) < 0.15:
-        raise GridError(
-            "the grid is turned by about 45 degrees; turn the camera so that its lines lie level or upright"
-        )
+        raise GridError("the grid is turned by about 45 degrees; turn the camera so that its lines lie level or upright")
     right, up = (0, 1) if level[0] > level[1] else (1, 0)
     signs = (int(np.sign(units[0, right])), -int(np.sign(units[1, up])))  # y counts downwards in a picture
     turned = np.column_stack([indices[:, right] * signs[0], indices[:, up] * signs[1]])
@@ -252,9 +246,7 @@ def find_lines(gray: NDArray[np.uint8], camera: Camera) -> list[Line]:
     # A narrow blur does not reach across a wide line, and a wide one washes thin lines out: the narrowest that shows
     # nearly as much as any is taken.
     shown = [sum(line.strength for line in lines_of_try) for lines_of_try in tries]
-    lines = next(
-        lines_of_try for lines_of_try, strength in zip(tries, shown, strict=True) if strength >= 0.8 * max(shown)
-    )
+    lines = next(lines_of_try for lines_of_try, strength in zip(tries, shown, strict=True) if strength >= 0.8 * max(shown))
     if not lines:
         raise GridError("no grid was found: the picture shows no long dark lines (too blurred, too faint or not there)")
     return [
@@ -305,9 +297,9 @@ def _valleys(light: NDArray[np.float32], width: float) -> tuple[Points, Points, 
 def _local_noise(depth: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return the standard deviation of the noise around each pixel: in a shadow the logarithm makes it many times larger."""
     height, width = depth.shape
-    blocks = np.abs(
-        depth[: height // NOISE_BLOCK_PX * NOISE_BLOCK_PX, : width // NOISE_BLOCK_PX * NOISE_BLOCK_PX]
-    ).reshape(height // NOISE_BLOCK_PX, NOISE_BLOCK_PX, width // NOISE_BLOCK_PX, NOISE_BLOCK_PX)
+    blocks = np.abs(depth[: height // NOISE_BLOCK_PX * NOISE_BLOCK_PX, : width // NOISE_BLOCK_PX * NOISE_BLOCK_PX]).reshape(
+        height // NOISE_BLOCK_PX, NOISE_BLOCK_PX, width // NOISE_BLOCK_PX, NOISE_BLOCK_PX
+    )
     noise = robust.deviations(blocks, (1, 3)).astype(np.float32)
     return cv2.resize(noise, (width, height), interpolation=cv2.INTER_LINEAR)
 
@@ -585,9 +577,7 @@ def _check_between(mean: Points, shares: Points) -> None:
     half_way = mean[np.abs(np.abs(shares) - 0.5) < 0.06]
     between = np.min(half_way[np.isfinite(half_way)], initial=np.inf)
     if screen - between > 0.5 * (screen - own) > 0.0:
-        raise GridError(
-            "the lines can be counted in more than one way: there are lines between those that were counted"
-        )
+        raise GridError("the lines can be counted in more than one way: there are lines between those that were counted")
 
 
 def _centred_cut(cut: Points, shares: Points) -> Points:
@@ -595,9 +585,7 @@ def _centred_cut(cut: Points, shares: Points) -> Points:
     smooth = np.convolve(np.where(np.isfinite(cut), cut, np.inf), np.ones(7) / 7, mode="same")
     reach = np.abs(shares) < 0.15
     moved = int(np.flatnonzero(reach)[np.argmin(smooth[reach])] - len(shares) // 2)
-    return np.interp(np.arange(len(cut)) + moved, np.arange(len(cut)), cut, left=np.nan, right=np.nan) - np.nanmedian(
-        cut
-    )
+    return np.interp(np.arange(len(cut)) + moved, np.arange(len(cut)), cut, left=np.nan, right=np.nan) - np.nanmedian(cut)
 
 
 def _measure(
@@ -662,9 +650,7 @@ def count_lines(lines: list[Line], camera: Camera) -> setup.Plane:
     weights = np.array([float(line.support) for line in lines])
     free = np.ones(len(lines), dtype=bool)
     first, weight = _pencil(rows, middles, weights, free)
-    crossing = (
-        free & ~first & (np.abs(rows[:, :2] @ _mean_direction(rows[first], weights[first])) > np.sin(np.radians(20.0)))
-    )
+    crossing = free & ~first & (np.abs(rows[:, :2] @ _mean_direction(rows[first], weights[first])) > np.sin(np.radians(20.0)))
     second, other = _pencil(rows, middles, weights, crossing)
     if min(first.sum(), second.sum()) < 2 or first.sum() + second.sum() < 5:
         raise GridError(
@@ -697,9 +683,7 @@ def _mean_direction(rows: Points, weights: Points) -> Points:
     return np.array([-axes[0, 1], axes[0, 0]])
 
 
-def _pencil(
-    rows: Points, middles: Points, weights: Points, free: NDArray[np.bool_]
-) -> tuple[NDArray[np.bool_], Points]:
+def _pencil(rows: Points, middles: Points, weights: Points, free: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], Points]:
     """Return the heaviest set of free lines with a common vanishing point, and that point (homogeneous, norm 1)."""
     best, chosen = 0.0, np.zeros(len(rows), dtype=bool)
     candidates = np.flatnonzero(free)[:40]

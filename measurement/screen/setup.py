@@ -266,9 +266,7 @@ def _plane(table: Mapping[str, Any]) -> Plane:
     return Plane(residual=residual, **arrays)
 
 
-def magnification(
-    lamp: float, screen: float, lamp_error: float = 0.0, screen_error: float = 0.0
-) -> tuple[float, float]:
+def magnification(lamp: float, screen: float, lamp_error: float = 0.0, screen_error: float = 0.0) -> tuple[float, float]:
     """Return the magnification of a shadow and its standard error, from the distances in m, with errors, from the lamp to
     the object and from the object to the screen."""
     if not (lamp > 0.0 and screen >= 0.0 and lamp_error >= 0.0 and screen_error >= 0.0):
@@ -428,9 +426,7 @@ def _linearised_design(matrix: Points, start: Points, end: Points, weights: Poin
     return weighted.reshape(-1, 8), ((end - image) * weights[:, None]).ravel()
 
 
-def _inverted_homography(
-    inverse: Points, covariance: Points, from_metres: Points, from_px: Points
-) -> tuple[Points, Points]:
+def _inverted_homography(inverse: Points, covariance: Points, from_metres: Points, from_px: Points) -> tuple[Points, Points]:
     """Return the homography of norm 1 from px to m with its covariance (9, 9), from the scaled one the other way (8, 8)."""
     wide = np.zeros((9, 9))
     wide[:8, :8] = covariance
@@ -464,9 +460,7 @@ def plane_of_points(camera: Camera, px: Points, metres: Points) -> Plane:
     Z up. Raises `PlaneError` for too few, or points given twice, on one line, mirrored, or exchanged with each other."""
     seen, known = as_points(px), as_points(metres)
     if len(seen) < 4:
-        raise PlaneError(
-            f"{len(seen)} known points do not determine a plane; give at least 4, and 6 to see how well they fit"
-        )
+        raise PlaneError(f"{len(seen)} known points do not determine a plane; give at least 4, and 6 to see how well they fit")
     outside = ~np.all((seen >= -0.5) & (seen <= [camera.width - 0.5, camera.height - 0.5]), axis=1)
     if outside.any():
         raise PlaneError(f"the known point at {_name(seen[outside][0])} is outside the picture")
@@ -482,9 +476,7 @@ def plane_of_points(camera: Camera, px: Points, metres: Points) -> Plane:
     try:
         plane = Plane.fit(ideal, known, CLICK_ERROR_PX if len(seen) == 4 else None)
     except PlaneError:  # they lie on no line, as was seen above
-        raise PlaneError(
-            "the known points do not fit a plane; check for points that were exchanged or mistyped"
-        ) from None
+        raise PlaneError("the known points do not fit a plane; check for points that were exchanged or mistyped") from None
     below = np.column_stack([ideal, np.ones(len(ideal))]) @ plane.homography[2]
     missed = np.linalg.norm(plane.to_pixels(known) - ideal, axis=1)
     if np.ptp(np.sign(below)) > 0 or missed.max() > max(WORST_PX, WORST_SHARE * float(np.ptp(seen, axis=0).max())):
@@ -494,15 +486,11 @@ def plane_of_points(camera: Camera, px: Points, metres: Points) -> Plane:
             f"check for points that were exchanged or mistyped"
         )
     if np.linalg.det(plane.jacobian(ideal.mean(axis=0))[0]) > 0.0:
-        raise PlaneError(
-            "the known points are mirrored; X counts to the right and Z upwards, y in the picture downwards"
-        )
+        raise PlaneError("the known points are mirrored; X counts to the right and Z upwards, y in the picture downwards")
     return plane
 
 
-def plane_of_scale(
-    camera: Camera, scale: float, error: float = 0.0, origin: tuple[float, float] | None = None
-) -> Plane:
+def plane_of_scale(camera: Camera, scale: float, error: float = 0.0, origin: tuple[float, float] | None = None) -> Plane:
     """Return the plane of a camera that looks straight at it, at a scale with its error in pixels per metre; the pixel
     ``origin``, the middle of the picture unless given, is X = Z = 0. Raises `PlaneError` for no positive scale."""
     if not (0.0 < scale < np.inf and 0.0 <= error < scale):

@@ -400,9 +400,7 @@ def one_lamp(e: EdgeEvidence) -> Iterator[Doubt]:
             "reaches a part of it")  # fmt: skip
     share = float(np.mean(part < edge.MIN_PROFILE_DEPTH))
     if share > MOST_PART:
-        yield Doubt(
-            f"along {share:.0%} of the edge the light falls only part of the way: a second shadow or a reflection"
-        )
+        yield Doubt(f"along {share:.0%} of the edge the light falls only part of the way: a second shadow or a reflection")
 
 
 BLURRED_PATCH, PATCH_NOISES = 0.12, 8.0
@@ -494,9 +492,7 @@ def level(e: ZeroEvidence) -> Iterator[Doubt]:
         yield Doubt("the surface reaches beyond what seem to be the body's sides, so that its level cannot be checked")
     if bow.by_depth(e.traced.lift):
         return
-    bows = (
-        f"the undeformed surface bows up by {bow.rise * 1e6:.0f} um towards its middle, as the rim of a round body does"
-    )
+    bows = f"the undeformed surface bows up by {bow.rise * 1e6:.0f} um towards its middle, as the rim of a round body does"
     if e.traced.lift:
         yield Doubt(
             f"{bows} if the lamp is large: its penumbra widens with the body's depth",
@@ -530,8 +526,7 @@ def second_thing(e: OutlineEvidence) -> Iterator[Doubt]:
         rim = e.traced.rim
         rim = e.zero.place(rim[~e.traced.masked(e.traced.setup.to_pixels(rim))])
         far, out = (
-            (place[:, 1] > MIN_OBJECT_HEIGHT) & (sides.beyond(place[:, 0]) > MAX_DISTANCE_BESIDE)
-            for place in (e.placed, rim)
+            (place[:, 1] > MIN_OBJECT_HEIGHT) & (sides.beyond(place[:, 0]) > MAX_DISTANCE_BESIDE) for place in (e.placed, rim)
         )
         both = len(np.unique(np.sign(e.placed[far, 0] - sides.middle))) == 2
         balloon = both and len(e.pieces) == 1 and not out.any()  # wider than the body it stands on
@@ -674,9 +669,7 @@ def clear_top(e: OutlineEvidence) -> Iterator[Doubt]:
     error = e.error[e.above]
     own, usual = float(error[np.argmax(e.placed[e.above, 1])]), float(np.median(error))
     if own >= max(UNCLEAR_TOP * usual, MIN_END_DISTANCE):
-        yield Doubt(
-            f"the edge is unclear at its highest place: {own * 1e6:.0f} um there, {usual * 1e6:.0f} um elsewhere"
-        )
+        yield Doubt(f"the edge is unclear at its highest place: {own * 1e6:.0f} um there, {usual * 1e6:.0f} um elsewhere")
 
 
 @register_check(OutlineEvidence)
@@ -832,11 +825,7 @@ MAX_CROWN_CHANGE, MAX_CROWN_ERRORS = 0.06, 4.0
 def crown(e: RunEvidence) -> Iterator[Doubt]:
     """Is its top as round as those of the other photographs lead one to expect?"""
     odd = e.run.odd_crown
-    if (
-        odd is not None
-        and odd.number == e.number
-        and abs(odd.off) > max(MAX_CROWN_CHANGE, MAX_CROWN_ERRORS * odd.error)
-    ):
+    if odd is not None and odd.number == e.number and abs(odd.off) > max(MAX_CROWN_CHANGE, MAX_CROWN_ERRORS * odd.error):
         more = "more" if odd.off > 0.0 else "less"
         yield Doubt(
             f"its top is {abs(odd.off):.0%} {more} curved than expected from the other photographs: something smooth (a drop, "

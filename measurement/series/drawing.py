@@ -104,9 +104,7 @@ def draw_steps(path: Path, image: pictures.Pixels, traced: edge.Traced, outline:
     below.fill_between(outline.x * 1e3, 0.0, outline.z * 1e3, color="#d9e2ec")
     below.plot(outline.x * 1e3, np.where(outline.bridged, np.nan, outline.z) * 1e3, color="#2f6f9f", linewidth=2.0)
     if outline.bridged.any():
-        below.plot(
-            outline.x * 1e3, np.where(outline.bridged, outline.z, np.nan) * 1e3, ":", color="#9a6700", linewidth=2.0
-        )
+        below.plot(outline.x * 1e3, np.where(outline.bridged, outline.z, np.nan) * 1e3, ":", color="#9a6700", linewidth=2.0)
     below.axhline(0.0, color="#829ab1", linewidth=1.0)
     title = f"4. The outline, ± {np.median(outline.error) * 1e6:.1f} µm"
     below.set(aspect="equal", title=title, xlabel="along the surface in mm", ylabel="height in mm")
@@ -254,9 +252,7 @@ def write_overview(path: Path, results: Sequence[Result], folder: Path) -> None:
         ("steps.png", "The steps of one photograph"),
         ("animation.gif", "Animation"),
     )
-    pictures = [
-        pages.Picture(files.image_uri(folder / name), title) for name, title in titles if (folder / name).is_file()
-    ]
+    pictures = [pages.Picture(files.image_uri(folder / name), title) for name, title in titles if (folder / name).is_file()]
     edges = [(result.photograph.file.name, folder / "edges" / f"{result.name}.png") for result in results]
     photos = [pages.Picture(files.image_uri(file), name) for name, file in edges if file.is_file()]
     rows = [_overview_row(result) for result in results]
@@ -298,9 +294,7 @@ def _facts(outlines: Sequence[Outline]) -> list[pages.Fact]:
 def _overview_row(result: Result) -> tuple[str, list[str | pages.Cell]]:
     """Return a photograph's row of the table, and what it is."""
     photo, outcome = result.photograph, result.outcome
-    pressures = [
-        pages.Cell(f"{value / 1e3:.4f}", f"{value} Pa", value) for value in (photo.pressure, photo.pressure_error)
-    ]
+    pressures = [pages.Cell(f"{value / 1e3:.4f}", f"{value} Pa", value) for value in (photo.pressure, photo.pressure_error)]
     row: list[str | pages.Cell] = [photo.file.name, *pressures]
     if isinstance(outcome, Refusal):
         return "refused", [*row, "", "", _remark(outcome)]

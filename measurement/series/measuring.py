@@ -85,9 +85,7 @@ def _traced_edges(image: Pixels, setup: Setup, tone: str, anyway: bool) -> edge.
     return traced
 
 
-def find_zero(
-    file: Path, setup: Setup, tone: str = AUTO, raised: edge.Traced | None = None, anyway: bool = False
-) -> ZeroLine:
+def find_zero(file: Path, setup: Setup, tone: str = AUTO, raised: edge.Traced | None = None, anyway: bool = False) -> ZeroLine:
     """Return `zero_of` a file."""
     return zero_of(trace(file, setup, tone, anyway=anyway), raised)
 
@@ -304,9 +302,7 @@ def measured_beside(task: tuple[Any, ...]) -> Result:
     return _measure_one(*arguments)
 
 
-def _measure_one(
-    photo: Photograph, name: str, setup: Setup, zero: ZeroLine, tone: str, pictures: Path | None
-) -> Result:
+def _measure_one(photo: Photograph, name: str, setup: Setup, zero: ZeroLine, tone: str, pictures: Path | None) -> Result:
     image, traced, sample = None, None, None
     outcome: Outline | Refusal
     try:
@@ -391,9 +387,7 @@ class Measurement:
     def refused(self) -> dict[str, str]:
         """Photographs without an outline, and the reasons."""
         return {
-            result.photograph.file.name: result.outcome.reason
-            for result in self.results
-            if isinstance(result.outcome, Refusal)
+            result.photograph.file.name: result.outcome.reason for result in self.results if isinstance(result.outcome, Refusal)
         }
 
     def write(self, folder: Path) -> None:

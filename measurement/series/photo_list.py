@@ -85,9 +85,7 @@ class Column:
         if given < 0.0:
             raise ColumnError(f"the error {error!r} is negative")
         if is_length:
-            given = math.hypot(
-                self.density * units.STANDARD_GRAVITY * given, self.density_error / self.density * pressure
-            )
+            given = math.hypot(self.density * units.STANDARD_GRAVITY * given, self.density_error / self.density * pressure)
         return pressure, given
 
     def read_tubes(self, left: str, right: str, error: str = "") -> tuple[float, float]:
@@ -127,9 +125,7 @@ def _length_or_pressure(text: str) -> tuple[float, bool]:
         try:
             return units.quantity(text, "Pa"), False
         except units.UnitError:
-            raise ColumnError(
-                f"{units.brief(text.strip())} is neither a column of water nor a pressure; {FORMS}"
-            ) from None
+            raise ColumnError(f"{units.brief(text.strip())} is neither a column of water nor a pressure; {FORMS}") from None
 
 
 KNOWN_COLUMNS = ("file", "pressure", "left", "right", "error", "hold", "rise", "use")
@@ -200,9 +196,7 @@ def read_photos(path: Path, column: Column | None = None) -> list[Photograph]:
     lines = [(number, line) for number, line in enumerate(_text(path).splitlines(), 1) if line.strip(" \t;,")]
     plain = [(number, line) for number, line in lines if not line.lstrip().startswith("#")]
     if not plain:
-        raise PhotoListError(
-            f"the list of photographs {path} is empty; its first line must be file,pressure or the like"
-        )
+        raise PhotoListError(f"the list of photographs {path} is empty; its first line must be file,pressure or the like")
     separator = next((mark for mark in ";\t" if mark in plain[0][1]), ",")
     _check_comments(path, [row for row in lines if row not in plain], separator)
     try:
@@ -528,9 +522,7 @@ def copies(outlines: Mapping[int, Outline], samples: Mapping[int, pictures.Pixel
         if i > j:
             continue
         # Those that show something else are surely no further copies, and the nearest in time share the most.
-        rest = sorted(
-            (k for k in usable if k not in (i, j)), key=lambda k: ((i, k) in near or (j, k) in near, abs(k - i))
-        )
+        rest = sorted((k for k in usable if k not in (i, j)), key=lambda k: ((i, k) in near or (j, k) in near, abs(k - i)))
         if is_copy(kept(i), kept(j), [kept(k) for k in rest[:MOST_OTHERS]]):
             first, second = outlines[i], outlines[j]
             if first.pressure != second.pressure:
@@ -555,10 +547,7 @@ def _same_outline(outline: Outline, two: Outline) -> bool:
     inside = (outline.x >= left) & (outline.x <= right)
     if inside.sum() < 10:
         return False
-    return (
-        float(np.median(np.abs(outline.z[inside] - np.interp(outline.x[inside], two.x, two.z))))
-        <= SAME_OUTLINE_TOLERANCE
-    )
+    return float(np.median(np.abs(outline.z[inside] - np.interp(outline.x[inside], two.x, two.z)))) <= SAME_OUTLINE_TOLERANCE
 
 
 def _unchanged_places(samples: Sequence[Sample]) -> npt.NDArray[np.bool_]:

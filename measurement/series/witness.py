@@ -62,9 +62,7 @@ class Run:
     def later_in_hold(self) -> Mask:
         """Photographs that are not the first of their hold: the silicone has crept since, at the same pressure."""
         began = [outline.history[: reached(outline.history) + 1] for outline in self.outlines.values()]
-        return np.array(
-            [bool(photograph) and photograph in began[:k] for k, photograph in enumerate(began)], dtype=bool
-        )
+        return np.array([bool(photograph) and photograph in began[:k] for k, photograph in enumerate(began)], dtype=bool)
 
     @property
     def course(self) -> Course:
@@ -101,9 +99,7 @@ class Run:
     def odd_crown(self) -> OddCrown | None:
         """The outline whose top is curved least like those of the others; None where these are too few to tell."""
         raised = {
-            k: o
-            for k, o in self.outlines.items()
-            if o.height > MIN_HEIGHT_RATIO * zero.ON_SURFACE and len(o.measured().x)
+            k: o for k, o in self.outlines.items() if o.height > MIN_HEIGHT_RATIO * zero.ON_SURFACE and len(o.measured().x)
         }
         crowns = {k: crown for k, o in raised.items() if (crown := crown_of(o.measured())) is not None}
         return OddCrown.of(np.array([self.outlines[k].height for k in crowns]), crowns)
@@ -571,11 +567,7 @@ def crown_of(outline: Outline) -> tuple[float, float] | None:
         return None
     bend = -2.0 * float(np.polynomial.Polynomial.fit(x[top], z[top], 2).convert().coef[-1])
     # Neighbours err together over a span of points, and the parabola is as deep as the part of the height.
-    own = (
-        float(np.median(error[top]))
-        / np.sqrt(float(top.sum()) / edge.SMOOTHING_POINTS)
-        / (CROWN_SHARE * outline.height)
-    )
+    own = float(np.median(error[top])) / np.sqrt(float(top.sum()) / edge.SMOOTHING_POINTS) / (CROWN_SHARE * outline.height)
     value = bend * half**2 / outline.height
     return value, 3.0 * own * abs(value)
 

@@ -59,9 +59,7 @@ class Run(cards.ResultCard):
         branch: The branch that leaves the path at its first bifurcation, where that was asked for and there is one; else None.
     """
 
-    def __init__(
-        self, source: StoredStates, ended: outcomes.Ended, comm: MPI.Comm | None = None, branch: Run | None = None
-    ):
+    def __init__(self, source: StoredStates, ended: outcomes.Ended, comm: MPI.Comm | None = None, branch: Run | None = None):
         self.case, self.branch = source.case, branch
         self._source, self._ended, self._comm = source, ended, comm
         self._solved: dict[tuple[str, float], SolvedState] = {}
@@ -206,9 +204,7 @@ class Run(cards.ResultCard):
         """
         quantity, wanted = self._asked(value)
         there = self._array(VARIABLES.get(quantity, self.case.variable))
-        near = np.flatnonzero(
-            np.abs(there - wanted) <= SAME_VALUE_TOLERANCE * np.abs(there).max(initial=abs(wanted))
-        ).tolist()
+        near = np.flatnonzero(np.abs(there - wanted) <= SAME_VALUE_TOLERANCE * np.abs(there).max(initial=abs(wanted))).tolist()
         if near:
             asked = [k for k in near if self.table[k]["requested"]]
             return self[asked[0] if asked else near[0]]
@@ -254,9 +250,7 @@ class Run(cards.ResultCard):
         if own == "step":
             raise CaseError("states of a program are requested by step number, such as run.at(2)")
         if own not in VARIABLES:
-            raise CaseError(
-                f"the states of a run to {self.case.load.requested.words} are requested by a number in SI units"
-            )
+            raise CaseError(f"the states of a run to {self.case.load.requested.words} are requested by a number in SI units")
         quantity, wanted = case.one_value(value, self.case.cm)
         return ("stroke" if quantity == "volume" and own == "stroke" else quantity), wanted
 
@@ -311,9 +305,7 @@ class Run(cards.ResultCard):
         for name in wanted:
             if name not in known:
                 more = f", and those that a run is asked for, as by fields=[{name!r}]" if name in requestable() else ""
-                raise CaseError(
-                    f"the run has no field {units.brief(name)}; {errors.known_are(name, sorted(known), more)}"
-                )
+                raise CaseError(f"the run has no field {units.brief(name)}; {errors.known_are(name, sorted(known), more)}")
         columns = {name: ("step", values, self._texts(name)) for name, values in self.path.items()}
         places: dict[str, object] = {"step": columns.pop("step"), "pressure": columns.pop("pressure_Pa")}
         nodal = {}
@@ -422,9 +414,7 @@ class Run(cards.ResultCard):
             figure = (
                 curves.steps(self.table, words)
                 if self.case.program
-                else curves.rise(
-                    self.table, words.gauge, self.case.cm, None, curves.over_of(self.case), self._source.sources
-                )
+                else curves.rise(self.table, words.gauge, self.case.cm, None, curves.over_of(self.case), self._source.sources)
             )
 
         def png() -> bytes:
@@ -782,9 +772,7 @@ class SolvedState(cards.ResultCard):
         # Copies, because VTK writes into its inputs and users may change a grid.
         grid = pyvista.UnstructuredGrid({formats.CELL_TYPES[self.cell_name]: self.cells.copy()}, self.points.copy())
         for name, values in self.fields.items():
-            grid.point_data[name] = (
-                values.reshape(-1, formats.TENSOR_COMPONENTS).copy() if values.ndim == 3 else values.copy()
-            )
+            grid.point_data[name] = values.reshape(-1, formats.TENSOR_COMPONENTS).copy() if values.ndim == 3 else values.copy()
         return grid
 
     @checked
@@ -879,8 +867,7 @@ def _between(
     fields, comm, (quantity, wanted) = simulation.fields, simulation.comm, asked
     passed = np.flatnonzero(source.rows["bifurcation"][: ends[0]]).tolist()
     *points, after = (
-        recording.stored_point(source, fields, comm, step, source.restart(step), step in passed)
-        for step in (*passed, *ends)
+        recording.stored_point(source, fields, comm, step, source.restart(step), step in passed) for step in (*passed, *ends)
     )
     followed = source.case.quantity if quantity in source.rows.columns else quantity
     path = Continuation(simulation.solver, simulation.quantity(followed), start=simulation.model.path_start())

@@ -51,9 +51,7 @@ type Drawing = Figure | Picture.Image | None
 
 def picture(result: object) -> bytes:
     """Return a result's picture as WebP, small enough for a notebook; empty if it has none."""
-    large = matplotlib.rc_context(
-        {"font.size": 20, "axes.titlesize": 20, "legend.fontsize": 17, "lines.linewidth": 3.0}
-    )
+    large = matplotlib.rc_context({"font.size": 20, "axes.titlesize": 20, "legend.fontsize": 17, "lines.linewidth": 3.0})
     with matplotlib.rc_context(STYLE), large:  # letters for pictures that are three times as wide
         figure = _figure(result)
         if figure is None:

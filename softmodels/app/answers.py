@@ -134,9 +134,7 @@ def linear(folder: str, pressure: float) -> replies.LinearAnswer:
     design, adjoint = solved.adjoint
     adjoint.prepare(state)
     device = solved.source.case.actuator
-    velocities = design.motion.boundary_velocities(
-        [name for name in device.movable if actuator.is_length(device, name)]
-    )
+    velocities = design.motion.boundary_velocities([name for name in device.movable if actuator.is_length(device, name)])
     asked: dict[str, tuple[quantities.DesignQuantity, float]] = {
         f"{probe}_mm": (quantities.Rise(at=pressure, of=probe), 1e3) for probe in device.probes
     }

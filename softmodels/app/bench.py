@@ -131,9 +131,7 @@ class Project:
         would be invalid, or what its file holds would be lost. OSError if it cannot be written."""
         self._check_file()
         if self.case_error:
-            raise CaseError(
-                f"{CASE} cannot be used ({self.case_error}); correct it under The whole case, or set it aside"
-            )
+            raise CaseError(f"{CASE} cannot be used ({self.case_error}); correct it under The whole case, or set it aside")
         self._take(changed := dataclasses.replace(self.case, **fields), changed.to_toml())  # type: ignore[arg-type]
 
     def change_text(self, text: str) -> None:
@@ -305,9 +303,7 @@ class Photographs:
 
     def write_list(self) -> None:
         """Write ``photos.csv`` of the photographs with a pressure, with all columns that their rows have."""
-        rows = [
-            {**shadow.row, "file": f"{PHOTOGRAPHS}/{shadow.file.name}"} for shadow in self.shadows if shadow.pressure
-        ]
+        rows = [{**shadow.row, "file": f"{PHOTOGRAPHS}/{shadow.file.name}"} for shadow in self.shadows if shadow.pressure]
         text = io.StringIO()
         names = ("file", "pressure", *(name for name in COLUMNS[1:] if any(row[name] for row in rows)))
         table = csv.DictWriter(text, names, extrasaction="ignore", lineterminator="\n")

@@ -90,9 +90,7 @@ class DevicePage(forms.TabPage):
         products = ui.select([*own, *sorted(silicones.PRODUCTS)], value=value, label="Silicone", with_input=True)
         forms.tagged(products, "silicone").on_value_change(
             lambda event: (
-                self._take(material=silicones.silicone(event.value), band=None)
-                if event.value in silicones.PRODUCTS
-                else None
+                self._take(material=silicones.silicone(event.value), band=None) if event.value in silicones.PRODUCTS else None
             )
         )
         values = case.load.of(steps.PRESSURE)
@@ -100,12 +98,8 @@ class DevicePage(forms.TabPage):
         box = forms.tagged(ui.input("Pressures", value=text), "pressures")
         box.tooltip(f"such as 0:60 cm ({units.column_unit(case.cm)}), or 0:6 kPa")
         box.on("change", lambda _: self._take_pressures(str(box.value)))
-        liquid = forms.tagged(
-            ui.input("Liquid of the column", value=units.exact_text(case.water_density, "kg/m^3")), "liquid"
-        )
-        liquid.tooltip(
-            f"Its density: centimetres here and on the photographs are of it. 970 kg/m^3 is {units.DENSITY_NOTE}"
-        )
+        liquid = forms.tagged(ui.input("Liquid of the column", value=units.exact_text(case.water_density, "kg/m^3")), "liquid")
+        liquid.tooltip(f"Its density: centimetres here and on the photographs are of it. 970 kg/m^3 is {units.DENSITY_NOTE}")
         liquid.on("change", lambda _: self._take_liquid(str(liquid.value)))
 
     def _take_device(self, name: str) -> None:
@@ -348,9 +342,7 @@ class DevicePage(forms.TabPage):
     def _whole_case(self) -> None:
         """Add the case's file as text, for what has no control: components, regions, programs of loads."""
         with forms.tagged(ui.expansion("The whole case"), "whole-case"):
-            ui.label(f"All that {bench.CASE} can say, components too; the documentation has its tables").classes(
-                "text-sm"
-            )
+            ui.label(f"All that {bench.CASE} can say, components too; the documentation has its tables").classes("text-sm")
             looks = 'outlined input-class="case-text" input-style="min-height: 18rem"'
             self.case_text = forms.tagged(ui.textarea(label=bench.CASE), "case-text", "w-full font-mono", looks)
             self.case_why = forms.tagged(ui.label(), "case-why", "text-negative", "")

@@ -96,9 +96,7 @@ class TabPage:
         except ERRORS as error:
             self.say(f"{about}{errors.reason(error)}")
 
-    def upload_box(
-        self, label: str, kind: bench.FileKind, endings: str, name: str, take: Callable[..., object]
-    ) -> ui.upload:
+    def upload_box(self, label: str, kind: bench.FileKind, endings: str, name: str, take: Callable[..., object]) -> ui.upload:
         """Add a place to drop files in the current place of the page, with a name for tests and those who do not see it. The
         browser offers the endings and rejects other kinds; ``take`` takes the event with the files.
 
@@ -304,11 +302,7 @@ def default_of(device: Actuator, name: str) -> object:
 
 def changed_fields(device: Actuator) -> Mapping[str, object]:
     """Return the fields of a device that are not at their default."""
-    return {
-        name: getattr(device, name)
-        for name in schema.about(device)
-        if getattr(device, name) != default_of(device, name)
-    }
+    return {name: getattr(device, name) for name in schema.about(device) if getattr(device, name) != default_of(device, name)}
 
 
 def with_field(device: Actuator, name: str, value: object) -> Actuator:

@@ -166,9 +166,7 @@ class Jobs:
                     )  # fmt: skip
             except (OSError, ValueError) as error:  # a FieldError, or a text that is no path
                 with contextlib.suppress(OSError):  # a full disk has no room for it either
-                    self._log(job).write_text(
-                        f"the command could not be started ({errors.reason(error)})\n", encoding="utf-8"
-                    )
+                    self._log(job).write_text(f"the command could not be started ({errors.reason(error)})\n", encoding="utf-8")
                 return self._set(job, FAILED)
             self._processes[job.number] = process
             status = await process.wait()
@@ -267,9 +265,7 @@ def check_command(words: list[str], project: Path) -> None:
             value = next(rest, "")
         for file in (value, value.rpartition(":")[0]):  # a curve has its test behind a colon
             if not (project / file).resolve().is_relative_to(project.resolve()):
-                raise errors.FieldError(
-                    f"{value} lies outside of the project's folder, which the page's commands do not leave"
-                )
+                raise errors.FieldError(f"{value} lies outside of the project's folder, which the page's commands do not leave")
 
 
 KEY_BYTES = 32

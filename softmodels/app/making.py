@@ -53,9 +53,7 @@ class MaterialPage(forms.TabPage):
                 self.laws = forms.tagged(laws, "laws", props="dense use-chips")
                 self.fixed = forms.tagged(ui.input("Fixed parameters", placeholder="c3=0, leak=0"), "fixed")
                 self.poisson = forms.tagged(ui.input("Poisson's ratio", value=f"{DEFAULT_POISSON_RATIO:g}"), "poisson")
-                products = ui.select(
-                    ["any", *sorted(silicones.PRODUCTS)], value="any", label="Cast from", with_input=True
-                )
+                products = ui.select(["any", *sorted(silicones.PRODUCTS)], value="any", label="Cast from", with_input=True)
                 self.product = forms.tagged(products, "product")
             with ui.column().classes("w-full min-w-0"):
                 self.message = forms.tagged(ui.label(), "material-message", "text-negative", "")
@@ -113,9 +111,7 @@ class MaterialPage(forms.TabPage):
             with ui.grid(columns="auto auto auto").classes("gap-x-6 gap-y-0"):
                 for parameter in law["parameters"]:
                     ends, unit = parameter["interval_95"], parameter["unit"]
-                    value, *between = (
-                        units.readable(float(f"{end:.4g}"), unit) for end in (parameter["value"], *(ends or ()))
-                    )
+                    value, *between = (units.readable(float(f"{end:.4g}"), unit) for end in (parameter["value"], *(ends or ())))
                     about = "fixed" if parameter["fixed"] else f"95 %: {' to '.join(between)}" if between else ""
                     ui.label(parameter["name"].replace("_", " ")).classes("quiet")
                     ui.label(value).props(f'data-name="fitted-{parameter["name"]}"')
@@ -155,9 +151,7 @@ class MouldPage(forms.TabPage):
                     default = getattr(settings.Workshop, name)
                     text = schema.shown(default, field.kind.unit) if isinstance(default, float) else str(default)
                     box = ui.input(name.replace("_", " "), placeholder="" if default is None else text)
-                    self.settings[name] = forms.tagged(box, f"mould-{name}", props="dense stack-label").tooltip(
-                        field.help
-                    )
+                    self.settings[name] = forms.tagged(box, f"mould-{name}", props="dense stack-label").tooltip(field.help)
                 ui.label("Files").classes("font-bold")
                 self.files = forms.tagged(ui.column(), "mould-files", "gap-1", "")
             with ui.column().classes("w-full min-w-0"):

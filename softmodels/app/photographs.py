@@ -51,9 +51,7 @@ class PhotographsPage(forms.TabPage):
                 image = ui.interactive_image(
                     on_mouse=self._mouse, events=["pointerdown", "pointermove", "pointerup"], sanitize=False
                 )
-                self.image = forms.tagged(
-                    image, "photograph", "w-full photograph", 'aria-label="the photograph with its edge"'
-                )
+                self.image = forms.tagged(image, "photograph", "w-full photograph", 'aria-label="the photograph with its edge"')
                 self.image.set_visibility(False)  # until there is one
                 self._controls()
                 self.about = forms.tagged(ui.label(), "about-photograph", "", "")
@@ -138,9 +136,7 @@ class PhotographsPage(forms.TabPage):
                     ).classes("grow truncate")
                     box = ui.input(value=photograph.pressure, placeholder="12.5 cm").props("dense").classes("w-24")
                     box.props(f'aria-label="pressure of {_attribute(name)}"')
-                    box.on(
-                        "change", lambda _, photograph=photograph, box=box: self._pressure(photograph, str(box.value))
-                    )
+                    box.on("change", lambda _, photograph=photograph, box=box: self._pressure(photograph, str(box.value)))
                     icon = ui.icon("hourglass_empty")
                     with icon:
                         tooltip = ui.tooltip("")
@@ -343,9 +339,7 @@ class PhotographsPage(forms.TabPage):
         corners = self.handles.corners
         if event.type == "pointerdown":
             near = min(corners, key=lambda corner: math.dist((x, y), corners[corner]), default=None)
-            self.held = (
-                near if near is not None and math.dist((x, y), corners[near]) < HANDLE_REACH_PX * self.scale else None
-            )
+            self.held = near if near is not None and math.dist((x, y), corners[near]) < HANDLE_REACH_PX * self.scale else None
         elif self.held is not None:
             self.handles.drag(self.held, x, y)
             self._draw()
@@ -389,9 +383,7 @@ def _mark(photograph: ListedPhotograph) -> tuple[str, str]:
 def picture_of(preview: replies.Preview) -> tuple[str, float]:
     """Return a preview as a source for the page, and how many pixels of the photograph one of it spans."""
     longest = max(preview.width, preview.height)
-    return "data:image/jpeg;base64," + base64.b64encode(preview.jpeg).decode(), longest / min(
-        replies.PREVIEW_SIDE_PX, longest
-    )
+    return "data:image/jpeg;base64," + base64.b64encode(preview.jpeg).decode(), longest / min(replies.PREVIEW_SIDE_PX, longest)
 
 
 def points_text(px: Array, scale: float) -> str:

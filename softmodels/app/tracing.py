@@ -67,9 +67,7 @@ def trace(file: str, setup: str, pressure: float, tone: str, anyway: bool) -> re
             outline.reasons,
             OutlineEvidence(traced, line).error,
         )
-    seen = (
-        BAND_WIDTH_PX * max(1.0, max(known.camera.width, known.camera.height) / replies.PREVIEW_SIDE_PX) * traced.scale
-    )
+    seen = BAND_WIDTH_PX * max(1.0, max(known.camera.width, known.camera.height) / replies.PREVIEW_SIDE_PX) * traced.scale
     usual = float(np.median(errors[~traced.line.bridged]))
     enlarged = next((times for times in ENLARGEMENTS if times * usual >= seen), ENLARGEMENTS[-1])
     wide = enlarged * errors[:, None] * traced.normals

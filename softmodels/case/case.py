@@ -191,9 +191,7 @@ def _written[V](entry: Entry[V]) -> dict[str, object]:
 
 
 def _value[V](table: str, kind: schema.Kind, text: str, default: V, **more: Unpack[_Shown]) -> V:
-    return dataclasses.field(
-        default=default, metadata=_written(Value(table, schema.About(kind, text), default, **more))
-    )
+    return dataclasses.field(default=default, metadata=_written(Value(table, schema.About(kind, text), default, **more)))
 
 
 @checked
@@ -334,9 +332,7 @@ class Case:
             )
         weighing = next((part.density for part in self.components if isinstance(part, Gravity)), None)
         if weighing == 0.0:
-            raise CaseError(
-                "--inertia needs a mass, but the silicone's density is 0; leave out --gravity-density, or raise it"
-            )
+            raise CaseError("--inertia needs a mass, but the silicone's density is 0; leave out --gravity-density, or raise it")
         if resting := next((part.where for part in self.components if part.lifted and part.weighs), ""):
             raise CaseError(
                 f"{resting} rests on the device, and --inertia knows no mass that may leave it; leave out the mass, or bond it "
@@ -462,9 +458,7 @@ def with_changes(table: Tables, changes: Iterable[str]) -> Tables:
         name, equals, value = text.partition("=")
         path = name.strip().split(".")
         if not (equals and value.strip() and all(path)):
-            raise CaseError(
-                f"--set {text!r} is no change; write a field and its value, such as load.pressure='0:5 kPa'"
-            )
+            raise CaseError(f"--set {text!r} is no change; write a field and its value, such as load.pressure='0:5 kPa'")
         inner = made
         for key in path[:-1]:
             nested = inner.get(key, {})
@@ -495,9 +489,7 @@ def _check_case_file(path: Path) -> None:
             f"--file {path} --cavities 'at 10, 0, 4 mm' --support 'x = 0 mm' --pressure-cm 0:10"
         )
     if path.is_dir() and (path / "case.toml").is_file():
-        raise CaseError(
-            f"case file {path} cannot be read (it is a results folder; its case file is {path / 'case.toml'})"
-        )
+        raise CaseError(f"case file {path} cannot be read (it is a results folder; its case file is {path / 'case.toml'})")
     if not path.exists():
         near = errors.near_paths(path) or "; softmodels examples writes some to begin with"
         raise CaseError(f"case file {path} cannot be read (No such file or directory{near})")
@@ -723,11 +715,7 @@ def case_of(
     try:
         density = schema.Quantity("kg/m^3").settled("water_density", options.get("water_density", units.WATER_DENSITY))
         cm = units.pascal_per_cm(density)
-        made = [
-            prescribed(quantity, values, cm, times is not None)
-            for quantity, values in asked.items()
-            if values is not None
-        ]
+        made = [prescribed(quantity, values, cm, times is not None) for quantity, values in asked.items() if values is not None]
         steps = tuple(Step((driver,)) for driver in made)
         if times is not None:
             steps = at_times(made, times, options.get("supply"), valve)

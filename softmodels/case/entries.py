@@ -290,9 +290,7 @@ class Probes:
         """Return the values by column, from undeformed places and displacements by name in m, the direction of the device's
         lift, and the normals of the faces of `turning` by name: undeformed, and turned by the face's mean rotation."""
         now = {name: np.asarray(rest[name]) + moved[name] for name in rest}
-        figures = {
-            f"{name}_{axis}_mm": float(now[name][i]) * 1e3 for name, _ in self.points for i, axis in enumerate("xyz")
-        }
+        figures = {f"{name}_{axis}_mm": float(now[name][i]) * 1e3 for name, _ in self.points for i, axis in enumerate("xyz")}
         wanted = self.places
         figures |= {column: 1e3 * math.dist(rest[name], wanted[name]) for name, column in self.off_columns.items()}
         for name, lines in self.angles:
@@ -352,9 +350,7 @@ def _face_text(value: object) -> re.Match[str] | None:
 def _lines(name: str, value: object) -> tuple[Line, ...]:
     texts = [value] if isinstance(value, str) else value
     if not isinstance(texts, list) or not 1 <= len(texts) <= 2 or not all(isinstance(text, str) for text in texts):
-        raise ProbeError(
-            f"angle {name} is {value!r}; write 'face x = 70 mm', 'base to tip', or two such lines in a list"
-        )
+        raise ProbeError(f"angle {name} is {value!r}; write 'face x = 70 mm', 'base to tip', or two such lines in a list")
     matches = [re.fullmatch(rf"\s*({NAME})\s+to\s+({NAME})\s*", text) for text in texts]
     if not all(matches):
         raise ProbeError(
@@ -514,9 +510,7 @@ def _unit_at_the_end(separator: str, parts: list[object]) -> str:
 def _too_much(values: Sequence[str], unit: str) -> str:
     """Return the end of a sentence on pressures too high for silicone; else empty."""
     try:
-        highest = max(map(units.number, values)) * (
-            units.pascal_per_cm() if unit == "cm" else factor_of(unit, "Pa") or 0.0
-        )
+        highest = max(map(units.number, values)) * (units.pascal_per_cm() if unit == "cm" else factor_of(unit, "Pa") or 0.0)
     except units.UnitError:
         return ""
     if highest <= MAX_PRESSURE:

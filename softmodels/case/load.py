@@ -176,9 +176,7 @@ class Load:
             self._check_driven(self.driven)
         held = asked is not None and (asked.held or asked.quantity == STROKE)
         if case.load_unload and (asked is None or held):
-            raise CaseError(
-                "--load-unload needs a pressure or a force to raise and lower; add --pressure-cm or --force-N"
-            )
+            raise CaseError("--load-unload needs a pressure or a force to raise and lower; add --pressure-cm or --force-N")
         if case.load_unload and (rubs := self._remembering):
             raise CaseError(
                 f"--load-unload reads one equilibrium curve, but with the friction of {rubs} the states depend "
@@ -286,9 +284,7 @@ class Load:
         drivers = courses(self.steps)
         cavities = [driver.of for driver in drivers if driver.of_cavity]
         if cavities and sorted(cavities) != sorted(f"cavity{i + 1}" for i in range(count)):
-            raise CaseError(
-                f"[load] has series for {len(cavities)} cavities, but the device has {count}; give one for each"
-            )
+            raise CaseError(f"[load] has series for {len(cavities)} cavities, but the device has {count}; give one for each")
         for driver in drivers:
             if driver.of_load and driver.of not in known:
                 table, _, name = driver.of.partition(".")
@@ -503,9 +499,7 @@ def _in_steps(series: Sequence[Prescribed], ends: Sequence[float] | None) -> Ste
             f"{name} has {length} values but another series has {count}; give one for each step, or a single constant one"
         )
     if ends is not None and (ends[0] < 0.0 or (np.diff(ends) < 0.0).any()):
-        raise StepError(
-            f"{TIME_KEY} {units.brief(list(ends))} runs backwards; give times from 0 on, none before the last one"
-        )
+        raise StepError(f"{TIME_KEY} {units.brief(list(ends))} runs backwards; give times from 0 on, none before the last one")
     rows = zip(*(driver.values * (count if len(driver.values) == 1 else 1) for driver in series), strict=True)
     made = [tuple(Prescribed(p.quantity, (v,), p.of) for p, v in zip(series, row, strict=True)) for row in rows]
     durations = [None] * count if ends is None else durations_of(ends)
@@ -764,9 +758,7 @@ class StepsEntry(Entry[Steps]):
 
     def arguments(self, field: str) -> dict[str, str]:
         texts = {"pressure_cm": "pressures", PRESSURE: "pressures", "volume_ml": "volumes", STROKE_KEY: "strokes"}
-        dead = {
-            OPTIONS.get(key, key): f"{field}=steps_of({key}=...)" for key in (*load_keys(), "on", f"{PRELOAD}_{CM}")
-        }
+        dead = {OPTIONS.get(key, key): f"{field}=steps_of({key}=...)" for key in (*load_keys(), "on", f"{PRELOAD}_{CM}")}
         return {**texts, **dead}
 
     def take(self, options: MutableMapping[str, object]) -> Steps | entries.Missing:
@@ -846,13 +838,9 @@ def load_part(asked: Prescribed, components: Sequence[Component]) -> controls.Lo
     if len(named) == 1:
         return named[0]
     if not loads:
-        raise errors.FieldError(
-            f"{of.words} are requested ({key}), but the device has no [{table}]; add one (--{table})"
-        )
+        raise errors.FieldError(f"{of.words} are requested ({key}), but the device has no [{table}]; add one (--{table})")
     names = ", ".join(part.name or "without a name" for part in loads)
-    raise errors.FieldError(
-        f'{key} refers to one {table}, but the case has {names}; choose one (on = "{loads[0].name}")'
-    )
+    raise errors.FieldError(f'{key} refers to one {table}, but the case has {names}; choose one (on = "{loads[0].name}")')
 
 
 class Loaded(Protocol):
@@ -900,9 +888,7 @@ def _driving(step: Step, case: Loaded) -> Step:
     drivers: list[Prescribed] = []
     for driver in step.prescribed:
         if len(driver.values) != 1:
-            raise CaseError(
-                f"{driver.name} has {len(driver.values)} values in one of several steps; give one value in each"
-            )
+            raise CaseError(f"{driver.name} has {len(driver.values)} values in one of several steps; give one value in each")
         if driver.named:
             drivers.append(driver)
         elif driver.of_load:

@@ -111,9 +111,7 @@ def _with_numbers(text: str) -> tuple[str, dict[str, object]]:
 def _from_file(file: object, changes: Mapping[str, object]) -> Material:
     """Return the material of a TOML file, such as ``fitted.toml``, optionally with another Poisson's ratio."""
     if not isinstance(file, str) or not file:
-        raise MaterialError(
-            f"material file {file!r} is not a file name; write it like file = 'results/fit/fitted.toml'"
-        )
+        raise MaterialError(f"material file {file!r} is not a file name; write it like file = 'results/fit/fitted.toml'")
     if mixed := _mixed(changes):
         raise MaterialError(
             f"material file {file}: it already defines the law and its parameters; delete {' and '.join(mixed)}, "
@@ -226,9 +224,7 @@ def _range(law: str, value: object) -> tuple[float, float] | None:
     if value is None:
         return None
     if not isinstance(value, list | tuple) or len(value) != 2 or not all(isinstance(v, int | float) for v in value):
-        raise MaterialError(
-            f"{law}: {FITTED} = {value!r} is not a range of stretch; write it like {FITTED} = [1.02, 3.0]"
-        )
+        raise MaterialError(f"{law}: {FITTED} = {value!r} is not a range of stretch; write it like {FITTED} = [1.02, 3.0]")
     return float(value[0]), float(value[1])
 
 
@@ -336,8 +332,7 @@ class SourceBand:
             raise MaterialError(f"silicone {self.product!r} is unknown; known are {', '.join(silicones.PRODUCTS)}")
         if not silicones.spanning(self.product):
             raise MaterialError(
-                f"{self.product} has only one source, so no band over sources exists; leave out --band, "
-                "or fit your own cast"
+                f"{self.product} has only one source, so no band over sources exists; leave out --band, or fit your own cast"
             )
 
     @property
@@ -494,9 +489,7 @@ class Region(regions.RegionPart):
 
     def check(self) -> None:
         if not self.name:
-            raise ComponentError(
-                "[region] has no name; write it as [region.base], where base is a region of the device"
-            )
+            raise ComponentError("[region] has no name; write it as [region.base], where base is a region of the device")
         mu = self.material.shear_modulus_0
         if not MODULI[0] <= mu <= MODULI[1]:
             raise self.error(
@@ -579,9 +572,7 @@ class PartsEntry(Entry[Parts]):
         return tuple(dict.fromkeys(kind.table for kind in component.COMPONENTS.values()))
 
     def read(self, tables: entries.Tables) -> Parts | entries.Missing:
-        parts = [
-            part for kind in component.COMPONENTS.values() if kind.table in tables for part in _of_table(kind, tables)
-        ]
+        parts = [part for kind in component.COMPONENTS.values() if kind.table in tables for part in _of_table(kind, tables)]
         return tuple(parts) or entries.MISSING
 
     def write(self, value: Parts, text: schema.Text) -> entries.Written:
@@ -597,9 +588,7 @@ class PartsEntry(Entry[Parts]):
             for name, option in _options(kind).items():
                 field = schema.about(kind)[name]
                 default = None if defaults[name] is dataclasses.MISSING else defaults[name]
-                yield entries.Option(
-                    option, field, default, name.upper() if isinstance(field.kind, schema.Words) else None
-                )
+                yield entries.Option(option, field, default, name.upper() if isinstance(field.kind, schema.Words) else None)
 
     def arguments(self, field: str) -> dict[str, str]:
         return {option: f"{kind.__name__}.{name}" for kind in _optional() for name, option in _options(kind).items()}
@@ -665,15 +654,11 @@ def check_parts(components: Sequence[Component], actuator: Actuator) -> None:
     """Raise `ComponentError` for parts unsuitable for the device, or with duplicate names."""
     twice = [label for label, count in Counter(part.label for part in components).items() if count > 1]
     if twice:
-        raise ComponentError(
-            f"several parts are called {twice[0]}; give each its own name, which is used in its columns"
-        )
+        raise ComponentError(f"several parts are called {twice[0]}; give each its own name, which is used in its columns")
     gravity = component.gravity_of(components)
     for part in components:
         if part.weighs and not gravity.any():
-            raise ComponentError(
-                f"{part.where} has a mass, but gravity has no direction; add it ([gravity], --gravity -z)"
-            )
+            raise ComponentError(f"{part.where} has a mass, but gravity has no direction; add it ([gravity], --gravity -z)")
         part.check_under(gravity)
         part.check_on(actuator)
 

@@ -226,9 +226,7 @@ def merged(solids: Sequence[Solid], unify: bool = True) -> list[Solid]:
         gmsh.option.setNumber("Geometry.OCCUnionUnify", 1)
 
 
-def tooling(
-    device: actuator.Castable, recipe: actuator.Recipe, pour: actuator.Pour, workshop: settings.Workshop
-) -> Tooling:
+def tooling(device: actuator.Castable, recipe: actuator.Recipe, pour: actuator.Pour, workshop: settings.Workshop) -> Tooling:
     """Fill the current Gmsh model with the mould of one piece of a device; `MouldError` if it cannot be made so."""
     return _Maker(device, recipe, pour, workshop).tooling()
 
@@ -236,9 +234,7 @@ def tooling(
 class _Maker:
     """Makes the bodies of one piece's mould, step by step."""
 
-    def __init__(
-        self, device: actuator.Castable, recipe: actuator.Recipe, pour: actuator.Pour, workshop: settings.Workshop
-    ):
+    def __init__(self, device: actuator.Castable, recipe: actuator.Recipe, pour: actuator.Pour, workshop: settings.Workshop):
         self.pour, self.workshop, self.occ = pour, workshop, gmsh.model.occ
         device.build_whole()
         solids = gmsh.model.getEntities(3)
@@ -298,9 +294,7 @@ class _Maker:
         occ, workshop = self.occ, self.workshop
         wall, rim = MM_PER_M * workshop.wall, MM_PER_M * workshop.rim
         far = np.array([1.0, 1.0, 0.0]) * (self.high - self.low).max()
-        piece = _single_solid(
-            _copies_in_box([self.whole], self.low - far, self.high + far), f"the piece {self.pour.name!r}"
-        )
+        piece = _single_solid(_copies_in_box([self.whole], self.low - far, self.high + far), f"the piece {self.pour.name!r}")
         cut = [inlet.room for inlet in self.inlets]
         target = list(occ.cut([piece], cut, removeObject=False, removeTool=False)[0]) if cut else occ.copy([piece])
         occ.synchronize()
@@ -429,9 +423,7 @@ class _Maker:
             along = np.where(np.arange(3) == axis, end - begin, 0.0)
         else:
             (x, y), (X, Y) = begin[:2] + half, end[:2] - half
-            starts = [
-                np.array([*at, begin[2]]) for at in ((x, middle[1]), (X, middle[1]), (middle[0], y), (middle[0], Y))
-            ]
+            starts = [np.array([*at, begin[2]]) for at in ((x, middle[1]), (X, middle[1]), (middle[0], y), (middle[0], Y))]
             starts = [self._clear(start, radius) for start in starts]
             along = (end - begin) * UP
         return [(3, int(self.occ.addCylinder(*start, *along, radius))) for start in starts]
@@ -505,9 +497,7 @@ class _Maker:
             floor = _copies_in_box(cup, np.array([*self.low[:2], height]) - far * (1.0, 1.0, 0.0), self.high + far)
             self.occ.remove(cup, recursive=True)
             deep = height - self.level  # the sockets go through the frame, which may be thin
-            floor, frame = self._pinned(
-                floor, frame, height, min(MM_PER_M * self.workshop.pin_length, 0.8 * deep), deep
-            )
+            floor, frame = self._pinned(floor, frame, height, min(MM_PER_M * self.workshop.pin_length, 0.8 * deep), deep)
             self._add("floor", floor, UP)
             self._add("frame", frame, DOWN)
         elif pour.sideways is not None:
@@ -526,9 +516,7 @@ class _Maker:
         (high if way < 0 else low)[axis] = middle
         return low, high
 
-    def _doweled(
-        self, solids: list[Solid], other: list[Solid], axis: int, middle: float
-    ) -> tuple[list[Solid], list[Solid]]:
+    def _doweled(self, solids: list[Solid], other: list[Solid], axis: int, middle: float) -> tuple[list[Solid], list[Solid]]:
         """Put dowels between the two halves of a cup, two at the bottom and one at the top."""
         workshop, across = self.workshop, 1 - axis
         gap, root, length = (
@@ -673,9 +661,7 @@ def _cone(place: tuple[float, float], level: float, height: float, begin: float,
 
 def _single_solid(solids: list[Solid], what: str) -> Solid:
     if len(solids) != 1 or solids[0][0] != 3:
-        raise MeshingError(
-            f"the CAD kernel made {len(solids)} solids of {what} instead of one; change a length slightly"
-        )
+        raise MeshingError(f"the CAD kernel made {len(solids)} solids of {what} instead of one; change a length slightly")
     return solids[0]
 
 
@@ -703,9 +689,7 @@ def hole_places(
     are.
     """
     places, room = _places(_edge(cast, heights[0]), line)
-    needed = (
-        0.5 * MM_PER_M * workshop.least_gap if fewer else 0.5 * MM_PER_M * workshop.pour + MM_PER_M * workshop.least_gap
-    )
+    needed = 0.5 * MM_PER_M * workshop.least_gap if fewer else 0.5 * MM_PER_M * workshop.pour + MM_PER_M * workshop.least_gap
     best = float(room.max(initial=0.0))
     if best < needed and fewer:
         raise MouldError(
@@ -767,13 +751,9 @@ def _places(segments: Array, line: tuple[int, float] | None = None) -> tuple[Arr
     # A ray along x crosses the edge an odd number of times; beside the place, as an edge ends at its own height.
     for k, (px, py) in enumerate(places + np.array([0.0, 1e-6 * step])):
         crossed = (ya > py) != (yb > py)
-        inside[k] = (
-            np.count_nonzero(xa[crossed] + (py - ya[crossed]) / (yb - ya)[crossed] * (xb - xa)[crossed] > px) % 2
-        )
+        inside[k] = np.count_nonzero(xa[crossed] + (py - ya[crossed]) / (yb - ya)[crossed] * (xb - xa)[crossed] > px) % 2
     places = places[inside]
-    fine = np.concatenate(
-        [segments[:, 0] + share * (segments[:, 1] - segments[:, 0]) for share in np.linspace(0, 1, 9)]
-    )
+    fine = np.concatenate([segments[:, 0] + share * (segments[:, 1] - segments[:, 0]) for share in np.linspace(0, 1, 9)])
     return places, cKDTree(fine).query(places)[0] if len(places) else np.zeros(0)
 
 

@@ -261,9 +261,7 @@ def set_sizes(solid: int, shares: dict[int, float], chord: float) -> None:
 def _curvature(surface: int) -> float:
     """Return the largest principal curvature at some points of a face, 1/mm."""
     low, high = (np.array(bound) for bound in gmsh.model.getParametrizationBounds(2, surface))
-    grid = np.array(
-        [low + (high - low) * (a, b) for a in np.linspace(0.05, 0.95, 7) for b in np.linspace(0.05, 0.95, 7)]
-    )
+    grid = np.array([low + (high - low) * (a, b) for a in np.linspace(0.05, 0.95, 7) for b in np.linspace(0.05, 0.95, 7)])
     most, least, _, _ = gmsh.model.getPrincipalCurvatures(surface, grid.ravel())
     values = np.abs(np.concatenate([most, least]))
     return max(float(values[np.isfinite(values)].max(initial=0.0)), 1e-6)

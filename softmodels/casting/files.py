@@ -321,9 +321,7 @@ def _description(asked: settings.MouldRequest, made: make.Mould) -> list[str]:
 
 
 def _time(seconds: float) -> str:
-    return (
-        f"{seconds / silicones.MINUTE:.3g} min" if seconds < 2 * silicones.HOUR else f"{seconds / silicones.HOUR:.3g} h"
-    )
+    return f"{seconds / silicones.MINUTE:.3g} min" if seconds < 2 * silicones.HOUR else f"{seconds / silicones.HOUR:.3g} h"
 
 
 def _amounts(asked: settings.MouldRequest, made: make.Mould) -> SheetTable:
@@ -365,10 +363,7 @@ def _prints(asked: settings.MouldRequest, made: make.Mould) -> SheetTable:
            f"layers of {schema.shown(workshop.layer, 'm')}, {schema.shown(workshop.layer_time, 's')} each")
           for k, (name, time) in enumerate(zip(plate_names(placed), prints.times, strict=True), 1)),
     ]  # fmt: skip
-    rows += [
-        (name, "larger than the plate", "print it on a larger one, or in pieces")
-        for name in too_large(placed, workshop)
-    ]
+    rows += [(name, "larger than the plate", "print it on a larger one, or in pieces") for name in too_large(placed, workshop)]
     return SheetTable("Printing", ("what", "estimate", "of"), rows)
 
 
@@ -438,11 +433,7 @@ def _wax_steps(pour: actuator.Pour, bodies: Sequence[make.MouldBody], core: make
     """Return how a lost core is cast of wax."""
     parts, sideways = " and ".join(f"the {body.name}" for body in bodies), pour.sideways is not None
     vented = any(body.checked and not math.isnan(body.checked.own_lean) for body in bodies)
-    full = (
-        "until wax stands in the vents"
-        if vented
-        else "to the brim, and tilt and tap the air out from under its shoulder"
-    )
+    full = "until wax stands in the vents" if vented else "to the brim, and tilt and tap the air out from under its shoulder"
     return [
         f"Clamp {parts} and stand them with the open end up. Melt {1.2 * core.facets.volume / MM_PER_M**3 * ML_PER_M3:.1f} ml "
         "of wax that melts below the softening point of the prints, warm the mould, and pour through the open end, or inject "
@@ -540,9 +531,7 @@ def _walls(asked: settings.MouldRequest, made: make.Mould) -> SheetTable:
     ]
     if made.wound:
         size = f"{made.wound.width * MM_PER_M:.2f} x {made.wound.depth * MM_PER_M:.2f}"
-        rows.append(
-            ("groove for the thread, width and depth", size, f"{workshop.least_wall * MM_PER_M:g} (printer's wall)")
-        )
+        rows.append(("groove for the thread, width and depth", size, f"{workshop.least_wall * MM_PER_M:g} (printer's wall)"))
     if workshop.bolt:
         rows.append(("holes for bolts, diameter", f"{workshop.bolt * MM_PER_M:.2f}", ""))
     return SheetTable("Thicknesses", ("what", "mm", "at least, mm"), rows)
@@ -604,9 +593,7 @@ def sheet_page(sheet: BenchSheet, pictures: Mapping[str, pages.Picture], made: m
     """Return the sheet as a page, with pictures by the names of their files."""
     first, steps, plates = ([pictures[name]] if name in pictures else [] for name in (EXPLODED, STEPS, PLATES))
     others = [picture for name, picture in pictures.items() if name not in (EXPLODED, STEPS, PLATES)]
-    of_casts = [
-        pages.Table(table.rows, table.head) for table in (sheet.amounts, sheet.walls, sheet.checks, sheet.prints)
-    ]
+    of_casts = [pages.Table(table.rows, table.head) for table in (sheet.amounts, sheet.walls, sheet.checks, sheet.prints)]
     return Page(
         sheet.title, " ".join(sheet.about[:2]),
         [

@@ -71,9 +71,7 @@ def winding(workshop: settings.Workshop, wound: tuple[float, float, float] | Non
     if not workshop.thread:
         return None
     if wound is None:
-        raise MouldError(
-            f"thread is {schema.shown(workshop.thread, 'm')}; grooves for it are made on tubes only; 0 omits them"
-        )
+        raise MouldError(f"thread is {schema.shown(workshop.thread, 'm')}; grooves for it are made on tubes only; 0 omits them")
     radius, begin, end = wound
     width, depth = workshop.thread, 0.5 * workshop.thread
     if not workshop.angles:
@@ -139,9 +137,7 @@ def _check(winding: Winding, lay: ThreadFamily, workshop: settings.Workshop) -> 
 def _widening(winding: Winding, lay: ThreadFamily) -> float:
     """Return by how much a groove is wider along the tube where the halves part, m."""
     return (
-        lay.advance / (2.0 * math.pi) * math.acos(1.0 - winding.depth / winding.radius - FLANK_DISTANCE)
-        if lay.advance
-        else 0.0
+        lay.advance / (2.0 * math.pi) * math.acos(1.0 - winding.depth / winding.radius - FLANK_DISTANCE) if lay.advance else 0.0
     )
 
 
@@ -155,16 +151,12 @@ def groove_solids(winding: Winding, axis: int, scale: float) -> list[meshing.Ent
         for lay in winding.lays:
             climb = math.copysign(1.0, lay.angle) * side * (1.0 if axis == 1 else -1.0) * lay.advance / (2.0 * math.pi)
             reach = math.pi * abs(climb) + winding.width if climb else -0.5 * winding.width  # whole rings only
-            first, last = (
-                (height + way * reach) / lay.spacing for height, way in ((winding.begin, -1), (winding.end, 1))
-            )
+            first, last = ((height + way * reach) / lay.spacing for height, way in ((winding.begin, -1), (winding.end, 1)))
             half = 0.5 * winding.width / math.sin(math.radians(abs(lay.angle)))
             for k in range(math.ceil(first), math.floor(last) + 1):
                 faces.append(_face(_outline(winding, climb, half), k * lay.spacing, axis, unit))
         faces = list(occ.fuse(faces[:1], faces[1:])[0]) if len(faces) > 1 else faces
-        corners = np.array(
-            [[beyond, winding.begin], [-beyond, winding.begin], [-beyond, winding.end], [beyond, winding.end]]
-        )
+        corners = np.array([[beyond, winding.begin], [-beyond, winding.begin], [-beyond, winding.end], [beyond, winding.end]])
         faces = list(occ.intersect(faces, [_face(corners, 0.0, axis, unit)])[0])
         grown = occ.extrude(faces, *(unit * side * beyond * np.eye(3)[axis]))
         solids += [solid for solid in grown if solid[0] == 3]

@@ -183,10 +183,7 @@ def _make_pieces(device: Actuator, recipe: actuator.Recipe, workshop: settings.W
         channels = [check_core(cavity, math.nan, workshop, where) / workshop.scale for cavity in cavities]
         inside = np.concatenate([np.zeros((0, 3)), *(cavity.points for cavity in cavities)]) @ drawn[0].tools.frame.turn
         pieces = [_piece(device, drawn_piece, inside, workshop) for drawn_piece in drawn]
-        waxes = [
-            _piece(LostCore(drawn_piece.file("cast")), drawn_piece, np.zeros((0, 3)), workshop)
-            for drawn_piece in molten
-        ]
+        waxes = [_piece(LostCore(drawn_piece.file("cast")), drawn_piece, np.zeros((0, 3)), workshop) for drawn_piece in molten]
         shrunk = workshop.scale**-3 / MM_PER_M**3
         plug, grooved = (
             sum(volumes) * shrunk
@@ -229,9 +226,7 @@ def _draw_wax(drawn: _DrawnPiece, workshop: settings.Workshop, folder: Path) -> 
     middle = np.array([*box.mean(axis=0)[:2], tools.level])
     along = None if tools.pour.sideways is None else int(np.abs(tools.frame.turn @ tools.pour.sideways).argmax())
     peg = float(core.points[:, 2].min())
-    parting = next(
-        (axis for axis in (along, 2, 1, 0) if axis is not None and _parts_sideways(core, axis, middle[axis])), None
-    )
+    parting = next((axis for axis in (along, 2, 1, 0) if axis is not None and _parts_sideways(core, axis, middle[axis])), None)
     if parting is None:
         raise MouldError(f"the {name} does not leave a mould in two halves in any direction; print it (--core lost)")
     pour = actuator.Pour(
@@ -345,8 +340,7 @@ def _difference(solid_list: list[Solid], other: list[Solid], size: float) -> flo
         differences.append((mass.sum(), mass @ centre, inertia.sum(axis=0)))
     whole = differences[1][0]
     return max(
-        float(np.abs(np.asarray(a) - b).max()) / (whole * size**k)
-        for k, (a, b) in enumerate(zip(*differences, strict=True))
+        float(np.abs(np.asarray(a) - b).max()) / (whole * size**k) for k, (a, b) in enumerate(zip(*differences, strict=True))
     )
 
 
@@ -475,9 +469,7 @@ class Fin:
         many = f"{self.alike} {kind}s" if self.alike > 1 else f"a {kind}"
         draft = "without draft" if self.draft < 0.05 else f"with a draft of {self.draft:.2g} deg"
         length = "" if self.rod else f" and {schema.shown(_three(self.length), 'm')} long"
-        wide, drafted = (
-            schema.shown(_rounded_up(self.depth / limit / scale), "m") for limit in (self.allowed, MOST_SLENDER)
-        )
+        wide, drafted = (schema.shown(_rounded_up(self.depth / limit / scale), "m") for limit in (self.allowed, MOST_SLENDER))
         drafted = "" if drafted == wide else f" ({drafted} with a draft of {LEAST_DRAFT:g} deg)"
         return (
             f"the {body} has {many} {schema.shown(_three(self.thickness), 'm')} thick, "
@@ -551,13 +543,9 @@ def check_body(name: str, surfaces: Surfaces, workshop: settings.Workshop, named
     bound = facets.chord * _area(facets) / facets.volume
     differs = facets.polyhedron_volume / facets.volume - 1.0
     if abs(differs) > bound + VOLUME_TOLERANCE:
-        raise MeshingError(
-            f"the STL of the {name} differs from its STEP by {differs:.2g} of the volume; use a smaller chord"
-        )
+        raise MeshingError(f"the STL of the {name} differs from its STEP by {differs:.2g} of the volume; use a smaller chord")
     angles = np.degrees(np.arcsin(np.clip([lean, own], -1.0, 1.0)))
-    fins = tuple(
-        dataclasses.replace(fin, where=named(fin.place)) if fin.slender else fin for fin in _fins(name, surfaces)
-    )
+    fins = tuple(dataclasses.replace(fin, where=named(fin.place)) if fin.slender else fin for fin in _fins(name, surfaces))
     return BodyChecks(
         float(angles[0]), float(angles[1]), wall[0] / MM_PER_M, gap[0] / MM_PER_M,
         facets.chord / MM_PER_M, differs, math.nan, fins,
@@ -585,9 +573,7 @@ def _fins(name: str, surfaces: Surfaces) -> list[Fin]:
     fins: list[Fin] = []
     for (a, b), hits in pairs.items():
         chosen = np.array([k for k, _ in hits])
-        fin = _fin(
-            pieces[chosen], normals[own[chosen]], areas[chosen], np.array([d for _, d in hits]), pull, rod=a == b
-        )
+        fin = _fin(pieces[chosen], normals[own[chosen]], areas[chosen], np.array([d for _, d in hits]), pull, rod=a == b)
         if fin is None:
             continue
         twin = next((k for k, other in enumerate(fins) if _same_fin(fin, other)), None)
@@ -699,9 +685,7 @@ def _least_draft(name: str, surfaces: Surfaces, workshop: settings.Workshop, nam
     own, formed = _release_faces(facets, made), _forming_faces(facets, surfaces.cast)
     least_own = float(np.abs(facets.normals[own, :, 2]).min(initial=1.0)) if own.any() else math.nan
     if least_own < math.sin(math.radians(workshop.draft)) - 1e-4:
-        raise MeshingError(
-            f"the pins and holes of the {name} have too little draft; please report this with the parameters"
-        )
+        raise MeshingError(f"the pins and holes of the {name} have too little draft; please report this with the parameters")
     formed &= ~own
     worst = float(lean[formed].min(initial=1.0))
     if worst < -UNDERCUT_TOLERANCE:
@@ -811,17 +795,13 @@ def manifold_of(facets: Facets) -> Manifold:
     """Return the polyhedron of a surface."""
     from manifold3d import Manifold, Mesh64
 
-    return Manifold(
-        Mesh64(np.array(facets.points), np.array(facets.triangles, dtype=np.uint64))
-    )  # it takes no frozen ones
+    return Manifold(Mesh64(np.array(facets.points), np.array(facets.triangles, dtype=np.uint64)))  # it takes no frozen ones
 
 
 def common_thickness(manifold: Manifold, other: Manifold) -> float:
     """Return the thickness in mm of the thickest piece that two polyhedra have in common: its volume over half its area."""
     pieces = (manifold ^ other).decompose()
-    return max(
-        (2.0 * piece.volume() / piece.surface_area() for piece in pieces if piece.surface_area() > 0.0), default=0.0
-    )
+    return max((2.0 * piece.volume() / piece.surface_area() for piece in pieces if piece.surface_area() > 0.0), default=0.0)
 
 
 def overlaps(surfaces: Surfaces) -> dict[str, float]:
@@ -838,9 +818,7 @@ def overlaps(surfaces: Surfaces) -> dict[str, float]:
         kept = [other for other in made.bodies[:k] if not other.pull.any()]
         rest = Manifold.batch_boolean([piece, *(solids[other.name] for other in (*others, *kept))], OpType.Add)
         ways = (0.0, *(way * height for way in COLLISION_DISTANCES)) if body.pull.any() else (0.0,)
-        worst[body.name] = max(
-            common_thickness(solids[body.name].translate(tuple(way * body.pull)), rest) for way in ways
-        )
+        worst[body.name] = max(common_thickness(solids[body.name].translate(tuple(way * body.pull)), rest) for way in ways)
         if worst[body.name] > allowed:
             raise MouldError(
                 f"the {body.name} cannot be demoulded: on its way out it is "

@@ -60,9 +60,7 @@ def exploded_picture(made: make.Mould) -> Figure:
     camera = offscreen.ViewCamera.around(clouds, towards, up, tallest=1.1)
     with offscreen.studio(camera) as shoot:
         image = shoot(layers)
-    return style.page(
-        image, style.Caption("Exploded view of the mould: bodies apart along their pulls, with the casts")
-    )
+    return style.page(image, style.Caption("Exploded view of the mould: bodies apart along their pulls, with the casts"))
 
 
 def _exploded_surfaces(made: make.Mould, pour: actuator.Pour) -> list[tuple[Facets, str]]:
@@ -71,9 +69,7 @@ def _exploded_surfaces(made: make.Mould, pour: actuator.Pour) -> list[tuple[Face
     turn = standing(pour)
     places = shifts(bodies, cast)
     layers = [(cast.facets, np.zeros(3), LOST_CORE_COLOUR if pour.wax else SILICONE_COLOUR)]
-    layers += [
-        (body.facets, places[body.name], PRINTED_COLOUR if any(body.pull) else LOST_CORE_COLOUR) for body in bodies
-    ]
+    layers += [(body.facets, places[body.name], PRINTED_COLOUR if any(body.pull) else LOST_CORE_COLOUR) for body in bodies]
     return [(moved(facets, turn, turn @ shift), colour) for facets, shift, colour in layers]
 
 

@@ -68,9 +68,7 @@ class Workshop:
     layer: float = schema.length_field(0.00005, "thickness of a printed layer")
     layer_time: float = schema.field_of(schema.Quantity("s"), "time that the printer takes for a layer", 8.0)
     chord: float = schema.length_field(0.00002, "largest distance of the STL from the exact surface")
-    surplus: float = schema.number_field(
-        0.15, "surplus of mixed silicone, for sprues and the mixing cup, 0.15 for 15 %"
-    )
+    surplus: float = schema.number_field(0.15, "surplus of mixed silicone, for sprues and the mixing cup, 0.15 for 15 %")
     pull: str = schema.text_field("", "direction in which the mould of an imported part opens, such as '0, 0, 1'")
     split: str = schema.text_field(
         "", "position of the parting plane along the pull, such as '2 mm'; default: the middle of the cavities"
@@ -85,20 +83,14 @@ class Workshop:
 
     def _check_shares(self) -> None:
         if not 0.0 <= self.draft <= MAX_DRAFT:
-            raise MouldError(
-                f"draft is {schema.shown(self.draft, 'degree')}; it must be between 0 and {MAX_DRAFT:g} deg"
-            )
+            raise MouldError(f"draft is {schema.shown(self.draft, 'degree')}; it must be between 0 and {MAX_DRAFT:g} deg")
         for name, what in (("shrinkage", "silicones shrink"), ("wax_shrinkage", "waxes shrink")):
             if not 0.0 <= (value := getattr(self, name)) <= MOST_SHRINKAGE:
-                raise MouldError(
-                    f"{name} is {value:g}; {what} by 0 to {MOST_SHRINKAGE:g} of each length (0.001 is 0.1 %)"
-                )
+                raise MouldError(f"{name} is {value:g}; {what} by 0 to {MOST_SHRINKAGE:g} of each length (0.001 is 0.1 %)")
         if not 0.0 <= self.surplus <= 5.0:
             raise MouldError(f"surplus is {self.surplus:g}; it must be between 0 and 5 (0.15 is 15 %)")
         if self.chord < FINEST_CHORD:
-            raise MouldError(
-                f"chord is {schema.shown(self.chord, 'm')}; it must be at least {schema.shown(FINEST_CHORD, 'm')}"
-            )
+            raise MouldError(f"chord is {schema.shown(self.chord, 'm')}; it must be at least {schema.shown(FINEST_CHORD, 'm')}")
 
     def _check_pins(self) -> None:
         left = self.wall - self.pin_length - self.clearance

@@ -162,9 +162,7 @@ def write(folder: Path, limits: Mapping[str, Limit], scatter: Scatter, column: L
 
     pressures = [(changes, limit.pressure / column.cm) for changes, limit in counted]
     nominal = next(iter(limits.values())).pressure / column.cm
-    figure = analyses.scatter_figure(
-        pressures, scatter.tolerances, what, nominal, column.working, units.column_unit(column.cm)
-    )
+    figure = analyses.scatter_figure(pressures, scatter.tolerances, what, nominal, column.working, units.column_unit(column.cm))
     figure.savefig(folder / "scatter.png")
     return figure
 
@@ -184,9 +182,7 @@ def write_page(
     facts, told = [], registry.to_table(device, units.readable)
     for name, limit in limits.items():
         margin = math.inf if column.working is None else abs(limit.pressure) / column.cm / column.working
-        notes_of_it = (
-            [] if column.working is None else [f"{margin:.2f} times the working pressure of {column.working:g} cm"]
-        )
+        notes_of_it = [] if column.working is None else [f"{margin:.2f} times the working pressure of {column.working:g} cm"]
         kind = KINDS[limit.kind] if limit.pressure > 0.0 else KINDS[limit.kind].replace("up to", "down to")
         what = f"borne for {limit.held:g} s" if limit.held else kind
         pressure = f"{limit.pressure / column.cm:.4g} {units.column_unit(column.cm)} ({limit.pressure / 1e3:.4g} kPa)"
@@ -264,9 +260,7 @@ def _modes_of(device: type[Actuator]) -> click.Command:
         asked = {**values, **vars(how)}
         _find_modes(analyses.case_for_modes(given.case(values, simulation.AtRest)), how, asked, [])
 
-    return options.command(f"softmodels modes {options.DEVICE} {device.__name__}", help=MODES_HELP)(
-        given.add(of_device)
-    )
+    return options.command(f"softmodels modes {options.DEVICE} {device.__name__}", help=MODES_HELP)(given.add(of_device))
 
 
 @options.command(
@@ -281,9 +275,7 @@ def _modes_of(device: type[Actuator]) -> click.Command:
               "case's load: 0:40, 0:40:10 or 0,10,40; 0: at rest.")  # fmt: skip
 @options.set_option
 @commands.options(ModesOptions)
-def modes_command(
-    file: Path, how: ModesOptions, material: str | None, pressures: str | None, changes: tuple[str, ...]
-) -> None:
+def modes_command(file: Path, how: ModesOptions, material: str | None, pressures: str | None, changes: tuple[str, ...]) -> None:
     case = options.case_of_file(file, material, changes, kind=simulation.AtRest)
     steps = None if pressures is None else load.steps_of(pressure_cm=pressures, water_density=case.water_density)
     asked = {**vars(how), "material": material, "pressures": pressures, "changes": changes}
@@ -293,9 +285,7 @@ def modes_command(
 def _find_modes(case: Case, how: ModesOptions, asked: Mapping[str, object], files: Sequence[Path]) -> None:
     """Find the modes of a case, write and print them, and exit with the status."""
     comm = mpi.start()
-    folder = mpi.kept_on_root(
-        comm, lambda: commands.open_folder(how.output, Path("results/modes"), "modes", asked, files)
-    )
+    folder = mpi.kept_on_root(comm, lambda: commands.open_folder(how.output, Path("results/modes"), "modes", asked, files))
     with sentences():
         modes = analyses.find_frequencies(case, how.count, how.sealed, comm)
     if mpi.is_root(comm) and folder is not None:
@@ -412,9 +402,7 @@ class GraspOptions:
     """The options of `grasp_command`."""
 
     changes: tuple[str, ...] = options.set_field()
-    fingers: int = commands.option(
-        type=int, default=3, show_default=True, help="Number of equal fingers around the object."
-    )
+    fingers: int = commands.option(type=int, default=3, show_default=True, help="Number of equal fingers around the object.")
     load: float = commands.option(
         type=registry.QuantityType("N"), default=0.0, help="Force on the object, reached in steps, such as 5mN."
     )
@@ -459,9 +447,7 @@ def grasp_command(file: Path, how: GraspOptions) -> None:
     way = np.array(component.direction(how.direction, "--direction"))
     comm = mpi.start()
     asked = {"file": file, **vars(how)}
-    folder = mpi.kept_on_root(
-        comm, lambda: commands.open_folder(how.output, Path("results/grasp"), "grasp", asked, [file])
-    )
+    folder = mpi.kept_on_root(comm, lambda: commands.open_folder(how.output, Path("results/grasp"), "grasp", asked, [file]))
     with sentences():
         made, states = grasp.grasp(case, how.fingers, how.load, way, how.label, how.steps)
     outlines = [made.outlines(held) for held in states]
@@ -555,9 +541,7 @@ class LimitOptions:
                                    "may be repeated.")  # fmt: skip
     count: int | None = commands.option("--samples", type=click.IntRange(2, 4096),
                                help=f"Number of sampled devices.  [default: {CURVE_SAMPLES}]")  # fmt: skip
-    normal: bool = commands.flag_option(
-        "Tolerances are two standard deviations of a normal distribution; default: uniform."
-    )
+    normal: bool = commands.flag_option("Tolerances are two standard deviations of a normal distribution; default: uniform.")
     output: Path | None = commands.output_option(  # noqa: RUF009
         "Folder for tables and picture.  [default: with --vary results/limit, or results/limit-2 and so on]"
     )
@@ -659,9 +643,7 @@ def limit(
     if how.output is not None or question.tolerances:
         asked = {**values, **vars(how), "material": material, "cm": question.column.cm}
         files = [path for path in (case_file, *map(Path, material)) if path is not None and path.is_file()]
-        folder = mpi.kept_on_root(
-            comm, lambda: commands.open_folder(how.output, Path("results/limit"), "limits", asked, files)
-        )
+        folder = mpi.kept_on_root(comm, lambda: commands.open_folder(how.output, Path("results/limit"), "limits", asked, files))
     named, bands = analyses.with_sources(dict(question.materials))
     with sentences():
         limits, scattered = _answered(question, named, comm)
@@ -679,9 +661,7 @@ def limit(
         processes.say(f"tables and report.html in {folder.path}")
 
 
-def _answered(
-    question: LimitRequest, materials: Mapping[str, Material], comm: MPI.Comm
-) -> tuple[dict[str, Limit], Scatter]:
+def _answered(question: LimitRequest, materials: Mapping[str, Material], comm: MPI.Comm) -> tuple[dict[str, Limit], Scatter]:
     """Return the limits by material and of the devices within the tolerances."""
     case, sampled = question.case, list[Sampled]()
     analyses.check_varied(case.actuator, question.tolerances, comm)
@@ -757,9 +737,7 @@ def _asked(
             values["section"] = "axisymmetric"
         device = registry.device_told(kind, values)
     if len(names) > 1 and given:
-        raise CaseError(
-            "parameters such as --shear-modulus belong to one --material; with several, leave the parameters out"
-        )
+        raise CaseError("parameters such as --shear-modulus belong to one --material; with several, leave the parameters out")
     if not names:
         made = materials.material_from(kind.silicone if case is None else None, law)
         return device, {made.name: made}

@@ -41,9 +41,7 @@ class DesignOptions:
                          "the given device, the others from points spread over the bounds.")  # fmt: skip
     evaluations: int = commands.option(type=click.IntRange(1, 1000), default=40, show_default=True,
                               help="Maximum number of designs per start.")  # fmt: skip
-    seed: int = commands.option(
-        type=click.IntRange(0), default=1, show_default=True, help="Seed of the further starts."
-    )
+    seed: int = commands.option(type=click.IntRange(0), default=1, show_default=True, help="Seed of the further starts.")
     confirm_finer: bool = commands.flag_option("Confirm the design on a finer mesh, with cells half as large.")
     no_pictures: bool = commands.flag_option("Skip the runs before and after, the pictures and the report.")
     colormap: str = commands.option(**commands.COLORMAP_OPTION)
@@ -129,9 +127,7 @@ def _design(
     return _close(result, folder, comm, quiet, None if how.no_pictures else how.colormap)
 
 
-def _close(
-    result: DesignResult, folder: model.DesignFolder | None, comm: MPI.Comm, quiet: bool, colormap: str | None
-) -> int:
+def _close(result: DesignResult, folder: model.DesignFolder | None, comm: MPI.Comm, quiet: bool, colormap: str | None) -> int:
     """Write the summary, run the initial and the final device, draw, and print how the search ended."""
     from softmodels.design.result import DESIGN_FILE, notes, summary
 
@@ -230,9 +226,7 @@ def study_command(file: Path, how: StudyOptions) -> None:
     """
     begun = time.monotonic()
     if (mpi.launched() or 1) > 1:
-        options.fail(
-            "a study shares its samples among its own processes (--jobs, --scheduler); start it without mpirun"
-        )
+        options.fail("a study shares its samples among its own processes (--jobs, --scheduler); start it without mpirun")
     plan = study.StudyPlan.from_file(file, how.changes)
     kept = study.open_folder(plan, how.output, how.resume, [file])
     assert kept.own is not None
@@ -244,9 +238,7 @@ def study_command(file: Path, how: StudyOptions) -> None:
             if not how.no_pictures:
                 _draw_study(solved, folder, time.monotonic() - begun)
         except OSError as error:
-            options.fail(
-                f"the results cannot be written into {folder} ({errors.reason(error)})", commands.status_of(error)
-            )
+            options.fail(f"the results cannot be written into {folder} ({errors.reason(error)})", commands.status_of(error))
     finally:
         kept.leave()
     if not how.quiet:
@@ -274,9 +266,7 @@ def _solved(kept: study.StudyFolder, plan: study.StudyPlan, how: StudyOptions, f
     try:
         return study.solve_into(kept, plan, how.jobs or 0, how.scheduler, None if how.quiet else progress)
     except OSError as error:
-        options.fail(
-            f"a sample cannot be written ({errors.reason(error)}); continue with --resume", outcomes.EXIT_FAILED
-        )
+        options.fail(f"a sample cannot be written ({errors.reason(error)}); continue with --resume", outcomes.EXIT_FAILED)
     except KeyboardInterrupt:
         options.fail("stopped by the user; continue with --resume", commands.EXIT_STOPPED)
 

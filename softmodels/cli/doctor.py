@@ -172,9 +172,7 @@ def _solve() -> str:
 @click.argument("project", type=click.Path(path_type=Path, file_okay=False), default=Path("project"))
 @click.option("--port", type=click.IntRange(1, 65535), help="Port of the page.  [default: a free one from 8700]")
 @click.option("--no-browser", is_flag=True, help="Only print the address.")
-@click.option(
-    "--lan", is_flag=True, help="Let other machines of the network connect with the key, such as a phone's camera."
-)
+@click.option("--lan", is_flag=True, help="Let other machines of the network connect with the key, such as a phone's camera.")
 def app(project: Path, port: int | None, no_browser: bool, lan: bool) -> None:
     """Open the bench as a page in the browser.
 

@@ -293,9 +293,7 @@ def tensile_curve() -> str:
     """Return a noisy tensile test of the device's silicone up to stretch 3, as a machine's table."""
     law = problem.LawChoice.from_text(TRUTH.law).material(TRUTH.values)
     stretch = np.linspace(1.0, 3.0, 201)[1:]
-    noisy = specimens.nominal_stress(law, stretch) + STRESS_NOISE * np.random.default_rng(30).standard_normal(
-        len(stretch)
-    )
+    noisy = specimens.nominal_stress(law, stretch) + STRESS_NOISE * np.random.default_rng(30).standard_normal(len(stretch))
     lines = [f"{100 * (x - 1):.1f},{y / 1e3:.4f}" for x, y in zip(stretch, noisy, strict=True)]
     about = f"# computed, not measured: {told_truth()}; noise of {STRESS_NOISE:g} Pa, seed 30"
     return "\n".join([about, "strain (%),stress (kPa)", *lines]) + "\n"
@@ -427,9 +425,7 @@ def make_files(folder: Path, tell: Callable[[str], None]) -> None:
         draw(folder / f"{name}.step")
     for number, scene in enumerate(board_scenes(), 1):
         tell(f"board {number}")
-        shipped(
-            folder / "boards" / f"board{number:02d}.jpg", photographer.chessboard(scene, side=SQUARE_SIDE, seed=number)
-        )
+        shipped(folder / "boards" / f"board{number:02d}.jpg", photographer.chessboard(scene, side=SQUARE_SIDE, seed=number))
     _, halves = inflated(TRUTH, mpi.start())
     photographs = folder / "photographs"
     take_photographs(photographs, TRUTH, halves, bench(), tell, keep=shipped)

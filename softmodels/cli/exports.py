@@ -148,9 +148,7 @@ def export_command(file: Path, output: Path, changes: tuple[str, ...], quiet: bo
         deck = calls.export(Case.from_file(file, changes=changes), output)
     if not quiet:
         steps, mesh = len(deck.pressures), deck.mesh
-        processes.say(
-            f"{output}: {len(mesh.cells)} cells, {len(mesh.points)} nodes, {steps} pressure{'s' * (steps > 1)}"
-        )
+        processes.say(f"{output}: {len(mesh.cells)} cells, {len(mesh.points)} nodes, {steps} pressure{'s' * (steps > 1)}")
         remarks = [*(text for silicone in deck.silicones for text in silicone.remarks[2:]), deck.overlapping]
         for text in filter(None, dict.fromkeys(remarks)):
             processes.say(f"note: {text}")

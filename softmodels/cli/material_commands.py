@@ -209,9 +209,7 @@ class FitGiven(OutlineOptions, CurveFiles):
         "Fit relaxation too, and softening where the data show it, to tests with a column of times, or a RATE such as 0.05/s, "
         "50mm/min or equilibrium."
     )
-    stretch: str | None = commands.option(
-        metavar="FROM:TO", help="Range of stretch to fit over.  [default: the whole curves]"
-    )
+    stretch: str | None = commands.option(metavar="FROM:TO", help="Range of stretch to fit over.  [default: the whole curves]")
     stress_error: str = commands.option(
         default="auto", show_default=True, metavar="ERROR", help="2%+0.5kPa; constant (unweighted); auto weights by 2 % and "
         "the curve's noise. The last two are scaled by the scatter.",
@@ -230,9 +228,7 @@ class FitGiven(OutlineOptions, CurveFiles):
     bounds: tuple[str, ...] = commands.option(
         multiple=True, metavar="NAME=FROM:TO", help="Bound a parameter; an end may be empty."
     )
-    prior: tuple[str, ...] = commands.option(
-        multiple=True, metavar="NAME=VALUE+-ERROR", help="Prior knowledge of a parameter."
-    )
+    prior: tuple[str, ...] = commands.option(multiple=True, metavar="NAME=VALUE+-ERROR", help="Prior knowledge of a parameter.")
     robust: bool = commands.flag_option("Robust loss: outliers count by their size, not its square.")
     no_profiles: bool = commands.flag_option("Skip the profile likelihoods: intervals from the covariance only.")
     no_pictures: bool = commands.flag_option("Skip the pictures and the report.")
@@ -428,15 +424,11 @@ def _closing(report: comparison.FitReport, folder: Path) -> str:
 
 def _curves_report(how: FitGiven) -> comparison.FitReport:
     if how.heights or how.free or how.untrusted or how.exclude or how.height_datum:
-        raise FitError(
-            "--heights, --free, --untrusted, --exclude and --height-datum need a device; give its case file first"
-        )
+        raise FitError("--heights, --free, --untrusted, --exclude and --height-datum need a device; give its case file first")
     curves = how.read(how.stretch, how.memory)
     choices = problem.law_choices(how.laws, how.poisson)
     residuals.StressError.from_text(how.stress_error)
-    progress = outcomes.Progress(
-        len(choices), "{:g} laws".format, labels.StateLabels(""), how.quiet or not mpi.speaks()
-    )
+    progress = outcomes.Progress(len(choices), "{:g} laws".format, labels.StateLabels(""), how.quiet or not mpi.speaks())
     return fit_curves(curves, how.laws, how.fit_options(curve_changes(how, choices)), progress=progress.say)
 
 
@@ -455,13 +447,10 @@ def _device_report(files: Sequence[Path], how: FitGiven) -> comparison.FitReport
     for file, outlines in pairs:
         devices.append((Case.from_file(file, changes=how.changes), outlines))
         if how.heights is None and not outlines:
-            raise shapes.OutlineFitError(
-                f"{file} describes only the device; add its outlines, or --heights heights.csv"
-            )
+            raise shapes.OutlineFitError(f"{file} describes only the device; add its outlines, or --heights heights.csv")
     cases = [case for case, _ in devices]
     lengths = {
-        name: case.actuator.variable
-        for name, case in zip(fit.device_names([case.name for case in cases]), cases, strict=True)
+        name: case.actuator.variable for name, case in zip(fit.device_names([case.name for case in cases]), cases, strict=True)
     }
     chosen = how.fit_options(device_changes(how, lengths))
     comm = mpi.start()
@@ -560,18 +549,12 @@ def curve(how: CurveOptions) -> None:
     materials = [material_from(text, beside) for text in how.material]
     how.check_given()
     files = [*map(Path, how.material), *how.files_read]
-    folder = (
-        commands.open_folder(how.output, Path("results/curve"), "curves", vars(how), files) if mpi.speaks() else None
-    )
+    folder = commands.open_folder(how.output, Path("results/curve"), "curves", vars(how), files) if mpi.speaks() else None
     measured = how.read() if how.tensile else []
     if min(how.radius, how.thickness) <= 0.0 or how.thickness > how.radius:
-        raise TensileError(
-            "the balloon's radius and thickness must be above zero, and the thickness less than the radius"
-        )
+        raise TensileError("the balloon's radius and thickness must be above zero, and the thickness less than the radius")
     stretches = np.linspace(low, high, CURVE_POINTS)
-    many = [
-        specimens.MaterialCurves.of(name, law, stretches) for name, law in zip(how.material, materials, strict=True)
-    ]
+    many = [specimens.MaterialCurves.of(name, law, stretches) for name, law in zip(how.material, materials, strict=True)]
     ratio = how.thickness / how.radius
     if folder is None:
         return
@@ -609,9 +592,7 @@ def _curves_csv(many: list[specimens.MaterialCurves], thickness_over_radius: flo
     stresses = [f"{mode}_{kind}_Pa" for mode in specimens.MODE_NAMES for kind in ("nominal", "true")]
     rows = []
     for curves in many:
-        columns = [
-            c for mode in specimens.MODE_NAMES for c in (curves.responses[mode].stress, curves.true_stress(mode))
-        ]
+        columns = [c for mode in specimens.MODE_NAMES for c in (curves.responses[mode].stress, curves.true_stress(mode))]
         columns.append(curves.balloon(thickness_over_radius))
         nu = exact_text(curves.material.poisson, "")
         for i, stretch in enumerate(curves.stretch):
@@ -824,8 +805,7 @@ def _silicone_line(product: str, silicone: Silicone) -> str:
     stresses = "only in compression"
     if silicone.pulled:
         stresses = (
-            ", ".join(f"{stress / 1e3:.4g}" for stress in specimens.nominal_stress(silicone.material, [1.5, 2.0]))
-            + " kPa"
+            ", ".join(f"{stress / 1e3:.4g}" for stress in specimens.nominal_stress(silicone.material, [1.5, 2.0])) + " kPa"
         )
     span = "not published" if silicone.stretches is None else f"{silicone.stretches[0]:g} to {silicone.stretches[1]:g}"
     modulus = f"{silicone.material.shear_modulus_0 / 1e3:.4g} kPa"
@@ -852,6 +832,4 @@ def _break(product: str) -> str:
 
 def _origin(silicone: Silicone) -> str:
     o = silicone.origin
-    return "\n".join(
-        f"      {text}" for text in (o.text, f"laboratory: {o.laboratory}", f"test: {o.test}", o.history, o.made)
-    )
+    return "\n".join(f"      {text}" for text in (o.text, f"laboratory: {o.laboratory}", f"test: {o.test}", o.history, o.made))

@@ -20,16 +20,7 @@ from typing import Any, NoReturn
 
 import click
 
-from geometries import (
-    ACTUATORS,
-    Actuator,
-    GeometryError,
-    MeshFileError,
-    MeshingError,
-    MeshingStopped,
-    meshing,
-    registry,
-)
+from geometries import ACTUATORS, Actuator, GeometryError, MeshFileError, MeshingError, MeshingStopped, meshing, registry
 from softmodels.case import case, entries, materials
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
@@ -306,9 +297,7 @@ def ranks_for(case: Case, wanted: int | None, quiet: bool = False) -> int:
         paying = _unknowns(case, quiet) // UNKNOWNS_PER_RANK if processes.cores() > 1 and _launcher() else 1
         return max(1, min(processes.cores(), paying))
     if wanted > 1 and not _launcher():
-        raise StartError(
-            f"--ranks {wanted} needs mpirun, which was not found beside {sys.executable} or on the PATH", 1
-        )
+        raise StartError(f"--ranks {wanted} needs mpirun, which was not found beside {sys.executable} or on the PATH", 1)
     return wanted
 
 
@@ -405,9 +394,7 @@ def device_named(name: str) -> type[Actuator]:
     """Return a registered device by name, in small or large letters; `click.UsageError` if there is none."""
     known = _known_device(name)
     if known is None:
-        raise click.UsageError(
-            f"{DEVICE} is {name!r}; it must be one of {', '.join(ACTUATORS)}{errors.meant(name, ACTUATORS)}"
-        )
+        raise click.UsageError(f"{DEVICE} is {name!r}; it must be one of {', '.join(ACTUATORS)}{errors.meant(name, ACTUATORS)}")
     return ACTUATORS[known]
 
 

@@ -73,11 +73,7 @@ def report_of(folder: Path) -> Path:
     inside = sorted(
         path for path in folder.iterdir() if path.is_dir() and any((path / name).exists() for name in (*PAGES, *TABLES))
     )
-    near = (
-        f"open one of those in it: {', '.join(map(str, inside[:5]))}"
-        if inside
-        else "give another, such as results/disk"
-    )
+    near = f"open one of those in it: {', '.join(map(str, inside[:5]))}" if inside else "give another, such as results/disk"
     options.fail(f"{folder} holds no results; {near}")
 
 
@@ -147,26 +143,14 @@ def compare_command(folders: Sequence[Path], output: Path | None, quiet: bool) -
 
 @options.command("line")
 @click.argument("folder", type=click.Path(path_type=Path))
-@click.option(
-    "--from", "begin", metavar="PLACE", help="Where the line begins: a place such as '0, 0, 10 mm', or a probe."
-)
+@click.option("--from", "begin", metavar="PLACE", help="Where the line begins: a place such as '0, 0, 10 mm', or a probe.")
 @click.option("--to", "end", metavar="PLACE", help="Where it ends, likewise.")
-@click.option(
-    "--through", metavar="PLACE", help="Instead: straight through the wall at the surface point nearest to a place."
-)
-@click.option(
-    "--at", "value", metavar="VALUE", help="State, by its load, such as 70cm, 7kPa or 40ml.  [default: the last]"
-)
-@click.option(
-    "--points", type=click.IntRange(2), default=states.LINE_POINTS, show_default=True, help="Number of points."
-)
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path), help="Write all values to this CSV file, and a PNG beside it."
-)
+@click.option("--through", metavar="PLACE", help="Instead: straight through the wall at the surface point nearest to a place.")
+@click.option("--at", "value", metavar="VALUE", help="State, by its load, such as 70cm, 7kPa or 40ml.  [default: the last]")
+@click.option("--points", type=click.IntRange(2), default=states.LINE_POINTS, show_default=True, help="Number of points.")
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="Write all values to this CSV file, and a PNG beside it.")
 @click.option("--quiet", is_flag=True, help="Print only errors.")
-def line_command(
-    folder: Path, value: str | None, points: int, output: Path | None, quiet: bool, **places: str | None
-) -> None:
+def line_command(folder: Path, value: str | None, points: int, output: Path | None, quiet: bool, **places: str | None) -> None:
     """Take the values along a line through the body.
 
     FOLDER has the results; a line may show the stress through a wall.
@@ -190,9 +174,7 @@ def line_command(
     with options.unwritable(output or folder, "cannot be read or written"):
         materials.import_own_modules()
         if output is not None and output.suffix.lower() != ".csv":
-            options.fail(
-                f"{output} ends in {output.suffix or 'nothing'}; values along a line are written as .csv (--output)"
-            )
+            options.fail(f"{output} ends in {output.suffix or 'nothing'}; values along a line are written as .csv (--output)")
         if output is not None:
             commands.check_output_file(output, [], _is_line, "a table of values along a line", "--output")
             commands.check_output_file(output.with_suffix(".png"), [], files.is_drawn, "a picture", "--output")

@@ -45,9 +45,7 @@ def run(
             here, as a command does by `asked_to_stop`.
     """
     comm = mpi.start(how.petsc)
-    progress = outcomes.Progress(
-        case.values[-1], case.load.told, labels.state_labels(case), how.quiet or not mpi.is_root(comm)
-    )
+    progress = outcomes.Progress(case.values[-1], case.load.told, labels.state_labels(case), how.quiet or not mpi.is_root(comm))
     drawing = DrawingProcess(case, how) if how.draws and mpi.is_root(comm) else None
     reporter = Reporter(case, progress, drawing, comm.size, how)
 
@@ -96,9 +94,7 @@ class Reporter(recording.Observer):
             return
         good = bool(results.stored) and self.status != outcomes.EXIT_BAD_INPUT
         took = self._drawn(results) if good else None
-        drawn = (
-            "" if self.drawing is None or took is None else f"{self.drawing.made(results.own.path)}, in {took:.1f} s"
-        )
+        drawn = "" if self.drawing is None or took is None else f"{self.drawing.made(results.own.path)}, in {took:.1f} s"
         if message:
             states = "1 state" if len(results.stored) == 1 else f"{len(results.stored)} states"
             where = f". The results up to this point ({states}) are in {results.own.path}" if good else ""

@@ -44,6 +44,4 @@ class ResultCard:
         except Exception as error:  # whatever it is, the result is there and the notebook goes on
             known = isinstance(error, errors.OptionMessage | OSError)
             remarks.append(f"not all can be shown: {error if known else f'{type(error).__name__}: {error}'}")
-        return files.render(
-            "card.html", "softmodels.common", title=title, figures=figures, remarks=remarks, picture=picture
-        )
+        return files.render("card.html", "softmodels.common", title=title, figures=figures, remarks=remarks, picture=picture)

@@ -334,9 +334,7 @@ def usage_sentence(error: click.ClickException) -> str:
 class CommandGroup(click.Group):
     """A group that answers a misspelt command with the one that may have been meant."""
 
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> tuple[str | None, click.Command | None, list[str]]:
         name, known = args[0], self.list_commands(ctx)
         if name.lower().endswith(CASE_SUFFIXES) and "run" in known:
             raise click.UsageError(f"{name!r} is not a command; did you mean softmodels run {name}?", ctx)
@@ -414,8 +412,7 @@ def ending(tell: Callable[[str], None] = tell) -> Iterator[None]:
             sys.exit(EXIT_STOPPED)
         except MemoryError:
             tell(
-                "out of memory; close other programs, or reduce the problem (a smaller photograph, "
-                "larger cells, fewer --jobs)"
+                "out of memory; close other programs, or reduce the problem (a smaller photograph, larger cells, fewer --jobs)"
             )
             sys.exit(EXIT_FAILED)
 
@@ -456,9 +453,7 @@ class ResultFolder:
     the command's options by name, and the files that are read, or folders of CSV files, which are never replaced.
     """
 
-    def __init__(
-        self, output: Path | None, default: Path, kind: str, options: Mapping[str, Any], files: Iterable[Path] = ()
-    ):
+    def __init__(self, output: Path | None, default: Path, kind: str, options: Mapping[str, Any], files: Iterable[Path] = ()):
         files = list(files)
         self._inputs = {
             "options": {name: repr(value) for name, value in sorted(options.items()) if name not in NO_INPUT},
@@ -522,9 +517,7 @@ def open_place(output: Path | None, default: Path, kind: str, names: Iterable[st
     return own.path
 
 
-def check_output_file(
-    path: Path, inputs: Iterable[Path], is_own: Callable[[Path], bool], what: str, option: str
-) -> None:
+def check_output_file(path: Path, inputs: Iterable[Path], is_own: Callable[[Path], bool], what: str, option: str) -> None:
     """Raise `OwnFolderError`, which names the option, if a file would take the place of an input, or of one that is not an
     earlier one of its kind, ``what`` in words."""
     for file in inputs:
@@ -630,11 +623,7 @@ class Provenance:
     def from_table(cls, table: object) -> Provenance:
         """Return that of a folder's record; unknown where the record has none, or another's."""
         given = table if isinstance(table, dict) else {}
-        texts = {
-            name: value
-            for name in ("date", "version", "commit", "command")
-            if isinstance(value := given.get(name), str)
-        }
+        texts = {name: value for name in ("date", "version", "commit", "command") if isinstance(value := given.get(name), str)}
         libraries, seconds = given.get("libraries"), given.get("seconds")
         return cls(
             **texts,

@@ -91,9 +91,7 @@ class OwnFolder:
                 names = some(sorted(file.name for file in self.path.iterdir() if counts(file)))
             except OSError as error:
                 raise OwnFolderError(f"the folder {self.path} cannot be written ({error.strerror})") from None
-            text = (
-                f"{self.path} holds files not written by a run of this version ({names}), so nothing in it is replaced"
-            )
+            text = f"{self.path} holds files not written by a run of this version ({names}), so nothing in it is replaced"
             raise OwnFolderError(f"{text}; use an empty or new folder (--output), or move those files away")
 
     def check_names(self, names: Iterable[str]) -> None:
@@ -309,9 +307,7 @@ class Record:
             record = {"format": 0, **read_json(path)}
             if record["format"] < 2:  # what is in a folder stood beside its name
                 record["files"] = [*record["files"], *_is_inside(record.get("inside", {}))]
-                record |= (
-                    {"incoming": [*given, *_is_inside(given)]} if (given := record.get("incoming")) is not None else {}
-                )
+                record |= {"incoming": [*given, *_is_inside(given)]} if (given := record.get("incoming")) is not None else {}
             kinds = {"files": list, "about": dict, "incoming": list, "incoming_about": dict}
             if not all(isinstance(record.get(name, kind()), kind) for name, kind in kinds.items()):
                 return None

@@ -61,9 +61,7 @@ def _signature(function: Callable[..., object]) -> inspect.Signature:
     return inspect.signature(function)
 
 
-def _check_arguments(
-    name: str, function: Callable[..., object], args: Sequence[object], kwargs: dict[str, object]
-) -> None:
+def _check_arguments(name: str, function: Callable[..., object], args: Sequence[object], kwargs: dict[str, object]) -> None:
     """Raise `ArgumentError` where arguments do not fit a function; of a method the first one is not spoken of."""
     signature = _signature(function)
     try:
@@ -237,9 +235,7 @@ class Registry[T](MutableMapping[str, T]):
         another one has this name."""
         name = self._name(entry)  # type: ignore[arg-type]
         place = _place_of(entry, name)
-        known = (
-            _place_of(self.loaded[name], name) if name in self.loaded else (self._places.get(name, place[0]), place[1])
-        )
+        known = _place_of(self.loaded[name], name) if name in self.loaded else (self._places.get(name, place[0]), place[1])
         if place != known:
             raise ValueError(f"the name {name!r} is taken by another {self._what}, in {known[0]}")
         self.loaded[name] = checked(entry) if isinstance(entry, type) else entry  # type: ignore[assignment]

@@ -107,9 +107,7 @@ def text_field(default: str, text: str) -> Any:
     return field_of(Words(), text, default)
 
 
-def list_field(
-    default: tuple[str, ...] | tuple[float, ...], text: str, *, numbers: bool = False, shape: bool = True
-) -> Any:
+def list_field(default: tuple[str, ...] | tuple[float, ...], text: str, *, numbers: bool = False, shape: bool = True) -> Any:
     """Return a dataclass field for any number of texts, or of pure numbers; see `About.shape`."""
     return field_of(Several(Quantity() if numbers else Words()), text, default, shape=shape)
 
@@ -258,13 +256,9 @@ class Length(Quantity):
         if self.zero and size == 0.0:
             return length
         if size <= 0.0:
-            raise errors.FieldError(
-                f"{name} is {shown(size, 'm')}; it must be {'0 or more' if self.zero else 'larger than 0'}"
-            )
+            raise errors.FieldError(f"{name} is {shown(size, 'm')}; it must be {'0 or more' if self.zero else 'larger than 0'}")
         if size < MIN_LENGTH * (1 - BOUND_TOLERANCE):
-            raise errors.FieldError(
-                f"{name} is {size * 1e6:.6g} um; lengths below {MIN_LENGTH * 1e6:g} um cannot be modelled"
-            )
+            raise errors.FieldError(f"{name} is {size * 1e6:.6g} um; lengths below {MIN_LENGTH * 1e6:g} um cannot be modelled")
         if size > MAX_LENGTH * (1 + BOUND_TOLERANCE):
             raise errors.FieldError(f"{name} is {shown(size, 'm')}; above {MAX_LENGTH:g} m this suggests a wrong unit")
         return length
@@ -305,9 +299,7 @@ class Choice(Kind):
             if isinstance(value, str | numbers.Real) and value == known and not isinstance(value, bool):
                 return known
         if ends := self.ends:
-            raise errors.FieldError(
-                f"{name} is {_invalid_text(value)}; it must be a whole number from {ends[0]} to {ends[1]}"
-            )
+            raise errors.FieldError(f"{name} is {_invalid_text(value)}; it must be a whole number from {ends[0]} to {ends[1]}")
         names = [str(known) for known in self.choices]
         more = errors.meant(value, names) if isinstance(value, str) else ""
         raise errors.FieldError(f"{name} is {_invalid_text(value)}; it must be one of {', '.join(names)}{more}")
@@ -428,6 +420,5 @@ def from_options(kind: type, values: Mapping[str, Any]) -> dict[str, Any]:
     fields = {field.option or name: (name, field.per_option) for name, field in about(kind).items()}
     given = {option: value for option, value in values.items() if value is not None}
     return {
-        fields[option][0]: value * fields[option][1] if isinstance(value, float) else value
-        for option, value in given.items()
+        fields[option][0]: value * fields[option][1] if isinstance(value, float) else value for option, value in given.items()
     }

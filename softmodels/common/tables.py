@@ -50,9 +50,7 @@ def parse_toml(text: str) -> dict[str, Any]:
     """Parse TOML; whole numbers must fit into 64 bits, as TOML has it. `TomlError` as `read_toml`."""
     for place, line in enumerate(text.splitlines(), 1):
         if len(line) > LONGEST_LINE:
-            raise TomlError(
-                f"is rejected: its line {place} has {len(line)} characters, but at most {LONGEST_LINE} are allowed"
-            )
+            raise TomlError(f"is rejected: its line {place} has {len(line)} characters, but at most {LONGEST_LINE} are allowed")
         if max(part.count(".") for part in re.split("[=,]", line)) > MOST_PARTS:
             raise TomlError(f"is rejected: a key in its line {place} has more than {MOST_PARTS} parts")
     try:
@@ -222,9 +220,7 @@ def _text(path: Path, data: bytes) -> str:
     except UnicodeDecodeError:
         text = data.decode("latin-1")  # the numbers are the same
     if "\0" in text:
-        raise files.UserFileError(
-            path, "this is not a text file and not an Excel workbook; save the sheet as CSV or .xlsx"
-        )
+        raise files.UserFileError(path, "this is not a text file and not an Excel workbook; save the sheet as CSV or .xlsx")
     return text
 
 

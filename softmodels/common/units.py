@@ -104,9 +104,7 @@ def plain(value: Any) -> Any:
         return value
     mask = getattr(array, "mask", None)
     if mask is not None and mask.any():
-        raise UnitError(
-            f"{brief(value)} has masked values, which are no numbers; leave them out, as .compressed() does"
-        )
+        raise UnitError(f"{brief(value)} has masked values, which are no numbers; leave them out, as .compressed() does")
     return array.tolist()
 
 
@@ -215,9 +213,7 @@ def _converted_by_pint(read: float, written: str, unit: str, shown: str, hint: s
 
     known = _unit(written)
     if known is None:
-        raise UnitError(
-            f"{shown} has an unknown unit, {brief(written)}{hint}{errors.meant(written, FACTORS.get(unit, ()))}"
-        )
+        raise UnitError(f"{shown} has an unknown unit, {brief(written)}{hint}{errors.meant(written, FACTORS.get(unit, ()))}")
     try:
         if bool(_ANGLES & set(known._units)) != (unit == "degree"):  # to Pint an angle is a pure number
             raise pint.DimensionalityError(known, unit)
@@ -245,11 +241,7 @@ def _reason(shown: str, what: str, hint: str) -> str:
     if shown.startswith("="):
         return f"{brief(shown)} {FORMULA}"
     if _DECIMAL_COMMA.match(shown):
-        more = (
-            f" (or {shown.replace(',', '')}, if it separates thousands)"
-            if re.search(r",[0-9]{3}(?![0-9])", shown)
-            else ""
-        )
+        more = f" (or {shown.replace(',', '')}, if it separates thousands)" if re.search(r",[0-9]{3}(?![0-9])", shown) else ""
         return f"{brief(shown)} has a decimal comma; write {shown.replace(',', '.')}{more}"
     if re.match(r"[+-]?[0-9][0-9.,]*,[0-9]", shown):
         return f"{brief(shown)} has commas between its digits; write the number without them, with a decimal point"

@@ -154,18 +154,14 @@ class RigidShape(ContactPart):
         "shear moduli of contact pressure per sinking in by one size of the device",
         CONTACT_STIFFNESS,
     )
-    guide: str = schema.field_of(
-        schema.Words(), "direction along which the shape can move, such as z; default: fixed", ""
-    )
+    guide: str = schema.field_of(schema.Words(), "direction along which the shape can move, such as z; default: fixed", "")
     spring: float = schema.field_of(schema.Quantity("N/m"), "spring that holds a shape with a guide", 0.0)
     mass: float = schema.field_of(
         schema.Quantity("kg"),
         "mass of a shape with a guide, on which gravity acts: it rests on a stand until it is lifted",
         0.0,
     )
-    friction: float = schema.field_of(
-        schema.Quantity(), "coefficient of Coulomb friction of the faces on a fixed shape", 0.0
-    )
+    friction: float = schema.field_of(schema.Quantity(), "coefficient of Coulomb friction of the faces on a fixed shape", 0.0)
 
     slip: float = schema.length_field(
         0.0, "elastic slip over which friction sets in; 0 for a thousandth of the device's size", zero=True
@@ -204,9 +200,7 @@ class RigidShape(ContactPart):
         form = self.form
         given = [name for name in ("radius", "length", "hollow", "file", "rounding") if getattr(self, name)]
         if foreign := [name for name in given if not hasattr(form, name)]:
-            raise self.error(
-                f"shape = {self.shape!r} has no {' and no '.join(foreign)}; leave out {', '.join(foreign)}"
-            )
+            raise self.error(f"shape = {self.shape!r} has no {' and no '.join(foreign)}; leave out {', '.join(foreign)}")
         form.check()
         if self.seal and (not isinstance(form, shapes.Plane) or self.guide):
             raise self.error("a cavity seals only on a fixed plane (shape = 'plane', without guide)")
@@ -225,8 +219,7 @@ class RigidShape(ContactPart):
         direction(self.guide, self.where)
         if not (self.spring > 0.0 or self.mass > 0.0) or min(self.spring, self.mass) < 0.0:
             raise self.error(
-                f"the guide along {self.guide} needs a spring or a mass above zero (spring = '50 N/m', or "
-                "mass = '20 g')"
+                f"the guide along {self.guide} needs a spring or a mass above zero (spring = '50 N/m', or mass = '20 g')"
             )
 
     def _check_friction(self) -> None:
@@ -239,8 +232,7 @@ class RigidShape(ContactPart):
             raise self.error("a slip needs a coefficient of friction (friction = 0.5); give both or neither")
         if self.friction and self.guide:
             raise self.error(
-                f"friction needs a fixed shape, but this one moves along {self.guide}; "
-                f"leave out the guide or the friction"
+                f"friction needs a fixed shape, but this one moves along {self.guide}; leave out the guide or the friction"
             )
 
     @property
@@ -275,8 +267,7 @@ class RigidShape(ContactPart):
         if (
             self.mass
             and not self.spring
-            and self.weight_against(gravity)
-            <= component.IN_PLANE_TOLERANCE * self.mass * float(np.linalg.norm(gravity))
+            and self.weight_against(gravity) <= component.IN_PLANE_TOLERANCE * self.mass * float(np.linalg.norm(gravity))
         ):
             raise self.error(
                 f"gravity along ({', '.join(f'{x:.3g}' for x in gravity)}) m/s^2 does not press the mass "
@@ -341,8 +332,7 @@ class RigidShape(ContactPart):
             raise self.error("with an axisymmetric section the guide must be z or -z")
         if any(abs(float(normal @ guide)) > component.IN_PLANE_TOLERANCE for normal in self.crossed(actuator)):
             raise self.error(
-                f"along {self.guide} the shape would leave its cut plane; use a guide "
-                f"in that plane, or {actuator.fuller}"
+                f"along {self.guide} the shape would leave its cut plane; use a guide in that plane, or {actuator.fuller}"
             )
 
     def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
@@ -445,8 +435,7 @@ class Obstacle(ContactPart):
         except GeometryError:
             pass
         raise ComponentError(
-            f"contact plane {self.plane!r} is not a plane; write 'z = 9mm', 'normal 0.6, 0, 0.8 at 9 mm' or a cut "
-            "plane's name"
+            f"contact plane {self.plane!r} is not a plane; write 'z = 9mm', 'normal 0.6, 0, 0.8 at 9 mm' or a cut plane's name"
         )
 
     def place(self, actuator: Actuator) -> tuple[Vector, Vector]:
@@ -528,9 +517,7 @@ class Walls(ContactPart):
 
     def check(self) -> None:
         if not self.roles:
-            raise ComponentError(
-                f"{self.where} names no faces; give {AUTO!r}, {NONE!r} or face names (faces = 'cavity')"
-            )
+            raise ComponentError(f"{self.where} names no faces; give {AUTO!r}, {NONE!r} or face names (faces = 'cavity')")
         if len(set(self.roles)) < len(self.roles):
             raise self.error(f"faces = {self.faces!r} names a face twice")
         if NONE in self.roles and len(self.roles) > 1:
@@ -753,9 +740,7 @@ def force_of_all(actuator: Actuator, crossed: Sequence[Array], force: Array) -> 
     return np.asarray(copies_around(actuator, crossed) * along.T @ (along @ force))
 
 
-def shape_figures(
-    label: str, actuator: Actuator, crossed: Sequence[Array], force: Array, depth: float
-) -> dict[str, float]:
+def shape_figures(label: str, actuator: Actuator, crossed: Sequence[Array], force: Array, depth: float) -> dict[str, float]:
     """Return the columns of ``path.csv`` of a rigid shape, by the force of the slice on it in N, in the mesh's coordinates,
     shape (d,), and how deep faces have sunk into it in m, below zero where none has; see `force_of_all`."""
     total = force_of_all(actuator, crossed, in_space(force))
@@ -796,9 +781,7 @@ def check_rest(shape: RigidShape, body: Body) -> None:
     """Raise `ComponentError` for a shape that penetrates the undeformed device."""
     size = body.actuator.size
     points = body.mesh.geometry.x[:, : body.mesh.topology.dim]
-    deepest = mpi.largest(
-        body.mesh.comm, -float(shapes.distances(points, shape.form.numbers(size)).min(initial=math.inf))
-    )
+    deepest = mpi.largest(body.mesh.comm, -float(shapes.distances(points, shape.form.numbers(size)).min(initial=math.inf)))
     if deepest > PLANE_TOLERANCE:
         side = "outside of the hollow" if shape.hollow else "in the"
         raise shape.error(
@@ -824,9 +807,7 @@ class ShapeTerm(component.EnergyTerm):
         place = ufl.variable(ufl.SpatialCoordinate(mesh) + body.displacement(setting.displacement))
         components = [place[0], place[1], place[2]] if mesh.topology.dim == 3 else [place[0], 0.0, place[1]]
         depth = ufl.max_value(-shapes.distance(components, constants), 0.0)
-        energy = stiffness * (
-            penalty(depth, onset) + HARDENING_RATE / (6 * soft) * ufl.max_value(depth - soft, 0.0) ** 3
-        )
+        energy = stiffness * (penalty(depth, onset) + HARDENING_RATE / (6 * soft) * ufl.max_value(depth - soft, 0.0) ** 3)
         push = ufl.diff(energy, place)  # on the shape; the device gets the opposite force
         self.energies, self.pushes = [], []
         for role in shape.roles:
@@ -974,9 +955,7 @@ class SampledShapeTerm(StandingTerm[pressing.PressedByDistance]):
         super().__init__(shape, setting)
         size = self.actuator.size
         self.numbers, self.deepest = shape.form.numbers(size), shape.deepest(size)
-        self.penalty = pressing.HardeningPenalty(
-            shape.stiffness, shape.onset, HARDENING_START * self.deepest, HARDENING_RATE
-        )
+        self.penalty = pressing.HardeningPenalty(shape.stiffness, shape.onset, HARDENING_START * self.deepest, HARDENING_RATE)
         self.move(self.nodes.places)
 
     def put(self, at: Array) -> None:
@@ -1114,9 +1093,7 @@ class RubbingShapeTerm(assembly.HistoryTerm[pressing.Rubbed]):
     def take(self, part: Component) -> None:
         """Where the shape moves, what sticks to it moves with it."""
         assert isinstance(part, RigidShape)
-        moved = (
-            in_section(np.asarray(part.at) - np.asarray(self.shape.at), self.actuator.dimension) / self.actuator.size
-        )
+        moved = in_section(np.asarray(part.at) - np.asarray(self.shape.at), self.actuator.dimension) / self.actuator.size
         self.shape, self.grip = part, dataclasses.replace(self.grip, held=self.grip.held + moved)
         self.standing.take(part)
         self.forget_state()
@@ -1279,9 +1256,7 @@ class SealingTerm(RubbingShapeTerm):
         label, size, copies = self.shape.label, equations.length_unit, self.actuator.copies
         figures = super().figures(equations)
         if not self.shape.friction:
-            figures = {
-                name: value for name, value in figures.items() if name.startswith((f"{label}_force", f"{label}_depth"))
-            }
+            figures = {name: value for name, value in figures.items() if name.startswith((f"{label}_force", f"{label}_depth"))}
         area = equations.integral(self._sealed) * size**2 * copies
         pressed = self.standing.surface.measure[self._pressed.touching].sum() * size**2 * copies
         figures |= {f"{label}_contact_mm2": float(pressed) * 1e6, f"{label}_sealed_mm2": area * 1e6}

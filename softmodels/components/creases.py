@@ -54,9 +54,7 @@ class MotionConcentration:
     @property
     def part(self) -> npt.NDArray[np.bool_]:
         """Which cells take part, shape (cells,)."""
-        return np.asarray(
-            self._shares > MIN_CELL_SHARE * mpi.largest(self.system.comm, float(self._shares.max(initial=0.0)))
-        )
+        return np.asarray(self._shares > MIN_CELL_SHARE * mpi.largest(self.system.comm, float(self._shares.max(initial=0.0))))
 
     @property
     def place(self) -> tuple[str, str]:
@@ -80,11 +78,7 @@ def find_crease(system: System, cells: npt.NDArray[np.bool_] | None = None) -> c
     topology.create_connectivity(d, d - 1)
     exterior = fem.IntegralType.exterior_facet
     pairs = fem.compute_integration_domains(exterior, topology, body.outer_facets).reshape(-1, 2)
-    at = (
-        fem.Expression(values, places, jit_options=compiling.JIT)
-        .eval(body.mesh, pairs)
-        .reshape(len(pairs), len(places), 5)
-    )
+    at = fem.Expression(values, places, jit_options=compiling.JIT).eval(body.mesh, pairs).reshape(len(pairs), len(places), 5)
     smaller, larger, normals = at[:, 0, 0], at[:, 0, 1], at[..., 2:]
     if cells is not None:
         of = cells[pairs[:, 0]]

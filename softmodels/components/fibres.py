@@ -345,9 +345,7 @@ class Helix:
 def check_axis(where: str, axis: Sequence[float], angle: float) -> None:
     """Raise `ComponentError` for an invalid axis, or an angle out of range."""
     if len(axis) != 3 or not np.linalg.norm(axis) > 0.0:
-        raise ComponentError(
-            f"{where}: axis is {', '.join(f'{a:g}' for a in axis)}; it needs three numbers, not all zero"
-        )
+        raise ComponentError(f"{where}: axis is {', '.join(f'{a:g}' for a in axis)}; it needs three numbers, not all zero")
     if abs(angle) > 90.0:
         raise ComponentError(f"{where}: angle is {schema.shown(angle, 'degree')}; it must be between -90 and 90 deg")
 
@@ -370,9 +368,7 @@ def check_helix(where: str, actuator: Actuator, axis: Sequence[float], angle: fl
     for plane in actuator.cut_planes:
         across = abs(float(unit @ np.asarray(plane.normal)))
         if actuator.dimension == 3 and MAX_SCALAR_PRODUCT < across < 1.0 - MAX_SCALAR_PRODUCT:
-            raise ComponentError(
-                f"{where}: the axis must lie in the plane of symmetry {plane.name} or be perpendicular to it"
-            )
+            raise ComponentError(f"{where}: the axis must lie in the plane of symmetry {plane.name} or be perpendicular to it")
         if actuator.dimension == 3 and crooked and not mirrored:
             raise ComponentError(
                 f"{where}: one helix at {schema.shown(angle, 'degree')} is not symmetric about the plane "
@@ -420,9 +416,7 @@ def least_resistance(material: Material, unit: float, state: Reinforced, section
     """
     least = np.full(len(state.gradients), math.inf)
     for normal in _normals(section):
-        kept = np.linalg.solve(state.gradients.transpose(0, 2, 1), np.broadcast_to(normal, (len(least), 3))[..., None])[
-            ..., 0
-        ]
+        kept = np.linalg.solve(state.gradients.transpose(0, 2, 1), np.broadcast_to(normal, (len(least), 3))[..., None])[..., 0]
         kept /= np.linalg.norm(kept, axis=1)[:, None]
         if section:
             resistance = _along(material, unit, state, normal, np.cross(kept, (0.0, 1.0, 0.0)))
@@ -602,9 +596,7 @@ class Fibres(component.EnergyComponent):
         "",
     )
     angle: float = schema.angle_field(54.7, "angle between the fibres and the axis: 0 along it, 90 deg around it")
-    axis: tuple[float, ...] = schema.list_field(
-        (0.0, 0.0, 1.0), "direction of the axis, through the origin", numbers=True
-    )
+    axis: tuple[float, ...] = schema.list_field((0.0, 0.0, 1.0), "direction of the axis, through the origin", numbers=True)
     helices: int = schema.choice_field(2, (1, 2), "1: a single helix, 2: two families of opposite helices")
     stiffness: float = schema.field_of(
         schema.Quantity("N/m"),
@@ -614,9 +606,7 @@ class Fibres(component.EnergyComponent):
     modulus: float = schema.field_of(
         schema.Quantity("Pa"), "modulus of each family in a region: force per area over strain, such as '5 MPa'", 0.0
     )
-    law: str = schema.field_of(
-        schema.Words(), "fibre law: standard, or exponential (stiffening with stretch)", "standard"
-    )
+    law: str = schema.field_of(schema.Words(), "fibre law: standard, or exponential (stiffening with stretch)", "standard")
     exponent: float = schema.number_field(1.0, "exponent of the exponential law (Holzapfel's k2)")
     slack: bool = schema.field_of(schema.Flag(), "whether they go slack in compression", False)
 
@@ -712,9 +702,7 @@ class FibreTerm(StrainTerm):
 
     def _changes(self, F: Expr, place: StrainSite) -> Expr:
         hands = (1.0, -1.0)[: self._part.helices]
-        return ufl.as_vector(
-            [change_along(F, self._helix.field(self.setting.body, place.normal, hand)) for hand in hands]
-        )
+        return ufl.as_vector([change_along(F, self._helix.field(self.setting.body, place.normal, hand)) for hand in hands])
 
     def _energy(self, x: Expr) -> Expr:
         law, k = FIBRE_LAWS[self._part.law], self.setting.per_pascal * self._k
@@ -785,18 +773,12 @@ class Fabric(component.EnergyComponent):
     """
 
     on: str = schema.field_of(schema.Words(), "faces to which it is bonded, such as 'outer' or 'outer, strip'")
-    along: float = schema.field_of(
-        schema.Quantity("N/m"), "force per width over strain along its direction, such as '50 kN/m'"
-    )
+    along: float = schema.field_of(schema.Quantity("N/m"), "force per width over strain along its direction, such as '50 kN/m'")
     across: float = schema.field_of(schema.Quantity("N/m"), "force per width over strain across its direction")
     shear: float = schema.field_of(schema.Quantity("N/m"), "force per width over shear angle; 0 for loose yarns", 0.0)
-    poisson: float = schema.number_field(
-        0.0, "contraction across over extension along; 0 for yarns that slide on each other"
-    )
+    poisson: float = schema.number_field(0.0, "contraction across over extension along; 0 for yarns that slide on each other")
     angle: float = schema.angle_field(0.0, "angle between its direction and the axis: 0 along it, 90 deg around it")
-    axis: tuple[float, ...] = schema.list_field(
-        (0.0, 0.0, 1.0), "direction of the axis, through the origin", numbers=True
-    )
+    axis: tuple[float, ...] = schema.list_field((0.0, 0.0, 1.0), "direction of the axis, through the origin", numbers=True)
     slack: bool = schema.field_of(schema.Flag(), "whether its yarns go slack in compression", False)
 
     table: ClassVar[str] = "fabric"
@@ -839,10 +821,7 @@ class Fabric(component.EnergyComponent):
 
     def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
         stiffest = max(self.along, self.across)
-        return (
-            f"the fabric of {self.where} has up to {stiffest / 1e3:.4g} kN/m: try a softer one"
-            f"{locking(stiffest, actuator)}"
-        )
+        return f"the fabric of {self.where} has up to {stiffest / 1e3:.4g} kN/m: try a softer one{locking(stiffest, actuator)}"
 
     def term(self, setting: component.FormContext) -> FabricTerm:
         return FabricTerm(self, setting)

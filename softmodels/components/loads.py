@@ -178,9 +178,7 @@ class Mass(controls.HeavyPart):
         amount: The mass on the whole device.
     """
 
-    face: str = schema.field_of(
-        schema.Words(), "face or edge that carries the mass, such as tip or 'edge of tip and top'"
-    )
+    face: str = schema.field_of(schema.Words(), "face or edge that carries the mass, such as tip or 'edge of tip and top'")
     amount: float = schema.field_of(schema.Quantity("kg"), "mass on the face, of the whole device", usual=20.0)
 
     table: ClassVar[str] = "mass"
@@ -226,9 +224,7 @@ class Force(FaceLoad):
         schema.Words(), "loaded face, piece of one or edge, such as tip, 'tip within z > 4 mm', 'edge of tip and top'"
     )
     direction: str = schema.field_of(schema.Words(), "direction of the force, such as -z or 0.6, 0, -0.8")
-    amount: float = schema.field_of(
-        schema.Quantity("N"), "constant force on the whole device; 0 if requested", 0.0, usual=1e3
-    )
+    amount: float = schema.field_of(schema.Quantity("N"), "constant force on the whole device; 0 if requested", 0.0, usual=1e3)
     traction: float = schema.field_of(
         schema.Quantity("Pa"), "instead, constant force per undeformed area of the face, such as 2kPa", 0.0
     )
@@ -274,19 +270,13 @@ class Force(FaceLoad):
         with _on_face(self):
             edge = on.body.is_edge(self.face)
             if (self.traction and edge) or (self.line_load and not edge):
-                given, wanted = (
-                    ("traction", "a face") if self.traction else ("line_load", "an edge ('edge of tip and top')")
-                )
+                given, wanted = ("traction", "a face") if self.traction else ("line_load", "an edge ('edge of tip and top')")
                 raise self.error(f"{given} needs {wanted}, but face = {self.face!r} is none")
             size = (
-                on.integral(on.constant(1.0), self.face)
-                * on.body.actuator.size ** (1 if edge else 2)
-                * on.body.actuator.copies
+                on.integral(on.constant(1.0), self.face) * on.body.actuator.size ** (1 if edge else 2) * on.body.actuator.copies
             )
             amount = self.amount or (self.traction or self.line_load) * size
-            return controls.Weighed(
-                [on.mean(body.in_section(self.vector, on.body.actuator.dimension), self.face)], amount
-            )
+            return controls.Weighed([on.mean(body.in_section(self.vector, on.body.actuator.dimension), self.face)], amount)
 
 
 @component.register_component

@@ -426,9 +426,7 @@ def pair_curvatures(near: Near, first: Array) -> Array:
     rm = r[:, :, None] * m[:, None, :]
     curvatures = np.zeros((len(a), 2 * d, 2 * d))
     curvatures[:, :d, :d] = (4 * K2 * along)[:, None, None] * r[:, :, None] * r[:, None, :]
-    curvatures[:, :d, :d] += (2 * K1 * along)[:, None, None] * eye + (2 * K1 * a)[:, None, None] * (
-        rm + rm.transpose(0, 2, 1)
-    )
+    curvatures[:, :d, :d] += (2 * K1 * along)[:, None, None] * eye + (2 * K1 * a)[:, None, None] * (rm + rm.transpose(0, 2, 1))
     mixed = (2 * K1)[:, None, None] * r[:, :, None] * v[:, None, :] + (K * a)[:, None, None] * eye
     curvatures[:, :d, d:], curvatures[:, d:, :d] = mixed, mixed.transpose(0, 2, 1)
     return curvatures
@@ -569,9 +567,7 @@ class Pressed:
             end = starts[chunk + FACET_PAIRS] if chunk + FACET_PAIRS < len(starts) else len(key)
             part = near.taken(slice(chosen[0], end))
             Z = self._pair_places(part, rates)
-            blocks = np.add.reduceat(
-                Z.transpose(0, 2, 1) @ pair_curvatures(part, first) @ Z, chosen - chosen[0], axis=0
-            )
+            blocks = np.add.reduceat(Z.transpose(0, 2, 1) @ pair_curvatures(part, first) @ Z, chosen - chosen[0], axis=0)
             at = dofs[chunk : chunk + FACET_PAIRS]
             K = K + scattered(blocks, at, at, n * d, n * d)
             rows = (1 + d) * number[part.i][:, None] + np.arange(1 + d)
@@ -1012,9 +1008,7 @@ class Rubbed(PressedSamples):
         gone = np.where(self._unknown, _dot(self._far, far) / (self._moved + SMALLEST_DENOMINATOR), gaps)
         share = np.where(self._new, (self._gone * _dot(n, places) - self._depth * gone) / self._whole**2, 0.0)
         way = self._share[:, None] * far + share[:, None] * self._far
-        return np.asarray(
-            way - n * (_dot(n, way) + _dot(turn, self._way))[:, None] - turn * _dot(n, self._way)[:, None]
-        )
+        return np.asarray(way - n * (_dot(n, way) + _dot(turn, self._way))[:, None] - turn * _dot(n, self._way)[:, None])
 
     def kept_rates(self, places: Array, held: Array, gaps: Array) -> tuple[Array, Array]:
         """Return the derivatives of the `FrictionHistory.held` and ``gaps`` of `kept` along the same, of all samples."""
@@ -1124,9 +1118,7 @@ class GivingWay:
         k: Second derivative of the energy by s.
     """
 
-    def __init__(
-        self, pressed: Callable[[Array], PressedSamples], stand: Support, along: Array, nodes: Array, start: float
-    ):
+    def __init__(self, pressed: Callable[[Array], PressedSamples], stand: Support, along: Array, nodes: Array, start: float):
         self.stand, self.along = stand, along
         low, high, s, all_along = -math.inf, math.inf, start, np.tile(along, len(nodes))
         for _ in range(MAX_STEPS):
@@ -1161,9 +1153,7 @@ class GivingWay:
         v = self.v
         at = np.flatnonzero(v)
         rows, columns = (part.ravel() for part in np.meshgrid(at, at, indexing="ij"))
-        less = scipy.sparse.coo_array(
-            (np.outer(v[at], v[at]).ravel() / self.k, (rows, columns)), shape=(len(v), len(v))
-        )
+        less = scipy.sparse.coo_array((np.outer(v[at], v[at]).ravel() / self.k, (rows, columns)), shape=(len(v), len(v)))
         return scipy.sparse.csr_array(self.here.stiffness - less)
 
     def harder(self) -> Array:

@@ -202,9 +202,7 @@ class Clamp(regions.HoldingPart):
     """
 
     face: str = schema.field_of(schema.Words(), "faces, edges or regions that are held, such as top")
-    along: str = schema.field_of(
-        schema.Words(), "direction along which they are held, such as z: they slip across it", ""
-    )
+    along: str = schema.field_of(schema.Words(), "direction along which they are held, such as z: they slip across it", "")
     slip: str = schema.field_of(schema.Words(), "direction in which they slip, such as x: they are held across it", "")
 
     table: ClassVar[str] = "hold"
@@ -224,9 +222,7 @@ class Clamp(regions.HoldingPart):
 
     def check_on(self, actuator: Actuator) -> None:
         """Raise `ComponentError` if a device has no such face, or its mesh no such direction."""
-        known = list(
-            dict.fromkeys([*component.faces_of(actuator), *actuator.regions, *(hold.role for hold in actuator.holds)])
-        )
+        known = list(dict.fromkeys([*component.faces_of(actuator), *actuator.regions, *(hold.role for hold in actuator.holds)]))
         for role in component.bases(self.where, self.roles, actuator):
             if role not in known:
                 raise self.error(f"{type(actuator).__name__} has no {role!r}; {errors.known_are(role, known)}")

@@ -191,9 +191,7 @@ def _stiffness(model: ReducedModel, axes: Array, hinges: bool) -> dict[str, floa
     twisting, aside, bending = (float(e @ turning @ e) for e in axes.T)
     stretching = float(axes[:, 0] @ np.nan_to_num(model.states[0].compliance[:3, :3]) @ axes[:, 0])
     if stretching <= 0.0 or (hinges and bending <= 0.0):
-        raise RunError(
-            "the stiffness of the tip is not known in the plane of bending; reduce a model of the whole device"
-        )
+        raise RunError("the stiffness of the tip is not known in the plane of bending; reduce a model of the whole device")
     known = reduction.ZERO_LOAD_TOLERANCE * max(bending, aside, twisting)
     soft = {"hinge": bending * hinges, "side": aside, "twist": twisting}
     return {
@@ -282,9 +280,7 @@ def _springs(root: ElementTree.Element, chain: Chain) -> None:
         first, second = JOINT_VARIABLES[kind]
         for k in range(DEFAULT_SEGMENTS):
             stiffness = f"{chain.stiffness[kind]:.9g}"
-            spring = ElementTree.SubElement(
-                tendon, "fixed", name=f"{kind}_spring{k}", springlength="0", stiffness=stiffness
-            )
+            spring = ElementTree.SubElement(tendon, "fixed", name=f"{kind}_spring{k}", springlength="0", stiffness=stiffness)
             ElementTree.SubElement(spring, "joint", joint=f"{kind}{k}", coef="1")
             for name, factor in (first, -1 / DEFAULT_SEGMENTS), (second, (DEFAULT_SEGMENTS - 1) / 2 - k):
                 if name:
@@ -329,11 +325,7 @@ def columns(model: ReducedModel) -> dict[str, Callable[[reduction.TipState], flo
     for i, motion in enumerate(MOTIONS):
         unit = "m" if i < 3 else "rad"
         for k in range(len(device.ratios)):
-            head = (
-                f"rate_{motion}_by_cavity{k + 1}_{unit}_per_Pa"
-                if len(device.ratios) > 1
-                else f"rate_{motion}_{unit}_per_Pa"
-            )
+            head = f"rate_{motion}_by_cavity{k + 1}_{unit}_per_Pa" if len(device.ratios) > 1 else f"rate_{motion}_{unit}_per_Pa"
             columns[head] = lambda state, i=i, k=k: state.jacobian[i, k]  # type: ignore[misc]
     for i, motion in enumerate(MOTIONS):
         for j, load in enumerate(LOADS[: i + 1]):

@@ -154,9 +154,7 @@ def check(case: Case) -> None:
         raise CaseError(
             f'the case has an axisymmetric section of {type(device).__name__}; decks need a solid one (section = "wedge")'
         )
-    unpressed = case.timed or any(
-        quantity.quantity != steps.PRESSURE for step in case.steps for quantity in step.prescribed
-    )
+    unpressed = case.timed or any(quantity.quantity != steps.PRESSURE for step in case.steps for quantity in step.prescribed)
     if unpressed or case.load_unload:
         raise CaseError(
             f"the case asks for {case.load.requested.words}; a deck takes pressures (pressure_cm), and no unloading"
@@ -237,9 +235,7 @@ class DeckSilicone:
         """Raise `CaseError`, which begins with ``where``, for a law that no deck supports."""
         material = self.material
         if not (material.invariant_terms or material.stretch_terms):
-            raise CaseError(
-                f"{where}{material.name} is a law that CalculiX does not have; use Mooney-Rivlin, Yeoh or Ogden"
-            )
+            raise CaseError(f"{where}{material.name} is a law that CalculiX does not have; use Mooney-Rivlin, Yeoh or Ogden")
         if math.isinf(material.bulk):
             raise CaseError(
                 f"{where}poisson = 0.5 is incompressible, but the decks' cells have displacements only; use "
@@ -367,10 +363,7 @@ def _as_one(nodes: mesh_arrays.Ints, place: int, ways: Array) -> Iterator[Tie]:
 
 
 def _solved_at(node: int, rows: Array) -> list[Tie]:
-    return [
-        Tie(node, component, {(node, i): factor for i, factor in factors.items()})
-        for component, factors in solved(rows)
-    ]
+    return [Tie(node, component, {(node, i): factor for i, factor in factors.items()}) for component, factors in solved(rows)]
 
 
 def solved(rows: Array) -> list[tuple[int, dict[int, float]]]:
@@ -497,9 +490,7 @@ def _calculix_law(silicone: DeckSilicone) -> str:
 
 def _lines(values: list[float]) -> str:
     """At most eight numbers in a line."""
-    return "".join(
-        ", ".join(f"{value:.12e}" for value in values[at : at + 8]) + "\n" for at in range(0, len(values), 8)
-    )
+    return "".join(", ".join(f"{value:.12e}" for value in values[at : at + 8]) + "\n" for at in range(0, len(values), 8))
 
 
 def _cards(keyword: str, nodes: Iterable[int]) -> str:

@@ -59,9 +59,7 @@ class ReducedModel(cards.ResultCard):
         errors: Largest errors in between: position over length, angle in degrees, volume and compliance relative.
     """
 
-    def __init__(
-        self, case: Case, face: str, states: tuple[TipState, ...], base: Array, end: str, mass: float | None = None
-    ):
+    def __init__(self, case: Case, face: str, states: tuple[TipState, ...], base: Array, end: str, mass: float | None = None):
         self.case, self.face, self.states, self.base, self.end = case, face, states, base, end
         self.contact: float | None = None
         self.mass = case.actuator.solid_volume * silicones.density_of(case.material) if mass is None else mass
@@ -104,9 +102,7 @@ class ReducedModel(cards.ResultCard):
                 f"{self.case.actuator.fuller} for all six"
             )
         if self.contact is not None:
-            notes.append(
-                f"surfaces are in contact from {self.contact / 1e3:.4g} kPa on; their friction is not in the table"
-            )
+            notes.append(f"surfaces are in contact from {self.contact / 1e3:.4g} kPa on; their friction is not in the table")
         return notes
 
     @property
@@ -223,9 +219,7 @@ class Curves:
         p = np.array([state.pressure for state in states])
         order = np.argsort(p)
         self.turns = continued([state.rotation for state in states])
-        rates = np.array(
-            [inverse_left_jacobian(t) @ state.rate[3:] for t, state in zip(self.turns, states, strict=True)]
-        )
+        rates = np.array([inverse_left_jacobian(t) @ state.rate[3:] for t, state in zip(self.turns, states, strict=True)])
         places, slopes = np.array([state.position for state in states]), np.array([state.rate[:3] for state in states])
         volumes = np.array([state.volume for state in states])
         volume_rates = np.array([state.volume_rate for state in states])
@@ -236,9 +230,7 @@ class Curves:
         compliances = np.array([state.compliance for state in states])[order].reshape(len(x), 36)
         # Loads against the symmetry are known up to where walls touch.
         groups = alike(np.isfinite(compliances))
-        self._compliances = [
-            (entries, CubicSpline(x[known], compliances[known][:, entries])) for known, entries in groups
-        ]
+        self._compliances = [(entries, CubicSpline(x[known], compliances[known][:, entries])) for known, entries in groups]
         self._rate = CubicSpline(x, np.array([state.rate for state in states])[order])
 
     def _compliance(self, pressure: float, nu: int = 0) -> Array:
@@ -530,10 +522,7 @@ class Responses:
                 solver.factorise(state)
                 solver.tangent(state, controls.pressure_control(state.P), RESPONSE_TOLERANCE)
             moved = np.transpose(
-                [
-                    tip.vectors @ solver.linear_response(loads[k], 0.0, RESPONSE_TOLERANCE).w[: len(loads[k])]
-                    for k in acting
-                ]
+                [tip.vectors @ solver.linear_response(loads[k], 0.0, RESPONSE_TOLERANCE).w[: len(loads[k])] for k in acting]
             )
             compliance[np.ix_(acting, acting)] = (rates @ moved)[acting] * unit
             for k in acting:
@@ -614,9 +603,7 @@ def tip_of(case: Case, face: str, roles: Sequence[str]) -> str:
     device = case.actuator
     chosen = face or device.pushed or ("tip" if "tip" in roles else "")
     if not chosen:
-        raise CaseError(
-            f"{type(device).__name__} has no tip; name the face (face=..., --face): {', '.join(sorted(roles))}"
-        )
+        raise CaseError(f"{type(device).__name__} has no tip; name the face (face=..., --face): {', '.join(sorted(roles))}")
     if chosen not in roles:
         raise CaseError(f"the device has no face {chosen!r}; {errors.known_are(chosen, sorted(roles))}")
     return chosen

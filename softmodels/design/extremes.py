@@ -60,9 +60,7 @@ class PeakMeasure(quantities.FormMeasure):
     def _peak(self, values: Array) -> tuple[float, Array]:
         q, (above, volume) = float(self._q.value), values
         share = above / (state_values.PEAK_VOLUME_SHARE * volume)
-        return self._rest + q * (1.0 + share), q / (state_values.PEAK_VOLUME_SHARE * volume) * np.array(
-            [1.0, -above / volume]
-        )
+        return self._rest + q * (1.0 + share), q / (state_values.PEAK_VOLUME_SHARE * volume) * np.array([1.0, -above / volume])
 
     def value(self, state: State | None) -> float:
         self._settle()
@@ -99,9 +97,7 @@ ValuesOf = Callable[["quantities.DesignedBody", Array], Array]
 def _mises(design: quantities.DesignedBody, stretches: Array) -> Array:
     stresses = np.empty(stretches.shape[:2])
     for region in design.system.potential.regions:
-        stresses[region.cells] = state_values.von_mises(
-            state_values.shape_stresses(region.material, stretches[region.cells])
-        )
+        stresses[region.cells] = state_values.von_mises(state_values.shape_stresses(region.material, stretches[region.cells]))
     return stresses / design.system.stress_unit
 
 
@@ -174,9 +170,7 @@ def _parts(
     for region in design.system.potential.regions:
         cells = where.of(design, region.cells)
         if mpi.any_rank(body.mesh.comm, len(cells) > 0):
-            parts.append(
-                FieldPart(field(region), region.dx if where == ALL_CELLS else cell_measure(body, cells), cells)
-            )
+            parts.append(FieldPart(field(region), region.dx if where == ALL_CELLS else cell_measure(body, cells), cells))
     if not parts:
         raise ValueError(f"no cell of the device lies{where.words}")
     return parts
@@ -405,9 +399,7 @@ class NodesMeasure(quantities.Measure):
         moved = in_space(system.w.x.array[self._skew] @ system.body.skew_inverse.T * system.length_unit)
         shift = grid.collect(self._places() - self._made + moved)
         value, note, rates = mpi.on_root(system.comm, lambda: self._smooth(shift))
-        mesh = (
-            grid.distribute(rates if mpi.is_root(system.comm) else None) * system.length_unit
-        )  # by dimensionless places
+        mesh = grid.distribute(rates if mpi.is_root(system.comm) else None) * system.length_unit  # by dimensionless places
         mesh = mesh if motion.dimension == 3 else mesh[:, [0, 2]]
         by_w = np.zeros(system.n)
         by_w[self._skew] = mesh @ system.body.skew_inverse
@@ -482,9 +474,7 @@ def _interpolation(grid: state_values.Grid, design: quantities.DesignedBody) -> 
     `MeshMotion.space`)."""
     mesh, space = grid.space.mesh, design.motion.space
     element = basix.ufl.element("P", mesh.basix_cell(), mesh.geometry.cmaps[0].degree)
-    shapes = element.tabulate(0, grid.space.element.interpolation_points)[
-        0
-    ]  # (grid's nodes of a cell, mesh's nodes of it)
+    shapes = element.tabulate(0, grid.space.element.interpolation_points)[0]  # (grid's nodes of a cell, mesh's nodes of it)
     nodes, own = np.asarray(grid.space.dofmap.list), np.asarray(space.dofmap.list)
     owned, first = np.unique(nodes.ravel(), return_index=True)
     cell, local = np.divmod(first[owned < grid.owned], nodes.shape[1])

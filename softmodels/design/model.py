@@ -232,9 +232,7 @@ class MeshedDesign:
                 if slopes.note:
                     notes.append(f"{part.key}: {slopes.note}")
                 judged = (
-                    self._whole(part, slopes, velocities)
-                    if gradients
-                    else EvaluatedQuantity(slopes.value, np.zeros(0), {})
+                    self._whole(part, slopes, velocities) if gradients else EvaluatedQuantity(slopes.value, np.zeros(0), {})
                 )
                 measure = self.measures[part]
                 if gradients and state is not None and load is not None and isinstance(measure, TargetMeasure):
@@ -270,9 +268,7 @@ class MeshedDesign:
                 raise UnstableState(f"the state at {load} is unstable: its tangent has {negative} negative {values}")
         return state
 
-    def _squares(
-        self, measure: TargetMeasure, state: State, load: EvaluatedLoad, velocities: dict[str, Array]
-    ) -> Squares:
+    def _squares(self, measure: TargetMeasure, state: State, load: EvaluatedLoad, velocities: dict[str, Array]) -> Squares:
         """Return the distances from a target with their derivatives at the settled state."""
         columns = []
         for name in self.question.names:
@@ -309,14 +305,10 @@ class MeshedDesign:
         """Numbers of the equations by which derivatives are wanted, beside lengths."""
         free = (name for name in self.question.names if name not in self.question.shape)
         return list(
-            dict.fromkeys(
-                [*self.question.materials, *(field for name in free for field in in_equations(self.case, name))]
-            )
+            dict.fromkeys([*self.question.materials, *(field for name in free for field in in_equations(self.case, name))])
         )
 
-    def _gathered(
-        self, value: float, by_length: Mapping[str, float], by_other: Mapping[str, float]
-    ) -> EvaluatedQuantity:
+    def _gathered(self, value: float, by_length: Mapping[str, float], by_other: Mapping[str, float]) -> EvaluatedQuantity:
         """Return a value with its derivatives by the question's parameters and by the material's numbers."""
         rates = []
         for name in self.question.names:
@@ -336,9 +328,7 @@ class MeshedDesign:
             return None
         else:
             P = limit.state.P
-            gradient = (
-                self.adjoint.limit_gradient(limit.state, limit.tangent, velocities, materials) if gradients else None
-            )
+            gradient = self.adjoint.limit_gradient(limit.state, limit.tangent, velocities, materials) if gradients else None
         pressure = self.design.direction * P * self.design.system.stress_unit
         return EvaluatedQuantity(pressure, np.zeros(0), {}) if gradient is None else self._gathered(pressure, *gradient)
 
@@ -373,9 +363,7 @@ class DesignModel:
                 f"can follow; it can follow {', '.join(case.actuator.movable) or 'none'}"
             )
         self.quantities = tuple(quantities)
-        parts = tuple(
-            dict.fromkeys(part for quantity in self.quantities for part in getattr(quantity, "parts", (quantity,)))
-        )
+        parts = tuple(dict.fromkeys(part for quantity in self.quantities for part in getattr(quantity, "parts", (quantity,))))
         loads = tuple(sorted({part.load for part in parts if part.load is not None}))
         self.question = EvaluationRequest(self.names, parts, loads, 0.0, tuple(materials), shape)
         if any(isinstance(part, OfLimit) for part in parts):
@@ -716,11 +704,7 @@ class DesignFolder:
         self._best = 0
         try:
             default = Path("results") / problem.name
-            self.own = (
-                folders.take_default(default, KIND, self.identity)
-                if output is None
-                else folders.OwnFolder(output, KIND)
-            )
+            self.own = folders.take_default(default, KIND, self.identity) if output is None else folders.OwnFolder(output, KIND)
             self.own.take()
         except (InUseError, OwnFolderError) as error:
             raise DesignError(str(error)) from None
@@ -777,9 +761,7 @@ class DesignFolder:
         names = [f"{trial.number:04d}.json", f"{trial.number:04d}.toml"]
         self._iterates.claim(names)
         with contextlib.suppress(*entries.INPUT_ERRORS):  # an invalid device has no case
-            write_text(
-                self.path / ITERATES / names[1], result.case_text(self.problem, result.case_of(self.problem, trial))
-            )
+            write_text(self.path / ITERATES / names[1], result.case_text(self.problem, result.case_of(self.problem, trial)))
         write_text(self.path / ITERATES / names[0], trial.to_json())
         write_text(self.path / TABLE, table(self.problem, trials, form))
         # Compare only values of one mesh: those of the previous one may satisfy limits that are violated on a fresh one.
@@ -855,9 +837,7 @@ def line(problem: DesignProblem, trial: Trial, form: Formulation | None, left: f
     worst, row = form.worst(trial)
     limits = "no limits"
     if row is not None:
-        limits = (
-            f"{'VIOLATED' if worst > LIMIT_TOLERANCE else 'satisfied'}: {row.compared(trial.values[row.key], worst)}"
-        )
+        limits = f"{'VIOLATED' if worst > LIMIT_TOLERANCE else 'satisfied'}: {row.compared(trial.values[row.key], worst)}"
     rest = "" if left is None else f", about {max(left, 0.0):.0f} s left"
     return (
         f"{head}  {label(asked, problem.case.cm)} {in_words(asked, form.objective(trial), 5)}  "

@@ -138,13 +138,9 @@ def _fresh_refinement(value: object) -> float:
     return finer
 
 
-def open_folder(
-    problem: DesignProblem, output: Path | None, comm: MPI.Comm, how: SearchOptions
-) -> model.DesignFolder | None:
+def open_folder(problem: DesignProblem, output: Path | None, comm: MPI.Comm, how: SearchOptions) -> model.DesignFolder | None:
     """Return the folder of an optimisation on rank 0, None elsewhere; DesignError, on all ranks, if it cannot be used."""
-    return mpi.kept_on_root(
-        comm, lambda: model.DesignFolder(problem, output, how.get("resume", False), how.get("inputs", ()))
-    )
+    return mpi.kept_on_root(comm, lambda: model.DesignFolder(problem, output, how.get("resume", False), how.get("inputs", ())))
 
 
 def run_in(
@@ -330,9 +326,7 @@ def approached(evaluate: Callable[[Array], Scaled | None], start: Array, price: 
         trial = np.clip(x + step, 0.0, 1.0)
         there = evaluate(trial)
         gain = -np.inf if there is None else _merit(here, price) - _merit(there, price)
-        if there is not None and (
-            gain > MIN_GAIN * predicted or there.fresh
-        ):  # values of different meshes are not comparable
+        if there is not None and (gain > MIN_GAIN * predicted or there.fresh):  # values of different meshes are not comparable
             x, here = trial, there
         if gain < MIN_GAIN * predicted:
             reach = min(reach, float(np.abs(step).max())) / 2

@@ -118,28 +118,20 @@ class DesignProblem:
             _check_walls(case, keep)
         _check_path(case, self.quantities)
         if not self.working and any(quantity.name == MARGIN for quantity in self.quantities):
-            raise DesignError(
-                f"{MARGIN} is relative to the highest pressure of the problem, but no quantity has a pressure"
-            )
+            raise DesignError(f"{MARGIN} is relative to the highest pressure of the problem, but no quantity has a pressure")
 
     def _objective(self, reader: Reader) -> tuple[str, tuple[ObjectiveTerm, ...]]:
         given = [name for name in OBJECTIVES if getattr(self, name) is not None]
         if not given:
             raise DesignError(f"the problem has no objective; give one of {', '.join(OBJECTIVES)}")
         if len(given) > 1:
-            raise DesignError(
-                f"{' and '.join(given)} are two objectives; give only one, and a limit (keep) for the other"
-            )
+            raise DesignError(f"{' and '.join(given)} are two objectives; give only one, and a limit (keep) for the other")
         entry = getattr(self, given[0])
         quantities = reader.quantities(entry, given[0], ("weights",))
         if isinstance(entry, Mapping) and entry.get("quantity") == CLEARANCES:
-            raise DesignError(
-                f"{given[0]}: {CLEARANCES} has many values and cannot be an objective; use it as a limit (keep)"
-            )
+            raise DesignError(f"{given[0]}: {CLEARANCES} has many values and cannot be an objective; use it as a limit (keep)")
         weights = entry.get("weights") if isinstance(entry, Mapping) else None
-        weights = (
-            [1.0] * len(quantities) if weights is None else [trials.read("a weight", w, "1") for w in _list(weights)]
-        )
+        weights = [1.0] * len(quantities) if weights is None else [trials.read("a weight", w, "1") for w in _list(weights)]
         if len(weights) != len(quantities) or min(weights) < 0.0 or sum(weights) <= 0.0:
             raise DesignError(
                 f"{given[0]}: {len(weights)} weights for {len(quantities)} pressures; give each one positive weight, or none"
@@ -150,9 +142,7 @@ class DesignProblem:
 
     def variants(self) -> Iterator[tuple[str, DesignProblem]]:
         """Yield the problem for each choice of the whole numbers, with its words, as in ``chambers 4``."""
-        rest = {
-            name: bounds for name, bounds in _flat(_table(self.parameters, "parameters")) if name not in self.counts
-        }
+        rest = {name: bounds for name, bounds in _flat(_table(self.parameters, "parameters")) if name not in self.counts}
         for choice in itertools.product(*(range(low, high + 1) for low, high in self.counts.values())):
             values = dict(zip(self.counts, choice, strict=True))
             words = ", ".join(f"{name} {value}" for name, value in values.items())
@@ -222,9 +212,7 @@ class DesignProblem:
             raise DesignError(f"{path}: {error}") from None
 
     @classmethod
-    def _from_tables(
-        cls, problem: dict[str, object], folder: Path | None, changes: Sequence[str] = ()
-    ) -> DesignProblem:
+    def _from_tables(cls, problem: dict[str, object], folder: Path | None, changes: Sequence[str] = ()) -> DesignProblem:
         for key in problem:
             if key not in TABLES:
                 raise DesignError(f"the problem has an unknown entry {key!r}; {errors.known_are(key, TABLES)}")
@@ -276,9 +264,7 @@ def _errors(given: object, case: Case, folder: Path | None) -> materials.Materia
     if isinstance(given, str | Path):
         given = materials.MaterialErrors.from_file((folder or Path()) / given)
     if not isinstance(given, materials.MaterialErrors):
-        raise DesignError(
-            f'material_errors is {units.brief(given)}; give a fitted material, file = "results/fit/fitted.toml"'
-        )
+        raise DesignError(f'material_errors is {units.brief(given)}; give a fitted material, file = "results/fit/fitted.toml"')
     given.check(case.material)
     return given
 
@@ -306,9 +292,7 @@ def _check_path(case: Case, quantities: Sequence[DesignQuantity]) -> None:
         raise DesignError(f"{rubbing} has friction, and designs with friction take no loads; leave out {loads[0]}")
     for asked in (part for term in quantities for part in getattr(term, "parts", (term,))):
         if isinstance(asked, OfLimit | StoredEnergy | InflationWork):
-            raise DesignError(
-                f"{asked.name} is not available with friction ({rubbing}); leave it out, or set friction = 0"
-            )
+            raise DesignError(f"{asked.name} is not available with friction ({rubbing}); leave it out, or set friction = 0")
         if asked.load is not None and asked.load.kind == trials.VOLUME:
             raise DesignError(f"{asked.title} is at a volume, but with friction ({rubbing}) designs need pressures")
 
@@ -380,9 +364,7 @@ class Reader:
         if name is None:
             raise DesignError(f"{where} names no quantity; {errors.known_are('', self.registry)}")
         if not isinstance(name, str) or name not in self.registry:
-            raise DesignError(
-                f"{where}: quantity {units.brief(name)} is unknown; {errors.known_are(name, self.registry)}"
-            )
+            raise DesignError(f"{where}: quantity {units.brief(name)} is unknown; {errors.known_are(name, self.registry)}")
         return self.registry[name]
 
     def _given(self, key: str, value: object) -> object:
@@ -403,9 +385,7 @@ class Reader:
         device, of = self.case.actuator, getattr(asked, "of", "")
         what, known = asked.named(device, self.case.components)
         if (of or what != PROBE) and of not in known:
-            raise DesignError(
-                f"{where}: this {type(device).__name__} has no {what} {of!r}; {errors.known_are(of, known)}"
-            )
+            raise DesignError(f"{where}: this {type(device).__name__} has no {what} {of!r}; {errors.known_are(of, known)}")
         if asked.of_state and asked.at is None:
             raise DesignError(f"{where}: {asked.name} needs a pressure (at)")
         pressure, last = highest_pressure(asked), self.case.values[-1]
@@ -594,18 +574,14 @@ def expanded(case: Case, name: str) -> list[str]:
     if name in every:
         return [name]
     if "." in name:
-        raise DesignError(
-            f"the case has no parameter {name!r}; {errors.known_are(name, [own for own in every if '.' in own])}"
-        )
+        raise DesignError(f"the case has no parameter {name!r}; {errors.known_are(name, [own for own in every if '.' in own])}")
     entries = [known_name for known_name in known if re.fullmatch(rf"{re.escape(name)}\[\d+\]", known_name)]
     if entries:
         return entries
     stems = list(dict.fromkeys(known_name.partition("[")[0] for known_name in known))
     base = name.partition("[")[0]
     if base in schema.about(device) and base not in stems:
-        raise DesignError(
-            f"{name} does not affect the shape of this {type(device).__name__}; {errors.known_are(name, stems)}"
-        )
+        raise DesignError(f"{name} does not affect the shape of this {type(device).__name__}; {errors.known_are(name, stems)}")
     if name != base and base in stems:
         count = sum(known_name.startswith(f"{base}[") for known_name in known)
         entries_text = f"has {count} entries, counted from 1" if count else "is not a list"
@@ -636,9 +612,7 @@ def free_parameters(case: Case, table: Mapping[str, object], bare: bool = True) 
     if any(parameter.name.startswith("gravity.") for parameter in free) and any(
         part.lifted and part.weighs for part in case.components
     ):
-        raise DesignError(
-            "gravity cannot vary while a mass rests on a stand ([contact] with a guide and a mass); leave it out"
-        )
+        raise DesignError("gravity cannot vary while a mass rests on a stand ([contact] with a guide and a mass); leave it out")
     lengths = [parameter.name for parameter in free if of_shape(case, parameter.name)]
     if lengths and not case.actuator.carries_interfaces:
         for part in case.components:
@@ -677,14 +651,10 @@ def _count(case: Case, name: str, bounds: object) -> tuple[int, int]:
     """Return the bounds of a whole number; DesignError if they are none, or one of its devices cannot be made."""
     low, high = _bounds(name, bounds)
     if any(isinstance(end, bool) or not isinstance(end, int) for end in (low, high)):
-        raise DesignError(
-            f"the bounds of {name} are {units.brief(low)} and {units.brief(high)}; they must be whole numbers"
-        )
+        raise DesignError(f"the bounds of {name} are {units.brief(low)} and {units.brief(high)}; they must be whole numbers")
     assert isinstance(low, int) and isinstance(high, int)
     if not 0 <= high - low < MOST_VALUES:
-        raise DesignError(
-            f"the bounds of {name} are {low} and {high}; they must rise, with at most {MOST_VALUES} values"
-        )
+        raise DesignError(f"the bounds of {name} are {low} and {high}; they must rise, with at most {MOST_VALUES} values")
     for value in range(low, high + 1):
         try:
             dataclasses.replace(case, actuator=dataclasses.replace(case.actuator, **{name: value}))
@@ -700,9 +670,7 @@ def _bounds(name: str, bounds: object) -> tuple[object, object]:
                 raise DesignError(f"parameter {name} has an unknown entry {key!r}; a parameter has from and to")
         for key, what in (("from", "lower"), ("to", "upper")):
             if key not in bounds:
-                raise DesignError(
-                    f"parameter {name} has no {what} bound; give both, as {name} = {{ from = ..., to = ... }}"
-                )
+                raise DesignError(f"parameter {name} has no {what} bound; give both, as {name} = {{ from = ..., to = ... }}")
         return bounds["from"], bounds["to"]
     if isinstance(bounds, Sequence) and not isinstance(bounds, str) and len(bounds) == 2:
         return bounds[0], bounds[1]
@@ -714,9 +682,7 @@ def _bounds(name: str, bounds: object) -> tuple[object, object]:
 def _check(case: Case, free: Free) -> None:
     """Reject invalid bounds, one parameter at a time."""
     if free.low > free.high:
-        raise DesignError(
-            f"the bounds of {free.name} are reversed: from {free.text(free.low)} to {free.text(free.high)}"
-        )
+        raise DesignError(f"the bounds of {free.name} are reversed: from {free.text(free.low)} to {free.text(free.high)}")
     if free.low == free.high:
         raise DesignError(f"both bounds of {free.name} are {free.text(free.low)}; leave it out to keep it constant")
     if not free.low <= free.start <= free.high:
@@ -781,9 +747,7 @@ def tolerances_of(case: Case, table: Mapping[str, object], bare: bool) -> dict[s
                 raise DesignError(f"tolerance of {name_of_list} is {value}; a standard deviation must be above zero")
             movable = name_of_list.partition("[")[0] in device.movable or name_of_list in device.movable
             if of_shape(case, name_of_list) and not movable:
-                raise DesignError(
-                    f"tolerance of {name_of_list}: the mesh of this {type(device).__name__} cannot follow it"
-                )
+                raise DesignError(f"tolerance of {name_of_list}: the mesh of this {type(device).__name__} cannot follow it")
             tolerances[name_of_list] = spread
     return tolerances
 

@@ -187,10 +187,7 @@ class FormMeasure(Measure):
                 by_w = part if by_w is None else by_w + part
             by_X += rate * self.design.motion.assembled(covector)
         by_P = sum(
-            (
-                share * system.integral(form)
-                for share, form in zip(system.coupling.shares, self._by_pressure, strict=False)
-            ),
+            (share * system.integral(form) for share, form in zip(system.coupling.shares, self._by_pressure, strict=False)),
             0.0,
         )
         return Slopes(value, by_w, float(rates[-1] * by_P), by_X, self.note(value))
@@ -234,9 +231,7 @@ def energy_measure(design: DesignedBody) -> Measure:
     """Return the energy stored in the whole device and its contact, in J."""
     system = design.system
     unit = system.volume_unit
-    return WithContact(
-        design, FormMeasure(design, system.potential.energies, scaled(unit), counted_in_stress=True), unit
-    )
+    return WithContact(design, FormMeasure(design, system.potential.energies, scaled(unit), counted_in_stress=True), unit)
 
 
 QUANTITIES: names.Registry[type[DesignQuantity]] = names.Registry(
@@ -615,9 +610,7 @@ def check_apart(design: DesignedBody, what: str) -> None:
     """Raise `DesignFailure` where walls or a file's shape are in contact: the third derivatives of that energy are missing."""
     system = design.system
     if system.assembled.touches(system.w.x.array):
-        raise trials.DesignFailure(
-            f"the {what} has no gradient where faces press on each other or on a shape that gives way"
-        )
+        raise trials.DesignFailure(f"the {what} has no gradient where faces press on each other or on a shape that gives way")
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -747,9 +740,7 @@ class ForceOn(DesignQuantity):
         weights = system.length_unit**2 * np.array(shares)
         if isinstance(term, assembly.AssembledTerm):
             return PressedMeasure(design, term, weights)
-        forms = [
-            weight * form for forces in term.pushes for weight, form in zip(weights, forces, strict=True) if weight
-        ]
+        forms = [weight * form for forces in term.pushes for weight, form in zip(weights, forces, strict=True) if weight]
         if not forms:
             raise ValueError(f"{self.title} vanishes by symmetry; use another direction (along)")
         return FormMeasure(design, forms, scaled(1.0), counted_in_stress=True)
@@ -836,9 +827,7 @@ class FacePlace(OfFace):
     def measure(self, design: DesignedBody) -> Measure:
         way, body, unit = _direction(self.axis, f"{self.name}: axis"), design.system.body, design.system.length_unit
         across = [
-            plane
-            for plane in body.actuator.cut_planes
-            if abs(float(np.dot(way, plane.normal))) > PERPENDICULAR_TOLERANCE
+            plane for plane in body.actuator.cut_planes if abs(float(np.dot(way, plane.normal))) > PERPENDICULAR_TOLERANCE
         ]
         if across or (body.axisymmetric and abs(way[2]) < 1 - PERPENDICULAR_TOLERANCE):
             raise ValueError(f"{self.title}: by symmetry it does not move along {self.axis}; use another axis")
@@ -870,9 +859,7 @@ class Turn(OfFace):
     def measure(self, design: DesignedBody) -> Measure:
         way, body = _direction(self.axis, f"{self.name}: axis"), design.system.body
         across = [
-            plane
-            for plane in body.actuator.cut_planes
-            if abs(float(np.dot(way, plane.normal))) < 1 - PERPENDICULAR_TOLERANCE
+            plane for plane in body.actuator.cut_planes if abs(float(np.dot(way, plane.normal))) < 1 - PERPENDICULAR_TOLERANCE
         ]
         if across or body.axisymmetric:
             raise ValueError(f"{self.name}: by symmetry nothing turns about {self.axis}; use {body.actuator.fuller}")
@@ -955,9 +942,7 @@ class DesignedBody:
     def volume_at_rest(self) -> float:
         """Return the dimensionless undeformed volume conjugate to the pressure, on the current mesh."""
         system, chambers = self.system, self.system.body.chambers
-        return self.sign * system.integral(self._rest_volume) + float(
-            system.coupling.shares[: len(chambers)] @ chambers
-        )
+        return self.sign * system.integral(self._rest_volume) + float(system.coupling.shares[: len(chambers)] @ chambers)
 
     def face_load(self, role: str) -> Array:
         """Return a unit load along the lift, spread evenly over a role: owned entries; see `face_load`."""

@@ -162,9 +162,7 @@ class DesignResult(cards.ResultCard):
                 return ["no limit is active: this is a local optimum"]
             return [holder.sentence for holder in holders]
         if self.end.why:
-            return [
-                f"no design so far satisfies all limits (the search ended {self.end.why}); continue with more evaluations"
-            ]
+            return [f"no design so far satisfies all limits (the search ended {self.end.why}); continue with more evaluations"]
         held = [holder.words for holder in holders]
         what = (
             f"{' and '.join(held)} are incompatible"
@@ -174,9 +172,7 @@ class DesignResult(cards.ResultCard):
         told = [f"the problem is infeasible, and this is the closest design: {what}"]
         failed = sum(trial.failed for trial in self.trials)
         if failed and not self.holding.balanced:
-            told.append(
-                f"{failed} neighbouring designs have no state at the requested pressures, which also limits the result"
-            )
+            told.append(f"{failed} neighbouring designs have no state at the requested pressures, which also limits the result")
         return told + [holder.sentence for holder in holders if holder.sentence and holder.sentence != holder.words]
 
     @property
@@ -211,9 +207,7 @@ class DesignResult(cards.ResultCard):
         """The values on the search's mesh compared with those on the fresh one."""
         told = []
         for asked in self.problem.quantities:
-            for key in [
-                key for key in self.confirmed if key == asked.key or key.startswith(f"{asked.key.removesuffix('s')}:")
-            ]:
+            for key in [key for key in self.confirmed if key == asked.key or key.startswith(f"{asked.key.removesuffix('s')}:")]:
                 if key not in self.best.values:
                     continue
                 in_search, fresh = self.best.values[key], self.confirmed[key]
@@ -348,9 +342,7 @@ def recovered(form: Formulation, trial: Trial) -> ParameterIntervals | None:
     errors[inside] = np.sqrt(np.diag(scaled)) * form.width[inside]
     intervals = tuple(
         Interval(parameter, value, error, value - quantile * error, value + quantile * error, not free)
-        for parameter, value, error, free in zip(
-            problem.free, theta.tolist(), errors.tolist(), inside.tolist(), strict=True
-        )
+        for parameter, value, error, free in zip(problem.free, theta.tolist(), errors.tolist(), inside.tolist(), strict=True)
     )
     asked = problem.terms[0].quantity
     if known:
@@ -393,9 +385,7 @@ def _weakest_combination(form: Formulation, trial: Trial, free: list[Free], vect
         change = squares.jacobian[:, : len(steps)] @ steps
         moved += term.weight * float(change @ change) / squares.count
     together = "together " if len(parts) > 1 else ""
-    words = (
-        f"{', '.join(parts)} {together}would move the device by {in_words(asked, math.sqrt(moved), 2)} from the target"
-    )
+    words = f"{', '.join(parts)} {together}would move the device by {in_words(asked, math.sqrt(moved), 2)} from the target"
     if half > WEAK_INTERVAL:
         return f"one combination of the parameters is weakly determined: {words}"
     return f"least determined: {words}"
@@ -445,9 +435,7 @@ def holding(form: Formulation, trial: Trial) -> ActiveLimits:
     met = violations.max() - ACTIVE_TOLERANCE if infeasible else -ACTIVE_TOLERANCE
     rows = [k for k in range(len(form.rows)) if violations[k] >= met]
     x = form.x(np.array(trial.theta))
-    bounds = [(k, -1.0) for k in range(len(x)) if x[k] <= AT_BOUND] + [
-        (k, 1.0) for k in range(len(x)) if x[k] >= 1 - AT_BOUND
-    ]
+    bounds = [(k, -1.0) for k in range(len(x)) if x[k] <= AT_BOUND] + [(k, 1.0) for k in range(len(x)) if x[k] >= 1 - AT_BOUND]
     columns = [scaled.dc[k] for k in rows] + [sign * np.eye(len(x))[k] for k, sign in bounds]
     if not columns:
         return ActiveLimits((), not scaled.df.any())
@@ -502,9 +490,7 @@ def _bound(form: Formulation, bound: tuple[int, float], multiplier: float, infea
     parameter, sign = form.problem.free[bound[0]], bound[1]
     end = parameter.text(parameter.high if sign > 0 else parameter.low)
     if infeasible:
-        return ActiveLimit(
-            f"{parameter.name} {'at most' if sign > 0 else 'at least'} {end} (its bound)", multiplier, ""
-        )
+        return ActiveLimit(f"{parameter.name} {'at most' if sign > 0 else 'at least'} {end} (its bound)", multiplier, "")
     words = f"{parameter.name} is at its {'upper' if sign > 0 else 'lower'} bound, {end}"
     shown, unit = trials.shown_unit(parameter.unit) or "1", parameter.unit or "1"
     step = _round(0.1 * parameter.width / trials.factor(shown, unit)) * trials.factor(shown, unit)

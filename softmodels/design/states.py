@@ -50,9 +50,7 @@ class WorkingStates:
         self.followed: dict[trials.EvaluatedLoad, PathDependence] = {}
         """Of states that depend on their path."""
         self._steps = PRESSURE_STEPS
-        self.depend_on_path = any(
-            isinstance(term, assembly.HistoryTerm) for term in self.system.potential.terms.values()
-        )
+        self.depend_on_path = any(isinstance(term, assembly.HistoryTerm) for term in self.system.potential.terms.values())
 
     # -- along the path -------------------------------------------------------------------------------------------------
 
@@ -114,9 +112,7 @@ class WorkingStates:
             return None
         magnitudes = np.concatenate([np.zeros(len(self.system.ratios)), dead.amounts / dead.units])
         try:
-            return schedule.inflate_from(
-                self.solver, schedule.apply_preload(self.solver, [("its dead loads", magnitudes)])
-            )
+            return schedule.inflate_from(self.solver, schedule.apply_preload(self.solver, [("its dead loads", magnitudes)]))
         except schedule.PreloadFailure as end:
             raise trials.DesignFailure(end.sentence) from end
 
@@ -209,9 +205,7 @@ class WorkingStates:
         by_pressure = [states[load] for load in _in_order(states, trials.PRESSURE)]
         limit = None
         if top := self._top([state.P for state in by_pressure]):
-            _, limit, _, end = self._climb(
-                top, by_pressure[-1] if by_pressure else self._preloaded(), bool(by_pressure)
-            )
+            _, limit, _, end = self._climb(top, by_pressure[-1] if by_pressure else self._preloaded(), bool(by_pressure))
             if end is not None and limit is None:
                 raise newton.NoConvergence(str(end))
         forked = guess.bifurcation
@@ -291,9 +285,7 @@ class Places:
     def _shapes(self, share: Array) -> Array:
         """Return the nodes' shape functions, shape (m, nodes)."""
         edges = np.array(self.edges)
-        return np.concatenate(
-            [share * (2.0 * share - 1.0), 4.0 * share[:, edges[:, 0]] * share[:, edges[:, 1]]], axis=1
-        )
+        return np.concatenate([share * (2.0 * share - 1.0), 4.0 * share[:, edges[:, 0]] * share[:, edges[:, 1]]], axis=1)
 
     def _slopes(self, share: Array) -> Array:
         """Return their slopes by the barycentric coordinates, shape (m, nodes, d + 1)."""
@@ -568,9 +560,7 @@ class Adjoint:
         self._set(w)
         return self._lambda.x.array.copy(), nodes
 
-    def along_path(
-        self, measure: quantities.Measure, slopes: quantities.Slopes, followed: PathDependence, name: str
-    ) -> float:
+    def along_path(self, measure: quantities.Measure, slopes: quantities.Slopes, followed: PathDependence, name: str) -> float:
         """Return the whole derivative of a quantity at the prepared state by a parameter, without the partial one at fixed
         unknowns, from the state's rate and that of what friction remembered where its step began."""
         system, motion, rate = self.system, self.design.motion, followed.rates[name]
@@ -715,9 +705,7 @@ class Bifurcations:
             direct = self.adjoint.by_material(self._eigenvalue, materials)
             by_eigenvalue = self.adjoint.gradient(self._eigenvalue.slopes(state), trials.VOLUME, velocities, direct)
             pressure = quantities.Slopes(state.P * unit, P=unit)
-            by_pressure = self.adjoint.gradient(
-                pressure, trials.VOLUME, velocities, self._pressure_by(state, materials)
-            )
+            by_pressure = self.adjoint.gradient(pressure, trials.VOLUME, velocities, self._pressure_by(state, materials))
             for sums, of_value, of_pressure in zip((lengths, numbers), by_eigenvalue, by_pressure, strict=True):
                 for name in sums:
                     sums[name] += weight * (of_pressure[name] - unit * rise / steepness * of_value[name])

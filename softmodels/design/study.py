@@ -79,9 +79,7 @@ class Study(cards.ResultCard):
         """The columns that are analysed."""
         inputs = [variable.key for variable in self.plan.inputs]
         numbers = [
-            name
-            for name, variable in self.dataset.data_vars.items()
-            if variable.dtype.kind == "f" and name not in inputs
+            name for name, variable in self.dataset.data_vars.items() if variable.dtype.kind == "f" and name not in inputs
         ]
         return self.plan.columns_analysed(list(map(str, numbers)))
 
@@ -168,9 +166,7 @@ class Input:
     def parse(cls, key: str, given: object) -> Input:
         """Read ``"1.8:2.2 mm"`` (uniform), ``"1.8:2.2:0.1 mm"`` (steps), ``"2 mm +- 0.2 mm"`` (normal, 95 %) or a list;
         StudyError if it is none of these."""
-        how = (
-            f'[vary] {key} = {given!r} is not like "1.8:2.2 mm", "1.8:2.2:0.1 mm", "2 mm +- 0.2 mm" or a list of values'
-        )
+        how = f'[vary] {key} = {given!r} is not like "1.8:2.2 mm", "1.8:2.2:0.1 mm", "2 mm +- 0.2 mm" or a list of values'
         with contextlib.suppress(units.UnitError):
             listed = units.plain(given)
             each = [units.plain(text) for text in listed] if isinstance(listed, list | tuple) else []
@@ -189,9 +185,7 @@ class Input:
         if len(numbers) == 3:
             low, high, step = numbers
             if not (high > low and 0.0 < step <= high - low):
-                raise StudyError(
-                    f"[vary] {key} = {given!r} has no steps; write it as from:to:step, such as 1.8:2.2:0.1 mm"
-                )
+                raise StudyError(f"[vary] {key} = {given!r} has no steps; write it as from:to:step, such as 1.8:2.2:0.1 mm")
             count = math.floor((high - low) / step * (1 + 1e-12))
             return cls(key, tuple(float(f"{low + k * step:.12g}") for k in range(count + 1)), unit=unit)
         if len(numbers) != 2:
@@ -218,8 +212,7 @@ class Input:
         """Return an input of listed values: numbers with one unit, plain numbers, or texts."""
         try:
             pairs = [
-                units.number_and_unit(number) if isinstance(number, str) else (units.number(number), "")
-                for number in given
+                units.number_and_unit(number) if isinstance(number, str) else (units.number(number), "") for number in given
             ]
         except units.UnitError:
             pairs = []
@@ -293,9 +286,7 @@ class StudyPlan:
                 raise StudyError(f"{path} has an unknown entry {key!r}; {errors.known_are(key, known)}")
         varied, file = table.get("vary"), table.get("case")
         if not isinstance(file, str | dict):
-            raise StudyError(
-                f'{path} names no case; write case = "disk.toml", or its tables as [case.geometry] and so on'
-            )
+            raise StudyError(f'{path} names no case; write case = "disk.toml", or its tables as [case.geometry] and so on')
         if not isinstance(varied, dict) or not varied:
             raise StudyError(f'{path} varies nothing; write [vary] and below it "geometry.membrane" = "1.8:2.2 mm"')
         try:
@@ -343,20 +334,14 @@ class StudyPlan:
     def points(self) -> Array:
         """The samples, see `Input.ppf`, shape (samples, inputs)."""
         if self.sampling == "grid":
-            return np.array(
-                list(itertools.product(*(range(len(variable.values)) for variable in self.inputs))), dtype=float
-            )
+            return np.array(list(itertools.product(*(range(len(variable.values)) for variable in self.inputs))), dtype=float)
         shares = unit_points(self.sampling, len(self.inputs), self.samples, self.seed)
         return np.column_stack([variable.ppf(column) for variable, column in zip(self.inputs, shares.T, strict=True)])
 
     def case_at(self, point: Array) -> Case:
         """Return the case of a sample; CaseError if its fields make none."""
         tables = copy.deepcopy(self._tables)
-        steps = {
-            variable.key: x
-            for variable, x in zip(self.inputs, point, strict=True)
-            if variable.key.startswith(f"{FIT}.")
-        }
+        steps = {variable.key: x for variable, x in zip(self.inputs, point, strict=True) if variable.key.startswith(f"{FIT}.")}
         if steps:
             tables["material"] = materials.to_table(_drawn_material(self.case, np.array(list(steps.values()))))
         for variable, x in zip(self.inputs, point, strict=True):
@@ -835,9 +820,7 @@ def surrogate_of(inputs: tuple[Input, ...], points: Array, values: Array) -> Sur
     return Surrogate(inputs, error, spread, process.predict)
 
 
-def indices_of(
-    inputs: tuple[Input, ...], response: Callable[[Array], Array] | Array, draws: int = BASE_SAMPLES
-) -> Indices:
+def indices_of(inputs: tuple[Input, ...], response: Callable[[Array], Array] | Array, draws: int = BASE_SAMPLES) -> Indices:
     """Return the Sobol indices of a function of points (n, inputs), or of values at the points of ``"saltelli"``."""
     if callable(response):
         shares = unit_points("saltelli", len(inputs), draws, 0)

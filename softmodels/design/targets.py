@@ -172,9 +172,7 @@ class Outline(quantities.DesignQuantity):
             except (TypeError, ValueError) as error:
                 if isinstance(error, units.UnitError):
                     raise
-                raise ValueError(
-                    "the points of an outline are pairs: distance from the axis and height, in m"
-                ) from None
+                raise ValueError("the points of an outline are pairs: distance from the axis and height, in m") from None
         if len(points) < MIN_TARGET_ROWS or not np.isfinite(points).all():
             raise ValueError(f"an outline needs at least {MIN_TARGET_ROWS} points, all finite")
         object.__setattr__(self, "points", tuple(map(tuple, points.tolist())))
@@ -421,10 +419,7 @@ def read_tip_path(file: Path, of: str, cm: float = 0.0) -> tuple[tuple[Row, ...]
     for line, row in rows:
         try:
             at = _value(row[pressure], unit, "Pa", cm)
-            place = [
-                _value(row[columns[axis][0]], columns[axis][1], "m", cm) if axis in columns else np.nan
-                for axis in "xyz"
-            ]
+            place = [_value(row[columns[axis][0]], columns[axis][1], "m", cm) if axis in columns else np.nan for axis in "xyz"]
         except (units.UnitError, TypeError) as error:
             raise ValueError(f"{file}, {sheet.place(line)}: {error}") from None
         table.append([at, *place])
@@ -473,9 +468,7 @@ def _pressure_column(file: Path, names: Sequence[str], cm: float) -> tuple[str, 
             return units_by_name[unit], unit
     if "cm" in units_by_name:
         raise ValueError(f"{file} gives the pressure in cm of an unknown liquid; use pressure_Pa or pressure_kPa")
-    raise ValueError(
-        f"{file} has no column of pressures with its unit, such as pressure_kPa; it has {', '.join(names)}"
-    )
+    raise ValueError(f"{file} has no column of pressures with its unit, such as pressure_kPa; it has {', '.join(names)}")
 
 
 def _place_columns(file: Path, names: Sequence[str], of: str) -> tuple[dict[str, tuple[str, str]], str]:
@@ -486,9 +479,7 @@ def _place_columns(file: Path, names: Sequence[str], of: str) -> tuple[dict[str,
             points.setdefault(match[1] or "", {})[match[2]] = (name, match[3])
     chosen = of if of in points else "" if "" in points else next(iter(points)) if len(points) == 1 and not of else None
     if chosen is None:
-        known = (
-            f"it has {', '.join(names)}" if not points else f"it has positions of {', '.join(points)}; choose one (of)"
-        )
+        known = f"it has {', '.join(names)}" if not points else f"it has positions of {', '.join(points)}; choose one (of)"
         raise ValueError(
             f"{file} has no columns of positions{' of ' + of if of else ''}, such as {of or 'tip'}_x_mm or x_mm; {known}"
         )

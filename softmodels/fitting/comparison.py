@@ -393,8 +393,7 @@ class SeparateFits:
         lines = [pair.sentence for pair in self.pairs]
         for curve, ranking in zip(self.curves, self.own, strict=True):
             values = ", ".join(
-                f"{p.name} {' '.join(units.with_prefix(ranking.fit.values[p.name], p.unit))}"
-                for p in ranking.fit.parameters
+                f"{p.name} {' '.join(units.with_prefix(ranking.fit.values[p.name], p.unit))}" for p in ranking.fit.parameters
             )
             rms = next(iter(ranking.fit.summaries.values())).rms / 1e3
             modulus = " ".join(units.with_prefix(ranking.material.shear_modulus_0, "Pa"))
@@ -411,13 +410,9 @@ class SeparateFits:
         involved = {place for pair in self.pairs for place in (pair.softer, pair.stiffer)}
         moduli = [self.own[i].material.shear_modulus_0 for i in involved]
         stresses = [
-            float(specimens.respond(self.own[i].material, np.array([top]), self.curves[i].mode).stress[0])
-            for i in involved
+            float(specimens.respond(self.own[i].material, np.array([top]), self.curves[i].mode).stress[0]) for i in involved
         ]
-        ends = [
-            " ".join(units.with_prefix(value, "Pa"))
-            for value in (min(moduli), max(moduli), min(stresses), max(stresses))
-        ]
+        ends = [" ".join(units.with_prefix(value, "Pa")) for value in (min(moduli), max(moduli), min(stresses), max(stresses))]
         return (
             f"spread: shear modulus {ends[0]} to {ends[1]}, nominal stress at stretch {top:.3g} {ends[2]} to {ends[3]}; the "
             "joint fit lies between the curves and matches none of them, so simulate with both extremes"
@@ -561,9 +556,7 @@ def expected(silicone: str | None, material: Material | None = None) -> Expected
         return Expected("the case's own material", (material,), OWN_LAW, False)
     curves = published(name)
     if not curves:
-        raise FitError(
-            f"silicone {units.brief(name)} is unknown; {errors.known_are(name, silicones.PRODUCTS, ', and any')}"
-        )
+        raise FitError(f"silicone {units.brief(name)} is unknown; {errors.known_are(name, silicones.PRODUCTS, ', and any')}")
     return Expected(f"published curves of {name}", curves, SEVERAL_SOURCES if len(curves) > 1 else ONE_SOURCE, True)
 
 
@@ -590,26 +583,20 @@ def objection(material: Material, largest: float, known: Expected) -> str:
     ).replace("?.", "?")
 
 
-def hold_against(
-    law: Material, largest: float, known: Expected, judgement: least_squares.Judgement
-) -> least_squares.Judgement:
+def hold_against(law: Material, largest: float, known: Expected, judgement: least_squares.Judgement) -> least_squares.Judgement:
     """Return a judgement that includes the silicone's modulus, unless something else is already wrong."""
     said = "" if judgement.objections else objection(law, largest, known)
     return dataclasses.replace(judgement, objections=(said,)) if said else judgement
 
 
-def shifted(
-    fit: least_squares.LeastSquaresFit, choice: problem.LawChoice, given: Mapping[str, float]
-) -> dict[str, float]:
+def shifted(fit: least_squares.LeastSquaresFit, choice: problem.LawChoice, given: Mapping[str, float]) -> dict[str, float]:
     """Return a fit's values with other ones of parameters that it takes as given, Poisson's ratio among them, to first order;
     none where the sources cannot be evaluated there. For all ranks together."""
     values, moved = {**fit.values, **given}, []
     other = dataclasses.replace(choice, poisson=given.get("poisson", choice.poisson))
     try:
         for source in fit.problem.sources:
-            own = (
-                dataclasses.replace(source, choice=other) if isinstance(source, residuals.TensileResiduals) else source
-            )
+            own = dataclasses.replace(source, choice=other) if isinstance(source, residuals.TensileResiduals) else source
             moved.append(own.evaluate(values, False)[0])
     except (problem.CannotEvaluate, MaterialError):
         return {}
@@ -684,12 +671,9 @@ def as_text(report: FitReport) -> str:
     lines = [*report.ranges, report.how, ""]
     for law in report.laws:
         modulus, unit = units.with_prefix(law.material.shear_modulus_0, "Pa")
-        lines.append(
-            f"{law.choice.name}: shear modulus {modulus} {unit}, Poisson's ratio {law.material.poisson:g} (given)"
-        )
+        lines.append(f"{law.choice.name}: shear modulus {modulus} {unit}, Poisson's ratio {law.material.poisson:g} (given)")
         lines += [
-            f"  {name:14s} {value:>12s} {unit:4s} 95 %: {interval}"
-            for name, value, unit, interval in parameter_rows(law)
+            f"  {name:14s} {value:>12s} {unit:4s} 95 %: {interval}" for name, value, unit, interval in parameter_rows(law)
         ]
         for name, *others in correlation_rows(law):
             pairs = zip(law.fit.free, others, strict=False)

@@ -365,9 +365,7 @@ def fit_parameters(
             runs.append(StartResult(problem.values(x), math.inf, str(error)))
             continue
         runs.append(
-            StartResult(
-                problem.values(optimum.x), 2 * float(optimum.cost), "" if optimum.status > 0 else optimum.message
-            )
+            StartResult(problem.values(optimum.x), 2 * float(optimum.cost), "" if optimum.status > 0 else optimum.message)
         )
         if best is None or optimum.cost < best.cost:
             best = optimum
@@ -406,8 +404,7 @@ def _with_warnings(
         troubles.append(f"the fit did not converge within {optimum.nfev} evaluations; do not use its values")
     elif step > MAX_NEWTON_STEP:
         troubles.append(
-            f"the fit stopped where a further step would still move it by {step:.2g} standard "
-            "errors; do not use its values"
+            f"the fit stopped where a further step would still move it by {step:.2g} standard errors; do not use its values"
         )
     converged = not troubles
     ends = [(p, result.at_bounds[p.name]) for p in result.free if p.name in result.at_bounds]
@@ -602,9 +599,7 @@ def unseen(fit: LeastSquaresFit) -> tuple[str, ...]:
         room, against = _max_half_width(p, fit.values[p.name])
         if not fit.quantile * _data_error(fit, p) < room:
             rests = f"{p.words} depends on its prior: without it, its interval would be wider"
-            said.append(
-                rests if p.prior else f"the data do not determine {p.words}: its interval is wider than {against}"
-            )
+            said.append(rests if p.prior else f"the data do not determine {p.words}: its interval is wider than {against}")
     R = fit.correlations
     for i, a in enumerate(fit.free):
         for j in range(i):
@@ -623,9 +618,7 @@ def _data_error(fit: LeastSquaresFit, p: Parameter) -> float:
     if not p.prior:
         return fit.error(p.name)
     own = fit.count + [q.name for q in fit.free if q.prior].index(p.name)
-    without = dataclasses.replace(
-        fit, residuals=np.delete(fit.residuals, own), jacobian=np.delete(fit.jacobian, own, axis=0)
-    )
+    without = dataclasses.replace(fit, residuals=np.delete(fit.residuals, own), jacobian=np.delete(fit.jacobian, own, axis=0))
     return without.error(p.name)
 
 
@@ -694,11 +687,7 @@ def profile(result: LeastSquaresFit, name: str, n: int = 15) -> Profile:
     ends = tuple(_crossing(values, rises, best, limit, sign) for sign in (-1.0, 1.0))
     interval = (ends[0] if ends[0] is not None else p.lower, ends[1] if ends[1] is not None else p.upper)
     better = float(rises.min())
-    trouble = (
-        f"fixing {name} at {values[rises.argmin()]:.4g} gave a better fit than the original one"
-        if better < -0.05
-        else ""
-    )
+    trouble = f"fixing {name} at {values[rises.argmin()]:.4g} gave a better fit than the original one" if better < -0.05 else ""
     return Profile(name, p.unit, values, rises, limit, interval, trouble)
 
 

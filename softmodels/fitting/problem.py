@@ -153,9 +153,7 @@ class Parameter:
 
     @property
     def logarithmic(self) -> bool:
-        return (self.lower > 0.0 and self.upper >= 100 * self.lower) or (
-            self.upper < 0.0 and self.lower <= 100 * self.upper
-        )
+        return (self.lower > 0.0 and self.upper >= 100 * self.lower) or (self.upper < 0.0 and self.lower <= 100 * self.upper)
 
     @property
     def scale(self) -> float:
@@ -406,12 +404,8 @@ class FitOptions:
                 raise FitError(str(error)) from None
             object.__setattr__(self, name, settled)
         if not isinstance(self.silicone, str | None):
-            raise FitError(
-                f"silicone is {units.brief(self.silicone)}; it must be the name of one, such as 'ecoflex-00-30'"
-            )
-        if not isinstance(self.changes, Mapping) or not all(
-            isinstance(change, Mapping) for change in self.changes.values()
-        ):
+            raise FitError(f"silicone is {units.brief(self.silicone)}; it must be the name of one, such as 'ecoflex-00-30'")
+        if not isinstance(self.changes, Mapping) or not all(isinstance(change, Mapping) for change in self.changes.values()):
             raise FitError(
                 f"changes is {units.brief(self.changes)}; it must be a table by parameter, such as {{'c1': {{'value': 14e3}}}}"
             )
@@ -486,9 +480,7 @@ class LawChoice:
         if not terms:
             return cls.from_law(law, poisson)
         if terms > law.most_terms:
-            raise FitError(
-                f"law {text!r}: at most {law.most_terms} terms of {law.title or law.name} can be distinguished"
-            )
+            raise FitError(f"law {text!r}: at most {law.most_terms} terms of {law.title or law.name} can be distinguished")
         return cls(f"{law.name}{terms}", law, terms, poisson)
 
     @classmethod
@@ -521,8 +513,7 @@ class LawChoice:
     def parameters(self, start: Mapping[str, float]) -> tuple[Parameter, ...]:
         """Return the parameters with the law's own bounds about a start."""
         return tuple(
-            Parameter(name, self.unit(name), start[name], *self.law.parameter_bounds(name, start))
-            for name in self.names
+            Parameter(name, self.unit(name), start[name], *self.law.parameter_bounds(name, start)) for name in self.names
         )
 
     def from_modulus(self, modulus: float, most: float = 10.0) -> dict[str, float]:
@@ -542,9 +533,7 @@ def law_choices(laws: Laws, poisson: float = laws.DEFAULT_POISSON_RATIO) -> list
         laws = all_laws() if laws.strip() == "all" else [part.strip() for part in laws.split(",")]
     chosen: list[str | type[Material]] = list(laws) if isinstance(laws, list | tuple) else [laws]  # type: ignore[list-item]
     for law in chosen:
-        if not isinstance(law, str) and not (
-            isinstance(law, type) and issubclass(law, Material) and law is not Material
-        ):
+        if not isinstance(law, str) and not (isinstance(law, type) and issubclass(law, Material) and law is not Material):
             hint = "; give its class, without its numbers" if isinstance(law, Material) else ""
             raise FitError(
                 f"law {units.brief(law)} is invalid; it must be a name such as 'yeoh', or a class such as sm.Yeoh{hint}"
@@ -552,8 +541,7 @@ def law_choices(laws: Laws, poisson: float = laws.DEFAULT_POISSON_RATIO) -> list
     if not chosen:
         raise FitError(f"no law is given; known are {known_laws()} and all")
     choices = [
-        LawChoice.from_text(law, poisson) if isinstance(law, str) else LawChoice.from_law(law, poisson)
-        for law in chosen
+        LawChoice.from_text(law, poisson) if isinstance(law, str) else LawChoice.from_law(law, poisson) for law in chosen
     ]
     names = [choice.name for choice in choices]
     if len(set(names)) < len(names):
@@ -575,14 +563,10 @@ def known_laws() -> str:
 
 def all_parameters() -> dict[str, str]:
     """Return the units of all parameters of all laws, however many terms these have, by name."""
-    return {
-        name: law.parameter_unit(name) for law in laws.LAWS.values() for name in law.parameter_names(law.most_terms)
-    }
+    return {name: law.parameter_unit(name) for law in laws.LAWS.values() for name in law.parameter_names(law.most_terms)}
 
 
-def closed_starts(
-    choice: LawChoice, design: Design, target: Array, modulus: float, most: float
-) -> list[dict[str, float]]:
+def closed_starts(choice: LawChoice, design: Design, target: Array, modulus: float, most: float) -> list[dict[str, float]]:
     """Return the starts, best first, by linear least squares over a grid of the nonlinear parameters: from the slopes that
     ``design`` gives of all standardised stresses, these (n,), and the small-strain shear modulus in Pa and largest I1 - 3
     of the data."""

@@ -84,10 +84,7 @@ class Score(cards.ResultCard):
         return [
             ("rms", f"{' '.join(units.with_prefix(self.rms, self.unit))} of {self.count} values"),
             ("chi squared per value", f"{self.chi2:.3g}"),
-            *(
-                [("of it explained by the material's errors", f"{self.chi2_material:.3g}")]
-                * math.isfinite(self.chi2_material)
-            ),
+            *([("of it explained by the material's errors", f"{self.chi2_material:.3g}")] * math.isfinite(self.chi2_material)),
             ("within the 95 % band", f"{100 * self.coverage:.3g} %"),
             ("furthest off", self.worst),
         ]
@@ -135,17 +132,13 @@ def score_curve(
     stress = residuals.predicted(material, curve)
     if not np.isfinite(stress).all():
         first = float(curve.stretch[~np.isfinite(stress)][0])
-        raise TensileError(
-            f"{name} has no stress at stretch {first:.4g} of {curve.name}; limit the range with --stretch"
-        )
+        raise TensileError(f"{name} has no stress at stretch {first:.4g} of {curve.name}; limit the range with --stretch")
     off = stress - curve.stress
     sizes = off / error.of(curve)
     at = int(np.argmax(np.abs(sizes)))
     share = f", {100 * off[at] / curve.stress[at]:+.3g} %" if curve.stress[at] else ""
     when = "" if curve.time is None else f", {curve.time[at]:.4g} s"
-    worst = (
-        f"{off[at] / 1e3:+.3g} kPa at stretch {curve.stretch[at]:.4g}{when} ({sizes[at]:+.2g} standard errors{share})"
-    )
+    worst = f"{off[at] / 1e3:+.3g} kPa at stretch {curve.stretch[at]:.4g}{when} ({sizes[at]:+.2g} standard errors{share})"
     data = f"{curve.name} ({curve.mode}{', slack and zero taken off' if curve.origin else ''})"
     explained = math.nan
     if errors is not None:
@@ -293,9 +286,7 @@ def score(
         raise FitError("there are no measurements; give a tensile curve, or a device with its outlines")
     error = error_of(stress_error)
     scores = [
-        score_curve(name, material, curve, error, uncertain.get(name))
-        for curve in ready
-        for name, material in known.items()
+        score_curve(name, material, curve, error, uncertain.get(name)) for curve in ready for name, material in known.items()
     ]
     if device is not None:
         scores += against_outlines(known, device, outlines_of(given, untrusted), mpi.start(), uncertain)
@@ -330,9 +321,7 @@ def against_outlines(
     return scores
 
 
-def _errors(
-    errors: Mapping[str, MaterialErrors | Path | str], materials: Mapping[str, Material]
-) -> dict[str, MaterialErrors]:
+def _errors(errors: Mapping[str, MaterialErrors | Path | str], materials: Mapping[str, Material]) -> dict[str, MaterialErrors]:
     errors_by_name = {}
     for name, given in errors.items():
         if name not in materials:
@@ -351,8 +340,7 @@ def _materials_by_name(materials: Materials) -> dict[str, Material]:
     else:
         wanted = "a material, or the name of a silicone"
         given = [
-            silicones.material_of("material", named)
-            for named in names.several("materials", materials, (Material, str), wanted)
+            silicones.material_of("material", named) for named in names.several("materials", materials, (Material, str), wanted)
         ]
         materials_by_name = {silicones.named(named) or specimens.described(named): named for named in given}
         if len(materials_by_name) < len(given):

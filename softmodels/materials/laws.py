@@ -299,9 +299,7 @@ class Material:
     isochoric: ClassVar[bool] = True
     conventions: ClassVar[tuple[str, ...]] = ()
     convention_help: ClassVar[str] = ""
-    fitted_stretch: tuple[float, float] | None = dataclasses.field(
-        default=None, kw_only=True, compare=False, repr=False
-    )
+    fitted_stretch: tuple[float, float] | None = dataclasses.field(default=None, kw_only=True, compare=False, repr=False)
     memory: Memory | None = dataclasses.field(default=None, kw_only=True, repr=False)
 
     def __post_init__(self) -> None:
@@ -367,9 +365,7 @@ class Material:
         shape = self.shape(strain, self)
         return shape if cmath.isinf(self.bulk) else shape + self.bulk / 2 * (strain.J - 1) ** 2
 
-    def derivative(
-        self, stretches: Sequence[Expression], change: Sequence[Expression], compressible: bool = False
-    ) -> Dual:
+    def derivative(self, stretches: Sequence[Expression], change: Sequence[Expression], compressible: bool = False) -> Dual:
         """Return the energy at principal stretches with its derivative along their change, in Pa: all stresses in numpy.
 
         Args:
@@ -467,9 +463,7 @@ class Material:
         return low, high
 
     @classmethod
-    def from_parameters(
-        cls, values: Mapping[str, float], terms: int = 0, poisson: float = DEFAULT_POISSON_RATIO
-    ) -> Material:
+    def from_parameters(cls, values: Mapping[str, float], terms: int = 0, poisson: float = DEFAULT_POISSON_RATIO) -> Material:
         """Return a material from numbers by `parameter_names`; `MaterialError` if the law cannot take them."""
         single = {name: values[name] for name in cls.parameter_names()}
         many = {name: tuple(values[f"{name}{i + 1}"] for i in range(terms)) for name in _term_fields(cls)}
@@ -601,8 +595,7 @@ class NeoHookean(Material):
         if values.keys() == {"c1", "d1"}:
             return cls.from_c1_d1(**values)
         raise MaterialError(
-            "neo-hookean takes shear_modulus and poisson, or young and poisson, or c1 and d1; "
-            f"got {', '.join(sorted(values))}"
+            f"neo-hookean takes shear_modulus and poisson, or young and poisson, or c1 and d1; got {', '.join(sorted(values))}"
         )
 
     @classmethod
@@ -712,9 +705,7 @@ class Ogden(Material):
 
     def check(self) -> None:
         if len(self.mu) != len(self.alpha) or not self.mu:
-            raise MaterialError(
-                f"ogden: {len(self.mu)} values of mu but {len(self.alpha)} of alpha; give equal numbers"
-            )
+            raise MaterialError(f"ogden: {len(self.mu)} values of mu but {len(self.alpha)} of alpha; give equal numbers")
         if 0.0 in self.alpha:
             raise MaterialError("ogden: an exponent alpha is zero; it must not be")
 
@@ -734,9 +725,7 @@ class Ogden(Material):
     @staticmethod
     def shape(strain: StrainMeasures, m: Parameters) -> Expression:
         a, b, c = strain.stretches_bar
-        return sum(
-            m.mu[i] / m.alpha[i] * (a ** m.alpha[i] + b ** m.alpha[i] + c ** m.alpha[i] - 3) for i in _terms(m.mu)
-        )
+        return sum(m.mu[i] / m.alpha[i] * (a ** m.alpha[i] + b ** m.alpha[i] + c ** m.alpha[i] - 3) for i in _terms(m.mu))
 
     @property
     def shear_modulus_0(self) -> float:
@@ -773,9 +762,7 @@ class Ogden(Material):
 
     @classmethod
     @checked
-    def from_two_mu(
-        cls, mu: tuple[float, ...], alpha: tuple[float, ...], poisson: float = DEFAULT_POISSON_RATIO
-    ) -> Ogden:
+    def from_two_mu(cls, mu: tuple[float, ...], alpha: tuple[float, ...], poisson: float = DEFAULT_POISSON_RATIO) -> Ogden:
         """From the convention W = sum 2 mu_i/alpha_i^2 (...), in which the shear modulus is the sum of the mu_i (Pa)."""
         try:
             mu = schema.Several(schema.Quantity("Pa")).settled("mu", mu)  # type: ignore[assignment]

@@ -48,9 +48,7 @@ class Memory:
         """Return the memory of numbers, or texts with units: pairs (share, time) or tables of what `Branch` has, and (r, m,
         beta) or (r, m, beta, recovery); FieldError if they are none."""
         if isinstance(branches, str | Mapping) or not isinstance(branches, Sequence):
-            raise errors.FieldError(
-                f"branches {units.brief(branches)} are no pairs of share and time, such as [[0.2, '1 s']]"
-            )
+            raise errors.FieldError(f"branches {units.brief(branches)} are no pairs of share and time, such as [[0.2, '1 s']]")
         if len(branches) > MOST_BRANCHES:
             raise errors.FieldError(
                 f"the memory has {len(branches)} branches; at most {MOST_BRANCHES} are supported; one or two in each decade "
@@ -73,9 +71,7 @@ class Memory:
                 f"memory {units.brief(table)} is no table; write [material.memory] with branches = [[0.2, '1 s']]"
             )
         if unknown := set(table) - {"branches", "softening"}:
-            raise errors.FieldError(
-                f"memory has an unknown entry {min(map(str, unknown))!r}; known are branches, softening"
-            )
+            raise errors.FieldError(f"memory has an unknown entry {min(map(str, unknown))!r}; known are branches, softening")
         return cls.of(**table)
 
     def to_table(self, text: schema.Text = units.exact_text) -> dict[str, object]:
@@ -111,9 +107,7 @@ def _branch(given: object) -> Branch:
     known = [field.name for field in dataclasses.fields(Branch)]
     if isinstance(given, Mapping):
         if unknown := set(given) - set(known):
-            raise errors.FieldError(
-                f"branch has an unknown entry {min(map(str, unknown))!r}; known are {', '.join(known)}"
-            )
+            raise errors.FieldError(f"branch has an unknown entry {min(map(str, unknown))!r}; known are {', '.join(known)}")
         table = dict(given)
     elif isinstance(given, str) or not isinstance(given, Sequence) or len(given) != 2:
         raise errors.FieldError(f"branch {units.brief(given)} is no pair of share and time, such as [0.2, '1 s']")
@@ -176,9 +170,7 @@ def _softening(given: object) -> Softening:
     if not r > 1.0:
         raise errors.FieldError(f"softening r is {r:g}; it must be above 1, or the silicone would carry nothing")
     if m < 0.0 or beta < 0.0 or m + beta == 0.0:
-        raise errors.FieldError(
-            f"softening m is {m:g} Pa and beta {beta:g}; neither may be negative, and one must be above 0"
-        )
+        raise errors.FieldError(f"softening m is {m:g} Pa and beta {beta:g}; neither may be negative, and one must be above 0")
     if not recovery > 0.0:
         raise errors.FieldError(f"recovery time is {recovery:g} s; it must be above 0")
     return Softening(r, m, beta, recovery)
@@ -413,9 +405,7 @@ def step_stress(C: Six, H: Six, b: Expression, spring: Spring = (), shift: Expre
     return [g * entry for entry in step_stress]
 
 
-def step_stiffness(
-    C: Six, H: Six, b: Expression, spring: Spring = (), shift: Expression = 0.0
-) -> list[list[Expression]]:
+def step_stiffness(C: Six, H: Six, b: Expression, spring: Spring = (), shift: Expression = 0.0) -> list[list[Expression]]:
     """Return d2W/dCbar2 over G of a branch at the end of a step: of the symmetric 6 x 6 the lower triangle, by rows.
 
     With B = Cv^-1 and A = H + b Cbar it is b/2 det(A)^(-1/3) (B_ij B_kl / 3 - (B_ik B_jl + B_il B_jk) / 2), of a spring of I1
@@ -444,17 +434,13 @@ def isochoric(C: Six, stress: Six, stiffness: Sequence[Six]) -> tuple[list[Expre
     inverse, t = cofactors(C), contracted(stress, C)
     slope = [s - t / 3 * i for s, i in zip(stress, inverse, strict=True)]
     along = [
-        contracted([stiffness[max(p, q)][min(p, q)] for q in range(len(TENSOR_ENTRIES))], C)
-        for p in range(len(TENSOR_ENTRIES))
+        contracted([stiffness[max(p, q)][min(p, q)] for q in range(len(TENSOR_ENTRIES))], C) for p in range(len(TENSOR_ENTRIES))
     ]
     less = (contracted(along, C) - t) / 18
     u = [(a + s) / 3 - less * i for a, s, i in zip(along, slope, inverse, strict=True)]
     sixth = [t / 6 * i for i in inverse]
     return slope, [
-        [
-            entry - (u[p] * inverse[q] + inverse[p] * u[q]) + _crossed(sixth, inverse, p, q)
-            for q, entry in enumerate(row)
-        ]
+        [entry - (u[p] * inverse[q] + inverse[p] * u[q]) + _crossed(sixth, inverse, p, q) for q, entry in enumerate(row)]
         for p, row in enumerate(stiffness)
     ]
 

@@ -156,9 +156,7 @@ def _wall_pressure(
 
         if not np.isfinite(integrand(inner)):
             return np.nan  # the inner wall has the largest strain, so its limit ends the integration
-        return float(
-            scipy.integrate.quad(integrand, inner, outer, epsabs=1e-12 * material.shear_modulus_0, epsrel=1e-11)[0]
-        )
+        return float(scipy.integrate.quad(integrand, inner, outer, epsabs=1e-12 * material.shear_modulus_0, epsrel=1e-11)[0])
 
     return np.vectorize(pressure, otypes=[float])(np.asarray(inner_stretch, dtype=float))
 
@@ -189,9 +187,7 @@ class Response:
             return self.by_stretch()
 
 
-def respond(
-    material: Material, stretch: npt.ArrayLike, mode: str = "uniaxial", parameters: Sequence[str] = ()
-) -> Response:
+def respond(material: Material, stretch: npt.ArrayLike, mode: str = "uniaxial", parameters: Sequence[str] = ()) -> Response:
     """Pull a specimen.
 
     Args:
@@ -271,9 +267,7 @@ _SIDES = {
 def _compressible(material: Material, stretch: Array, mode: str, parameters: Sequence[str]) -> Response:
     pulled, free = _SIDES[mode]
 
-    def slopes(
-        law: Material, a: memory.Expression, s: memory.Expression
-    ) -> tuple[memory.Expression, memory.Expression]:
+    def slopes(law: Material, a: memory.Expression, s: memory.Expression) -> tuple[memory.Expression, memory.Expression]:
         """Return dW/da and dW/ds of the loaded and the free sides."""
         stretches = [i * a + j * s + (1.0 - i - j) for i, j in zip(pulled, free, strict=True)]
         return _slope(law, stretches, pulled, True), _slope(law, stretches, free, True)
@@ -287,15 +281,11 @@ def _compressible(material: Material, stretch: Array, mode: str, parameters: Seq
     def follow(moved: tuple[memory.Expression, memory.Expression]) -> Array:
         """Return the total derivative, with the free side moving so that it stays stress-free."""
         drift = -np.imag(moved[1]) / np.imag(by_side[1])
-        total: Array = (np.imag(moved[0]) / _COMPLEX_STEP + np.imag(by_side[0]) / _COMPLEX_STEP * drift) / sum(
-            pulled
-        ) + dead
+        total: Array = (np.imag(moved[0]) / _COMPLEX_STEP + np.imag(by_side[0]) / _COMPLEX_STEP * drift) / sum(pulled) + dead
         return total
 
     columns = [follow(slopes(nudged(material, name, 1j * _COMPLEX_STEP), a, s)) for name in parameters]
-    return Response(
-        stress, _columns(columns, stretch), side, lambda: follow(slopes(material, a + 1j * _COMPLEX_STEP, s))
-    )
+    return Response(stress, _columns(columns, stretch), side, lambda: follow(slopes(material, a + 1j * _COMPLEX_STEP, s)))
 
 
 def _free_side(material: Material, slopes: memory.Expression, stretch: Array, mode: str) -> Array:
@@ -366,9 +356,7 @@ def branch_stress(
     def stress(x: float, Cv: Sequence[memory.Expression]) -> Array:
         branch_sum = np.asarray(sum(p * x ** (2 * p - 1) / v for p, v in zip(powers, Cv, strict=False)) / sides)
         return (
-            branch_sum
-            if flow is None
-            else branch_sum * memory.spring_stiffness(3 * memory.growth(squares(x), Cv), flow.spring)
+            branch_sum if flow is None else branch_sum * memory.spring_stiffness(3 * memory.growth(squares(x), Cv), flow.spring)
         )
 
     def crossed(Cv: list[memory.Expression], at: int, steps: int) -> list[memory.Expression]:
@@ -463,9 +451,7 @@ def stress_in_time(
             elif name not in (*SOFTENING, *FLOW):
                 moved = nudged(material, name, 1j * _COMPLEX_STEP)
                 change = _specimen_stress(moved, stretch, mode)
-                slopes[:, i], energy_slopes[:, i] = (
-                    np.imag(v) / _COMPLEX_STEP + dead for v in (change.slope, change.value)
-                )
+                slopes[:, i], energy_slopes[:, i] = (np.imag(v) / _COMPLEX_STEP + dead for v in (change.slope, change.value))
                 added[:, i] = np.imag(moved.shear_modulus_0) / _COMPLEX_STEP * viscous
         if own.softening is not None:
             stress, slopes = _softened_curve(own.softening, time, stress, slopes, energy, energy_slopes, parameters)
@@ -551,10 +537,7 @@ def log_strain_stiffness(material: Material, stretch: npt.ArrayLike, mode: str) 
 
     with np.errstate(all="ignore"):
         first, second = gradient(e1 + 1j * _COMPLEX_STEP, e2 + 0j), gradient(e1 + 0j, e2 + 1j * _COMPLEX_STEP)
-        H = (
-            np.moveaxis(np.imag([first, second]), (0, 1), (-2, -1)) / _COMPLEX_STEP
-            + 0.0 * gradient(e1, e2)[0][:, None, None]
-        )
+        H = np.moveaxis(np.imag([first, second]), (0, 1), (-2, -1)) / _COMPLEX_STEP + 0.0 * gradient(e1, e2)[0][:, None, None]
         k = np.exp(2 * e1) + np.exp(2 * e2) + np.exp(-2 * (e1 + e2)) - 3
     return H, k
 

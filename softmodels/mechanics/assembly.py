@@ -322,9 +322,7 @@ def create_matrix(form: fem.Form) -> PETSc.Mat:
     return cpp.fem.petsc.create_matrix(form._cpp_object, None)  # type: ignore[no-any-return]
 
 
-def assemble_into(
-    matrix: PETSc.Mat, form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagonal: float = 1.0
-) -> None:
+def assemble_into(matrix: PETSc.Mat, form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagonal: float = 1.0) -> None:
     """Assemble a form of one space into a matrix of its pattern, without finalising it; rows and columns of conditions' dofs
     stay empty but for their ``diagonal``."""
     held = [bc._cpp_object for bc in bcs]
@@ -385,9 +383,7 @@ def check_mesh_faces(body: Body, roles: Sequence[str], where: str) -> None:
     for role in roles:
         if body.entities.get(role, (-1,))[0] != facets:
             known = ", ".join(name for name, (dimension, _) in body.entities.items() if dimension == facets)
-            raise ComponentError(
-                f"{where}: the mesh of {type(body.actuator).__name__} has no face {role!r}; it has {known}"
-            )
+            raise ComponentError(f"{where}: the mesh of {type(body.actuator).__name__} has no face {role!r}; it has {known}")
 
 
 class FaceNodes:

@@ -92,9 +92,7 @@ class Body:
                 entities[name] = (dimension, np.union1d(known, by_dimension[dimension].find(tag)))
         names = cavity_roles(actuator)
         if missing := [name for name in names if name not in entities]:
-            raise BodyError(
-                f"the mesh of {type(actuator).__name__} has no facets named {missing[0]!r} for the pressure"
-            )
+            raise BodyError(f"the mesh of {type(actuator).__name__} has no facets named {missing[0]!r} for the pressure")
         walls = [entities[name][1] for name in names]
         tags = np.repeat(_cavity_tags(len(names)), [len(wall) for wall in walls])
         facets = np.concatenate([*walls, np.empty(0, dtype=np.int32)])  # a beam has no cavity
@@ -102,9 +100,7 @@ class Body:
         cavity = meshes.meshtags(data.mesh, tdim - 1, facets[order], tags[order])
         holds = tuple(actuator.holds)
         roles = Roles(entities, functools.partial(selected, data.mesh, actuator))
-        return cls(
-            actuator, data.mesh, cavity, roles, _skew(actuator, holds), regions, holds, openings, straight=straight
-        )
+        return cls(actuator, data.mesh, cavity, roles, _skew(actuator, holds), regions, holds, openings, straight=straight)
 
     def held_by(self, holds: Sequence[Hold]) -> Body:
         """Return the same body with other supports."""
@@ -163,9 +159,7 @@ class Body:
         topology.create_connectivity(d - 1, d)
         planes = {plane.name for plane in self.actuator.cut_planes}
         cut = [facets for role, (_, facets) in self.entities.items() if role in planes]
-        outer = np.setdiff1d(
-            meshes.exterior_facet_indices(topology), np.concatenate([np.empty(0, dtype=np.int32), *cut])
-        )
+        outer = np.setdiff1d(meshes.exterior_facet_indices(topology), np.concatenate([np.empty(0, dtype=np.int32), *cut]))
         if d == 2:
             outer = outer[meshes.compute_midpoints(self.mesh, 1, outer)[:, 0] > LENGTH_TOLERANCE]
         return outer
@@ -499,9 +493,7 @@ def cells_within(mesh: meshes.Mesh, actuator: Actuator, condition: str) -> npt.N
     cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
     cells = cells[condition_of(condition).holds(_middles(mesh, actuator, mesh.topology.dim, cells))]
     if not mpi.any_rank(mesh.comm, bool(len(cells))):
-        raise ComponentError(
-            f"{units.brief(condition)} selects no cells; coordinates are those of the undeformed device"
-        )
+        raise ComponentError(f"{units.brief(condition)} selects no cells; coordinates are those of the undeformed device")
     return cells
 
 

@@ -351,8 +351,7 @@ void level_prolong(int64_t, int, const int32_t *, const double *, double *);
 int level_galerkin(int64_t, int, const int32_t *, const int32_t *, const int32_t *, const int8_t *, const part *,
     const int32_t *, const int32_t *, int32_t *, int32_t *, int32_t *, double *, double *, void *, void *);
 """ + "".join(
-    f"void level_residual_{d}({_LEVEL}, double *);"
-    f"void level_step_{d}({_LEVEL}, const double *, double, double, double *);"
+    f"void level_residual_{d}({_LEVEL}, double *);void level_step_{d}({_LEVEL}, const double *, double, double, double *);"
     for d in (2, 3)
 )
 DECLARED = {"moduli": _MODULI, "multigrid": _MULTIGRID}

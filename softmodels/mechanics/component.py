@@ -525,9 +525,7 @@ def direction(text: str, where: str) -> Vector:
             vector = np.zeros(0)
         length = float(np.linalg.norm(vector)) if len(vector) == 3 else 0.0
         if not (0.0 < length < np.inf):
-            raise ComponentError(
-                f"{where}: {text!r} is not a direction; write one like -z, or three numbers like 0.6, 0, -0.8"
-            )
+            raise ComponentError(f"{where}: {text!r} is not a direction; write one like -z, or three numbers like 0.6, 0, -0.8")
         vector = vector / length
     return float(vector[0]), float(vector[1]), float(vector[2])
 

@@ -352,9 +352,7 @@ class DistributedLoad:
             raise ComponentError(f"the face {over!r} has no facets on this mesh")
         way = np.asarray(along, dtype=float)
         vector = self.constant(way / size)
-        if isinstance(
-            over, str
-        ):  # a force on a face stays the same where the face grows, the weight of a region does not
+        if isinstance(over, str):  # a force on a face stays the same where the face grows, the weight of a region does not
             area = self.constant(1.0) * self.body.hoop * self.measure(over)
             self.measured.append(MeasuredConstant(vector, [area], lambda areas: way / areas[0]))
         return ufl.dot(vector, self.test) * self.body.hoop * self.measure(over)
@@ -434,9 +432,7 @@ class DeadLoads:
         system, displacements = self.system, []
         w = system.w.x.array[: system.n]
         for forms in self.forms:
-            b = assembly.assembled_vector(
-                self._vector.x, forms
-            )  # a separate function, because the system's may be in use
+            b = assembly.assembled_vector(self._vector.x, forms)  # a separate function, because the system's may be in use
             displacements.append(mpi.total(system.comm, float(b[: system.n] @ w)))
         return np.array(displacements)
 
@@ -456,9 +452,7 @@ class DeadLoads:
     def units(self) -> Array:
         """Magnitude of the whole device in SI units of one dimensionless one, shape (loads,)."""
         body = self.system.body
-        return np.array(
-            [self.system.stress_unit * body.actuator.size**load.arm * body.actuator.copies for load in self.loads]
-        )
+        return np.array([self.system.stress_unit * body.actuator.size**load.arm * body.actuator.copies for load in self.loads])
 
     @property
     def moved_units(self) -> Array:

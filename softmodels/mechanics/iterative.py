@@ -49,9 +49,7 @@ class Multigrid(newton.Preconditioner):
     max_total_iterations = 12
     max_newton_iterations = 9
     restart, max_linear_iterations = 80, 200
-    instead = (
-        ": multigrid may fail if one material is much stiffer than another or cells are very flat; use --solver direct"
-    )
+    instead = ": multigrid may fail if one material is much stiffer than another or cells are very flat; use --solver direct"
 
     def __init__(self, system: System, fixed: npt.NDArray[np.int32] = NONE):
         self.system, self.K, self._fixed = system, system.K, fixed
@@ -589,9 +587,7 @@ class RigidCycle(Multigrid):
         self._one.array_w[unknown] = -1.0
         self.K.mult(self._one, self._force)
         self._force.array_w[self._own] = 0.0
-        self._solver.solve(
-            self._force, following
-        )  # a solve short of the tolerance costs iterations later, not accuracy
+        self._solver.solve(self._force, following)  # a solve short of the tolerance costs iterations later, not accuracy
         following.array_w[self._own] = 0.0
         following.array_w[unknown] = 1.0
 

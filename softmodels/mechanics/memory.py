@@ -164,9 +164,7 @@ class History:
             G, begun = self.moduli[k], self._begun_of(k)
             stress = [s + G * d for s, d in zip(stress, memory.step_stress(C, *begun), strict=True)]
             of_branch = memory.step_stiffness(C, *begun)
-            stiffness = [
-                [s + G * d for s, d in zip(*rows, strict=True)] for rows in zip(stiffness, of_branch, strict=True)
-            ]
+            stiffness = [[s + G * d for s, d in zip(*rows, strict=True)] for rows in zip(stiffness, of_branch, strict=True)]
         stress, stiffness = memory.isochoric(C, stress, stiffness)
         turned = scale * self._fixed.F.T * (self.strain.F - self._fixed.F)
         change, quadratic = memory.six(turned + turned.T), none
@@ -198,9 +196,7 @@ class History:
     def take(self, material: Material, mu: float) -> None:
         """Set a material's parameters, in units of a shear modulus in Pa; the number of branches stays."""
         assert material.memory is not None
-        flows = [
-            _numbers(flow, branch) for flow, branch in zip(self.flows, material.memory.branches, strict=True) if flow
-        ]
+        flows = [_numbers(flow, branch) for flow, branch in zip(self.flows, material.memory.branches, strict=True) if flow]
         for constant, value in (*self.numbers(material, mu), *itertools.chain(*flows)):
             constant.value = value
 
@@ -367,17 +363,13 @@ class Motion:
     left of those before, and of their rounding errors: in short steps they come from small differences of places.
     """
 
-    def __init__(
-        self, system: component.Equations, inertia: assembly.Inertia, density: float, radius: float = SPECTRAL_RADIUS
-    ):
+    def __init__(self, system: component.Equations, inertia: assembly.Inertia, density: float, radius: float = SPECTRAL_RADIUS):
         self.comm, self.n = system.comm, system.n
         self.radius = radius
         self._am, self._af = (2 * radius - 1) / (radius + 1), radius / (radius + 1)
         self._gamma, self._beta = 0.5 - self._am + self._af, (1 - self._am + self._af) ** 2 / 4
         self.unit = density * system.length_unit**2 / system.stress_unit
-        self._M = assembly.mass_matrix(
-            system, inertia, ()
-        )  # with the rows of held dofs: their supports bear inertia too
+        self._M = assembly.mass_matrix(system, inertia, ())  # with the rows of held dofs: their supports bear inertia too
         self._of_free = assembly.mass_matrix(system, inertia)
         self._x, self._Mx = self._M.createVecRight(), self._M.createVecLeft()
         if system.mixed:

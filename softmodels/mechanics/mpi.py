@@ -180,9 +180,7 @@ def _load_mpich(library: Path | None) -> None:
     try:
         ctypes.CDLL(str(library), ctypes.RTLD_GLOBAL)
     except OSError as error:
-        raise StartError(
-            f"the MPI of the solver cannot be loaded ({error}); install the package {MPICH} again"
-        ) from None
+        raise StartError(f"the MPI of the solver cannot be loaded ({error}); install the package {MPICH} again") from None
 
 
 def _loaded_mpis() -> list[Path]:

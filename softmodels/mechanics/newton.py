@@ -51,9 +51,7 @@ class Newton:
         for thing in (self.snes, self.x, self.f, self._y):
             thing.destroy()
 
-    def solve(
-        self, control: controls.Curve, w: Array, P: float, since: Array | None = None, most: int | None = None
-    ) -> Array:
+    def solve(self, control: controls.Curve, w: Array, P: float, since: Array | None = None, most: int | None = None) -> Array:
         """Solve on a control's curve from a guess; see `Solver.solve`. Returns P and the multipliers."""
         self.control, self._since = control, since
         self._smallest = None
@@ -335,9 +333,7 @@ class Bordered:
     is what makes the solution that of the present one. ``factorisations`` counts how often the inverse was set up.
     """
 
-    def __init__(
-        self, K: PETSc.Mat, inverse: Preconditioner, product: Callable[[Array, Array], None], constraints: int = 0
-    ):
+    def __init__(self, K: PETSc.Mat, inverse: Preconditioner, product: Callable[[Array, Array], None], constraints: int = 0):
         self.K, self.inverse, self.product, self.comm = K, inverse, product, K.comm.tompi4py()
         self.n = K.getLocalSize()[0]
         self.scalars = 1 + constraints
@@ -346,9 +342,7 @@ class Bordered:
         self._lifted = [K.createVecRight() for _ in range(self.scalars)]
         self._r, self._y, self._q_lifted = K.createVecRight(), K.createVecRight(), K.createVecRight()
         self.control = Control(0.0, 1.0, 0.0)
-        self.row: PETSc.Vec | None = (
-            None  # a force instead of q in the control's equation, if that does not involve the volume
-        )
+        self.row: PETSc.Vec | None = None  # a force instead of q in the control's equation, if that does not involve the volume
         self.compliances = np.zeros((self.scalars, self.scalars))
         self.factorisations = 0
         self.shell = Shell(self.mult, self.apply)

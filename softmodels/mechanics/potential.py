@@ -96,21 +96,15 @@ class Potential:
         remembered = {history.region.name: history for history in self.histories}
         densities, curved, free = (
             [
-                self.density(
-                    region.material, region.parameters, region.bulk, getattr(remembered.get(region.name), what, None)
-                )
+                self.density(region.material, region.parameters, region.bulk, getattr(remembered.get(region.name), what, None))
                 for region in self.regions
             ]
             for what in ("density", "curved", "free")
         )
         self.energies = self.stored(curved)
         self.per_pascal = fem.Constant(mesh, 1.0)
-        setting = component.FormContext(
-            body, self.w, self.displacement, self.per_pascal, component.gravity_of(components)
-        )
-        self.terms = {
-            part.label: part.term(setting) for part in components if isinstance(part, component.EnergyComponent)
-        }
+        setting = component.FormContext(body, self.w, self.displacement, self.per_pascal, component.gravity_of(components))
+        self.terms = {part.label: part.term(setting) for part in components if isinstance(part, component.EnergyComponent)}
         added = [energy for term in self.terms.values() for energy in term.energies]
         self.energies += added
         self.free_energies = [*self.stored(free), *added] if self.histories else self.energies
@@ -146,9 +140,7 @@ class Potential:
             return []
         self.step, self.before = fem.Constant(self.body.mesh, 0.0), fem.Function(self.space)
         self._fixed = fem.Function(self.space, self.w.x)
-        self._looked_at: npt.NDArray[np.float64] | None = (
-            None  # the state that `memory_error` has last looked at in this step
-        )
+        self._looked_at: npt.NDArray[np.float64] | None = None  # the state that `memory_error` has last looked at in this step
         before, fixed = (self._vector_part(w) for w in (self.before, self._fixed))
         return [memory.History(self.body, region, self.displacement, before, fixed, self.step) for region in regions]
 

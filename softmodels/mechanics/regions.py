@@ -43,9 +43,7 @@ class Regions:
         self._parts = [part for part in components if isinstance(part, RegionPart)]
         named = {part.name for part in self._parts}
         # It has its own p and no strain, whatever its material: see `still_pressures`.
-        rigid = [
-            part for part in components if isinstance(part, RigidPart) and part.region and part.region not in named
-        ]
+        rigid = [part for part in components if isinstance(part, RigidPart) and part.region and part.region not in named]
         self._parts += [RigidRegion(material, name=part.region) for part in rigid]
         self.numbers: npt.NDArray[np.int32] | None = None
         if not self._parts:
@@ -87,9 +85,7 @@ class Regions:
         """Yield the other regions; their constants are made here."""
         for number, part in enumerate(self._parts, 1):
             parameters = constants(self._body.mesh, part.material)
-            yield MaterialRegion(
-                part.name, part.material, *self._cells(number), parameters, fem.Constant(self._body.mesh, 0.0)
-            )
+            yield MaterialRegion(part.name, part.material, *self._cells(number), parameters, fem.Constant(self._body.mesh, 0.0))
 
     def _cells(self, number: int) -> tuple[npt.NDArray[np.int32], ufl.Measure]:
         assert self.numbers is not None
@@ -234,9 +230,7 @@ class RigidMotion:
         values: The unknowns: amounts of the directions and, from the base rotation on, of the axes.
     """
 
-    def __init__(
-        self, comm: MPI.Comm, freedom: Freedom, skew: Array, dofs: Ints, places: Array, owned: npt.NDArray[np.bool_]
-    ):
+    def __init__(self, comm: MPI.Comm, freedom: Freedom, skew: Array, dofs: Ints, places: Array, owned: npt.NDArray[np.bool_]):
         self.comm, self.freedom, self.skew, self.dofs, self.owned = comm, freedom, skew, dofs, owned
         self.places = places
         self._unskewed = np.linalg.inv(skew)
@@ -515,9 +509,7 @@ class HoldingPart(Component):
 def held_with(own: Sequence[Hold], actuator: Actuator, components: Sequence[Component]) -> list[Hold]:
     """Return the supports of a device: its own, except those replaced by clamps and by seals, and the clamps."""
     clamps = [part for part in components if isinstance(part, HoldingPart)]
-    roles = {role for clamp in clamps for role in clamp.roles} | {
-        role for seal in seals(components) for role in seal.roles
-    }
+    roles = {role for clamp in clamps for role in clamp.roles} | {role for seal in seals(components) for role in seal.roles}
     kept = [hold for hold in own if hold.role not in roles]
     return [*kept, *(hold for clamp in clamps for hold in clamp.holds(actuator))]
 
@@ -546,9 +538,7 @@ def clamped(body: Body, components: Sequence[Component]) -> Body:
     for seal in sealing:
         held = held.sealed_by(seal.roles, np.asarray(seal.point) / body.actuator.size, seal.normal)
     replaced = {hold.role for hold in body.holds} & {role for clamp in clamps for role in clamp.roles}
-    if replaced and all(
-        isinstance(part, HoldingPart | RegionPart) for part in components
-    ):  # other parts may refer to it
+    if replaced and all(isinstance(part, HoldingPart | RegionPart) for part in components):  # other parts may refer to it
         _check_place(held, clamps[0].where)
     return held
 

@@ -326,9 +326,7 @@ class MeasuredSlope:
         """Return the forms of the load's change with a motion of the mesh's nodes, in a function of their space."""
         x = moving.x.array
         owned = slice(0, self.motion.owned_entries)
-        along = [
-            mpi.total(self.eq.comm, float(self.motion.assembled(form)[owned] @ x[owned])) for form in self._by_nodes
-        ]
+        along = [mpi.total(self.eq.comm, float(self.motion.assembled(form)[owned] @ x[owned])) for form in self._by_nodes]
         self.turn.value = np.tensordot(np.array(along), self.rates(), 1)
         return self._compiled
 
@@ -520,9 +518,7 @@ class LawHistory:
             for vector in (begin, end)
         ]
         slopes[1] += ufl.derivative(end, eq.w, self._w) + ufl.derivative(end, self.history.begun, self._start)
-        self._begin, self._end = (
-            fem.Expression(slope, self.history.points, jit_options=compiling.JIT) for slope in slopes
-        )
+        self._begin, self._end = (fem.Expression(slope, self.history.points, jit_options=compiling.JIT) for slope in slopes)
 
     def at_rest(self) -> Array:
         """Return the derivative of what is remembered at rest."""
@@ -637,11 +633,7 @@ class Extension:
             strain = self._strain(z)
             return strain + SOLID_POISSON / (1 - 2 * SOLID_POISSON) * ufl.tr(strain) * ufl.Identity(self.dimension)
 
-        a = (
-            weight
-            * ufl.inner(stress(trial), self._strain(test))
-            * ufl.Measure("dx", mesh, metadata={"quadrature_degree": 2})
-        )
+        a = weight * ufl.inner(stress(trial), self._strain(test)) * ufl.Measure("dx", mesh, metadata={"quadrature_degree": 2})
         form = fem.form(a, jit_options=compiling.JIT)
         # Both are stored, because a new assembly would use the moved mesh.
         self._free = assembly.assembled_matrix(form)
@@ -661,10 +653,7 @@ class Extension:
     def _sliding(self, roles: Sequence[str]) -> list[tuple[int, str]]:
         """Return the component of z = B u that vanishes on each plane of symmetry."""
         return [
-            (component, role)
-            for role, components in self.body._held_components()
-            if role in roles
-            for component in components
+            (component, role) for role, components in self.body._held_components() if role in roles for component in components
         ]
 
     def extend(self, shift: Array) -> Array:

@@ -83,9 +83,7 @@ class Solver:
 
     # -- states -------------------------------------------------------------------------------------------------------
 
-    def solve(
-        self, control: controls.Curve, w: Array, P: float, since: Array | None = None, most: int | None = None
-    ) -> State:
+    def solve(self, control: controls.Curve, w: Array, P: float, since: Array | None = None, most: int | None = None) -> State:
         """Find the state on the control's curve from the guess (w, P), w of the shape of `State.w`, by at most ``most``
         iterations.
 
@@ -287,9 +285,7 @@ class SolverMethod:
         if not self.memory:
             return ""
         how = "iterations with multigrid" if self.name == "iterative" else "a factorisation"
-        return f"linear equations: {how}, about {self.memory / mpi.GIGA_BYTE:.2g} GB" + (
-            f" ({self.why})" if self.why else ""
-        )
+        return f"linear equations: {how}, about {self.memory / mpi.GIGA_BYTE:.2g} GB" + (f" ({self.why})" if self.why else "")
 
     def inverse(self, system: System) -> Preconditioner:
         """Return the preconditioner of a system's tangent."""

@@ -409,11 +409,7 @@ def still_pressures(body: Body, space: fem.FunctionSpace, components: Sequence[C
     """Return conditions that fix p where nothing strains: in rigid regions, which have their own p (see `mechanics.assembly`),
     and in regions that are held, except where cells beside them have a part in it."""
     names = [part.region for part in components if isinstance(part, regions.RigidPart) and part.region]
-    names += [
-        hold.role
-        for hold in body.holds
-        if hold.direction is None and body.group(hold.role)[0] == body.mesh.topology.dim
-    ]
+    names += [hold.role for hold in body.holds if hold.direction is None and body.group(hold.role)[0] == body.mesh.topology.dim]
     if not names or space.dofmap.index_map_bs != 1:
         return []
     rows = np.array(space.sub(1).dofmap.list)

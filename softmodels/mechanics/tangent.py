@@ -131,9 +131,7 @@ class QuadratureTangent:
         c, rule = compiling.library(self._mesh.comm, "moduli"), (points, weights)
         if on_faces:
             pairs = entities.reshape(-1, 2)
-            self._blocks = [
-                _Block(c, self._mesh, dofs, pairs, int(side), rule, False) for side in np.unique(pairs[:, 1])
-            ]
+            self._blocks = [_Block(c, self._mesh, dofs, pairs, int(side), rule, False) for side in np.unique(pairs[:, 1])]
         elif entities.size:
             self._blocks = [_Block(c, self._mesh, dofs, entities.ravel(), None, rule, mixed)]
         else:

@@ -309,9 +309,7 @@ class Continuation:
                 point = self._stepped(share, goal if hit else None, step)
                 closest = max(OPENING_STEP * begun, 2 * MIN_STEP_RATIO * self.first_step)
                 if share > closest and self._open_terms(point.state):
-                    raise newton.NoConvergence(
-                        "a seal opens"
-                    )  # perhaps only because its place was that of the last state
+                    raise newton.NoConvergence("a seal opens")  # perhaps only because its place was that of the last state
                 return point
             except newton.NoConvergence as failure:
                 self.report(f"no convergence with step {share:.3g} ({failure}); halving the step")
@@ -819,11 +817,7 @@ class Corrector:
         dV, dP, bulges = t.V - s.V, t.P - s.P, []
         if dV * a.V > 0.0 and dV * b.V > 0.0:
             bulges.append(dV**2 * (a.P / a.V - b.P / b.V) / 12)
-        if (
-            dP * a.P > 0.0
-            and dP * b.P > 0.0
-            and max(abs(a.V / a.P), abs(b.V / b.P)) * abs(dP) <= MAX_CUBIC_SLOPE * abs(dV)
-        ):
+        if dP * a.P > 0.0 and dP * b.P > 0.0 and max(abs(a.V / a.P), abs(b.V / b.P)) * abs(dP) <= MAX_CUBIC_SLOPE * abs(dV):
             bulges.append(dP**2 * (b.V / b.P - a.V / a.P) / 12)
         return bulges
 
@@ -942,9 +936,7 @@ def failed_path(corrector: Corrector, requested: PathQuantity, why: str, failure
     return PathEnd(f"{why} ({failure})", cause=_cause_of(corrector, requested, failure))
 
 
-def _cause_of(
-    corrector: Corrector, requested: PathQuantity, failure: newton.NoConvergence
-) -> component.PathFailure | None:
+def _cause_of(corrector: Corrector, requested: PathQuantity, failure: newton.NoConvergence) -> component.PathFailure | None:
     if isinstance(failure, CavityCollapsed):
         return CAVITY_COLLAPSES
     system = corrector.solver.system
@@ -1129,9 +1121,7 @@ def limit(corrector: Corrector, before: Point, after: Point) -> Point:
     return corrector.point(state, limit=True)
 
 
-def changes(
-    corrector: Corrector, before: Point, after: Point, report: Callable[[str], None], depth: int = 0
-) -> list[Point]:
+def changes(corrector: Corrector, before: Point, after: Point, report: Callable[[str], None], depth: int = 0) -> list[Point]:
     """Return the changes of the signature between two neighbouring points: limit points of the pressure and bifurcations, in
     order."""
     turned = before.tangent.P * after.tangent.P < 0
@@ -1199,9 +1189,7 @@ def _root(known: list[EigenvalueSample], scale: float) -> float:
     (_, low), (_, high) = _around(far)
     middle = (low.state.V + high.state.V) / 2
     used = sorted(far, key=lambda entry: abs(entry[1].state.V - middle))[:MAX_INTERPOLATION_POINTS]
-    through = scipy.interpolate.BarycentricInterpolator(
-        [point.state.V for _, point in used], [value for value, _ in used]
-    )
+    through = scipy.interpolate.BarycentricInterpolator([point.state.V for _, point in used], [value for value, _ in used])
     return float(scipy.optimize.brentq(through, low.state.V, high.state.V, xtol=1e-13 * abs(middle)))
 
 
@@ -1212,9 +1200,7 @@ def _around(known: list[EigenvalueSample]) -> tuple[EigenvalueSample, Eigenvalue
 def _far(known: list[EigenvalueSample], scale: float) -> list[EigenvalueSample]:
     """Return the states, by rising volume, that are far enough from the singular one; all of them, if these lie on
     one side."""
-    every = sorted(
-        {point.state.V: (value, point) for value, point in known}.values(), key=lambda entry: entry[1].state.V
-    )
+    every = sorted({point.state.V: (value, point) for value, point in known}.values(), key=lambda entry: entry[1].state.V)
     far = [entry for entry in every if abs(entry[0]) > MIN_EIGENVALUE_RATIO * scale]
     return far if len({value > 0 for value, _ in far}) == 2 else every
 
@@ -1284,9 +1270,7 @@ def creep(path: Continuation, curve: controls.Curve, state: State) -> State:
         NoConvergence: It does not come to rest; `CavityCollapsed` if a cavity collapses.
     """
     system, potential = path.solver.system, path.solver.system.potential
-    motion = memory.Motion(
-        system, assembly.Inertia((1.0,) * len(system.matter)), system.stress_unit / system.length_unit**2
-    )
+    motion = memory.Motion(system, assembly.Inertia((1.0,) * len(system.matter)), system.stress_unit / system.length_unit**2)
     potential.motion, step = motion, FIRST_CREEP_STEP
     try:
         for _ in range(MAX_CREEP_STEPS):

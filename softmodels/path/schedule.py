@@ -75,9 +75,7 @@ class Cycle:
             reached = [goal for goal in left if (goal - end) * way <= 1e-12]
             last = reached[-1] if len(reached) == len(left) else end
             between = [
-                p
-                for p in part.points
-                if not p.requested and (p.state.P - at) * way > 1e-9 and (last - p.state.P) * way > 1e-9
+                p for p in part.points if not p.requested and (p.state.P - at) * way > 1e-9 and (last - p.state.P) * way > 1e-9
             ]
             stops = [(p.state.P, p) for p in between] + [(goal, None) for goal in reached]
             for P, known in sorted(stops, key=lambda stop: stop[0] * way):
@@ -300,11 +298,7 @@ class Ramp(Drive):
         return max(LOSS_TIME_TOLERANCE * time, self.first)
 
     def ended(self, path: Continuation, time: float, step: float, failure: newton.NoConvergence) -> stability.PathEnd:
-        if (
-            self.by_pressure
-            and not path.solver.system.potential.motion
-            and _none(path, self._value(time + 2 * step), 2 * step)
-        ):
+        if self.by_pressure and not path.solver.system.potential.motion and _none(path, self._value(time + 2 * step), 2 * step):
             return LostInTime(time, dataclasses.replace(path.last, limit=True))
         return super().ended(path, time, step, failure)
 
@@ -359,9 +353,7 @@ class Filling(Drive):
 
     def ended(self, path: Continuation, time: float, step: float, failure: newton.NoConvergence) -> stability.PathEnd:
         t, (a, b) = path.last.tangent, self.gas.slopes(path.last.state.V, path.last.state.P)
-        if not path.solver.system.potential.motion and a * t.V + b * t.P <= SNAP_THROUGH_RATE * (
-            abs(a * t.V) + abs(b * t.P)
-        ):
+        if not path.solver.system.potential.motion and a * t.V + b * t.P <= SNAP_THROUGH_RATE * (abs(a * t.V) + abs(b * t.P)):
             why = (
                 "the device snaps through with the gas that tubes and cavity hold, faster than any flow; a smaller dead volume "
                 "holds less"
@@ -370,9 +362,7 @@ class Filling(Drive):
         return super().ended(path, time, step, failure)
 
 
-def march(
-    path: Continuation, drive: Drive, tolerance: float = STRESS_TOLERANCE
-) -> Iterator[tuple[float, stability.Point]]:
+def march(path: Continuation, drive: Drive, tolerance: float = STRESS_TOLERANCE) -> Iterator[tuple[float, stability.Point]]:
     """Follow a device through one stage, along a path that begins where the stage does (its own control is not looked at).
     Yield which share of the stage is done, and the point; the first one is its beginning. `LostInTime` or `SnapInTime` if there
     is no equilibrium any more, `PathEnd` if a step failed, however short; the tolerance is as `TOLERANCE`."""
@@ -513,9 +503,7 @@ class PreloadFailure(stability.PathEnd):
 def at_rest(solver: Solver) -> LoadedState:
     """Return the undeformed state without loads."""
     rest = LoadedState.at(solver.system, solver.system.rest())
-    return dataclasses.replace(
-        rest, drives=np.zeros_like(rest.drives)
-    )  # independent of the coupling of an earlier path
+    return dataclasses.replace(rest, drives=np.zeros_like(rest.drives))  # independent of the coupling of an earlier path
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -729,9 +717,7 @@ def supply(
     times = [time_at(steps, float(number)) for number in (0, *numbers)]
     inflate_from(solver, here)
     rest = gas.value(solver.system.rest().V, 0.0)
-    pumped = (
-        np.trapezoid([source.flow or 0.0 for source in sources], times) / (rest * gas.volume_unit) * gas.supply.ambient
-    )
+    pumped = np.trapezoid([source.flow or 0.0 for source in sources], times) / (rest * gas.volume_unit) * gas.supply.ambient
     largest = max(1.0, abs(float(pumped)), *(abs(source.pressure) for source in sources))
     point: stability.Point | None = None
     for number in numbers:
@@ -759,9 +745,7 @@ def source_at(steps: Steps, reached: float) -> Source:
     return Source(value_at(steps, SOURCE_PRESSURE, reached), opening)
 
 
-def in_drivers(
-    solver: Solver, steps: Steps, kept: npt.NDArray[np.float64]
-) -> tuple[npt.NDArray[np.float64], list[int]]:
+def in_drivers(solver: Solver, steps: Steps, kept: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], list[int]]:
     """Return the values of a program by step and driver, dimensionless, and the drivers with prescribed volume or travel.
     ``kept`` has the magnitudes of all drivers where it begins, shape (k,): those it does not name stay so."""
     eq, cavities = solver.system, len(solver.system.body.actuator.ratios)

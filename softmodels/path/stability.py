@@ -166,9 +166,7 @@ class Stability:
         """Return the eigenvalue whose mode is closest to that of a neighbouring state (local dofs), and its mode, to track it
         past crossings with others; K is factorised at the state. `NoConvergence` if no mode is like it."""
         measure = Mode(self.mass, shape)
-        pairs = [
-            (abs(measure.share(mode)) / measure.size(mode), value, mode) for value, mode in self.eigenpairs(state, 8)
-        ]
+        pairs = [(abs(measure.share(mode)) / measure.size(mode), value, mode) for value, mode in self.eigenpairs(state, 8)]
         likeness, value, mode = max(pairs, key=lambda pair: pair[0])
         if likeness < MIN_MODE_COSINE:
             raise newton.NoConvergence("its mode could not be tracked between two states")

@@ -80,9 +80,7 @@ class Prescribed:
     def __post_init__(self) -> None:
         known = (PRESSURE, VOLUME, STROKE, *OF_SUPPLY, *load_quantities())
         if self.quantity not in known:
-            raise StepError(
-                f"quantity {self.quantity!r} of a step is unknown; {errors.known_are(self.quantity, known)}"
-            )
+            raise StepError(f"quantity {self.quantity!r} of a step is unknown; {errors.known_are(self.quantity, known)}")
         try:
             given = units.plain(self.values)
             each = given if isinstance(given, list | tuple) else [given]
@@ -162,9 +160,7 @@ def check_steps(steps: Steps) -> None:
             raise StepError(f"valve {opening:g} must be between 0 (closed) and 1 (open)")
     durations = [step.duration for step in steps]
     if None in durations and any(duration is not None for duration in durations):
-        raise StepError(
-            "some steps have a duration and others none; give it for all of them, 0 for a jump, or for none"
-        )
+        raise StepError("some steps have a duration and others none; give it for all of them, 0 for a jump, or for none")
     if (shortest := min(duration or 0.0 for duration in durations)) < 0.0:
         raise StepError(f"a step has a duration of {shortest:g} s; it must be 0 or more")
     for name in {driver.name for driver in drivers}:

@@ -89,9 +89,7 @@ def _name_options(supply: type[AirSupply]) -> None:
             errors.call(field.option.replace("_", "-"), name)
 
 
-SUPPLIES: names.Registry[type[AirSupply]] = names.Registry(
-    "supply", operator.attrgetter("name"), made_known=_name_options
-)
+SUPPLIES: names.Registry[type[AirSupply]] = names.Registry("supply", operator.attrgetter("name"), made_known=_name_options)
 """Every supply by its name."""
 register_supply = SUPPLIES.register
 
@@ -114,9 +112,7 @@ class Syringe(AirSupply):
             1 - leak S of what it was. So it is the leak of a piston moved at a steady rate.
     """
 
-    syringe: float = schema.field_of(
-        schema.Quantity("m^3"), "volume of the syringe, the largest stroke", 20e-6, usual=0.01
-    )
+    syringe: float = schema.field_of(schema.Quantity("m^3"), "volume of the syringe, the largest stroke", 20e-6, usual=0.01)
     dead_volume: float = schema.field_of(schema.Quantity("m^3"), "volume of tubes and T-junction", 5e-6, usual=0.01)
     ambient: float = schema.field_of(
         schema.Quantity("Pa"), "absolute ambient pressure, at which everything was filled", AMBIENT_PRESSURE
@@ -244,9 +240,7 @@ class Reservoir(AirSupply):
         "sonic conductance of valve or orifice before the tube, such as 0.1 l/(s*bar); 0 for none", 0.0,
         usual=1e-6,
     )  # fmt: skip
-    critical_ratio: float = schema.field_of(
-        schema.Quantity(), "critical pressure ratio of valve, orifice and leak", 0.3
-    )
+    critical_ratio: float = schema.field_of(schema.Quantity(), "critical pressure ratio of valve, orifice and leak", 0.3)
     max_flow: float = schema.field_of(
         schema.Quantity("m^3/s"), "maximum flow of the source at ambient pressure; 0 for no limit", 0.0, usual=0.1
     )
@@ -256,9 +250,7 @@ class Reservoir(AirSupply):
     leak_conductance: float = schema.field_of(
         schema.Quantity("m^3/(s*Pa)"), "sonic conductance of a leak to the outside", 0.0, usual=1e-6
     )
-    leak_length: float = schema.field_of(
-        schema.Length(zero=True), "length of a laminar leak to the outside; 0 for none", 0.0
-    )
+    leak_length: float = schema.field_of(schema.Length(zero=True), "length of a laminar leak to the outside; 0 for none", 0.0)
     leak_bore: float = schema.field_of(schema.Length(), "inner diameter of the laminar leak", 1e-4)
     ambient: float = schema.field_of(
         schema.Quantity("Pa"), "absolute ambient pressure, at which everything was filled", AMBIENT_PRESSURE
@@ -275,9 +267,7 @@ class Reservoir(AirSupply):
         if not self.ambient > 0.0:
             raise SupplyError(f"the ambient pressure is {self.ambient:g}; it must be above zero")
         if not 0.0 <= self.critical_ratio <= 0.9:
-            raise SupplyError(
-                f"the critical pressure ratio is {self.critical_ratio:g}; it must be from 0 to 0.9, such as 0.3"
-            )
+            raise SupplyError(f"the critical pressure ratio is {self.critical_ratio:g}; it must be from 0 to 0.9, such as 0.3")
         if self.leak_conductance and self.leak_length:
             raise SupplyError("leak_conductance and leak_length describe the leak twice; leave one of them out")
         if self.between is None:

@@ -56,9 +56,7 @@ def grasp_figure(made: Grasp, held_states: Sequence[grasp.Held], outlines: Seque
         held = held_states[number]
         for corners in outlines[number]:
             axes.add_collection(
-                PolyCollection(
-                    list(plane(corners) * 1e3), facecolors=style.FAINT, edgecolors=style.FAINT, linewidths=0.3
-                )
+                PolyCollection(list(plane(corners) * 1e3), facecolors=style.FAINT, edgecolors=style.FAINT, linewidths=0.3)
             )
         centre = plane(held.moved) * 1e3
         axes.add_patch(Circle((float(centre[0]), float(centre[1])), radius, facecolor="none", edgecolor=style.INK))
@@ -241,9 +239,7 @@ PERCENTILES = (5, 50, 95)
 
 def _label(variable: Input | str) -> str:
     """Return an input's or a column's name with its unit."""
-    name, unit = (
-        table.split(variable) if isinstance(variable, str) else (variable.key.rpartition(".")[2], variable.unit)
-    )
+    name, unit = table.split(variable) if isinstance(variable, str) else (variable.key.rpartition(".")[2], variable.unit)
     words = name.replace("_", " ")
     return f"{words}, {unit}" if unit else words
 
@@ -264,9 +260,7 @@ def parallel(study: Study) -> Figure:
         width = high - low or 1.0
         shares.append((column - low) / width)
         _axis_texts(axes, len(shares) - 1, place, (low, low + width))
-    lines = np.stack(
-        [np.broadcast_to(np.arange(len(shares)), (len(points), len(shares))), np.transpose(shares)], axis=-1
-    )
+    lines = np.stack([np.broadcast_to(np.arange(len(shares)), (len(points), len(shares))), np.transpose(shares)], axis=-1)
     whole = np.isfinite(lines[..., 1]).all(axis=1)
     order = np.argsort(values[0][whole])
     bundle = LineCollection(
@@ -352,9 +346,7 @@ def shares_figure(indices: dict[str, Indices]) -> Figure:
     """Return the Sobol indices of each response as bars with their 95 % intervals."""
     names = next(iter(indices.values())).inputs
     figure = Figure((style.WIDTH_INCHES, 1.3 + 0.45 * len(names)), dpi=style.DPI, layout="constrained")
-    for axes, (response, sobol) in zip(
-        np.ravel(figure.subplots(1, len(indices), sharey=True)), indices.items(), strict=True
-    ):
+    for axes, (response, sobol) in zip(np.ravel(figure.subplots(1, len(indices), sharey=True)), indices.items(), strict=True):
         places = np.arange(len(names))
         axes.barh(
             places - 0.2,
@@ -365,9 +357,7 @@ def shares_figure(indices: dict[str, Indices]) -> Figure:
             ecolor=style.FAINT,
             label="first order",
         )
-        axes.barh(
-            places + 0.2, sobol.total, 0.38, xerr=sobol.total_half, color=style.FAINT, ecolor=style.CURVE, label="total"
-        )
+        axes.barh(places + 0.2, sobol.total, 0.38, xerr=sobol.total_half, color=style.FAINT, ecolor=style.CURVE, label="total")
         axes.set(xlim=(0, None), xlabel="share of the variance", title=_label(response))
         axes.set_yticks(places, [name.rpartition(".")[2].replace("_", " ") for name in names])
         axes.grid(axis="y", visible=False)
@@ -404,17 +394,13 @@ def study_page(study: Study, seconds: float) -> tuple[str, dict[str, Figure]]:
     rows = [
         [f"{name}: {key}", f"{a:.3f} ± {c:.2g}", f"{b:.3f} ± {d:.2g}"]
         for name, index in indices.items()
-        for key, a, b, c, d in zip(
-            index.inputs, index.first, index.total, index.first_half, index.total_half, strict=True
-        )
+        for key, a, b, c, d in zip(index.inputs, index.first, index.total, index.first_half, index.total_half, strict=True)
     ]
     facts = [pages.Fact("samples", str(len(plan.points)), f"{plan.sampling}, seed {plan.seed}")]
     facts += [pages.Fact("without a result", str(len(failures)), "see below", True)] if failures else []
     for name in study.responses:
         note = f"surrogate's error {errors[name]}" if name in errors else ""
-        facts.append(
-            pages.Fact(_label(name), f"{np.nanmedian(study.values(name)):.4g} {table.split(name)[1]}".strip(), note)
-        )
+        facts.append(pages.Fact(_label(name), f"{np.nanmedian(study.values(name)):.4g} {table.split(name)[1]}".strip(), note))
 
     def charts(start: str) -> pages.Charts:
         return pages.Charts(
@@ -447,9 +433,7 @@ def study_page(study: Study, seconds: float) -> tuple[str, dict[str, Figure]]:
     return report.html(), figures
 
 
-def _surrogate_indices(
-    study: Study, figures: dict[str, Figure]
-) -> tuple[dict[str, Indices], dict[str, str], list[str]]:
+def _surrogate_indices(study: Study, figures: dict[str, Figure]) -> tuple[dict[str, Indices], dict[str, str], list[str]]:
     """Return indices and errors of the surrogates by response, and why others have none; add their figures."""
     from softmodels.design.study import StudyError  # imports scipy.stats, which takes two seconds
 

@@ -121,13 +121,9 @@ class Comparison(cards.ResultCard):
             for name, value, change in zip(names, figure.values, (math.nan, *figure.changes), strict=True)
         ]
         made = [
-            pages.Bullets(
-                [f"{result.name}: {', '.join(f'{a} {b}' for a, b in result.made.rows)}" for result in self.results]
-            )
+            pages.Bullets([f"{result.name}: {', '.join(f'{a} {b}' for a, b in result.made.rows)}" for result in self.results])
         ]
-        sources = dict.fromkeys(
-            text for result in self.results for text in silicones.publications(result.case.material)
-        )
+        sources = dict.fromkeys(text for result in self.results for text in silicones.publications(result.case.material))
         return Page(
             " and ".join(names), f"{len(self.differences)} fields of the cases differ." if rows else "The cases are the same.",
             [
@@ -237,9 +233,7 @@ class Figures:
     def texts(self) -> list[str]:
         """The values with their unit, and with their differences in brackets."""
         changes = ["", *(f" ({text})" if (text := _change(change)) else "" for change in self.changes)]
-        return [
-            f"{_value(value)} {self.unit}".strip() + change for value, change in zip(self.values, changes, strict=True)
-        ]
+        return [f"{_value(value)} {self.unit}".strip() + change for value, change in zip(self.values, changes, strict=True)]
 
 
 def _cells(figures: Figures) -> list[str | pages.Cell]:
@@ -353,8 +347,7 @@ def _figures(results: Sequence[ComparedResult], over: str) -> tuple[tuple[Figure
 def _common_loads(results: Sequence[ComparedResult], common: float) -> list[float]:
     """Return loads below the highest common one that all were asked to stop at, evenly chosen if there are many."""
     asked = [
-        {round(float(load), 9) for load, row in zip(*result.rising, strict=True) if row["requested"]}
-        for result in results
+        {round(float(load), 9) for load, row in zip(*result.rising, strict=True) if row["requested"]} for result in results
     ]
     shared = sorted(value for value in set.intersection(*asked) if 0.0 < value < common * (1 - 1e-9))
     if len(shared) <= MOST_LOADS:

@@ -207,9 +207,7 @@ def _events(rows: table.PathTable) -> list[tuple[str, str, str, table.PathTable]
     return [kind for kind in kinds if kind[3]]
 
 
-def _path(
-    axes: Axes, rows: table.PathTable, variable: str, branch: table.PathTable | None, over: str = PRESSURE
-) -> None:
+def _path(axes: Axes, rows: table.PathTable, variable: str, branch: table.PathTable | None, over: str = PRESSURE) -> None:
     """Plot curve, steps, requested values and snap-throughs of a path over the variable ``over``, and its branch."""
     places = np.column_stack([rows.shown(over), rows.shown(variable)])
     jumps = np.flatnonzero(rows.get("jump")).tolist()
@@ -337,9 +335,7 @@ def steps(rows: table.PathTable, words: labels.StateLabels) -> Figure:
             values = rows.shown(name)
             cavity = f"cavity{k}" if count > 1 else None
             axes.plot(passed_rows, values, _line_style(rows), color=colour, markersize=3.5, label=cavity)
-            axes.plot(
-                passed_rows[asked], values[asked], "o", color=colour, mfc="white", markersize=8, markeredgewidth=2
-            )
+            axes.plot(passed_rows[asked], values[asked], "o", color=colour, mfc="white", markersize=8, markeredgewidth=2)
             for row in limits(rows):
                 axes.plot(row[along], row.shown(name), "D", color=WARNING, markersize=8)
         axes.set(ylabel=label)
@@ -439,9 +435,7 @@ def cut_profiles(
     colours = matplotlib.colormaps[LINES_CMAP](np.linspace(0.9, 0.0, max(len(lines), 2)))
     names = _labels(*path, _labelled_steps(list(lines)))
     drawn: list[tuple[Array, ColorType, float, str, str | None]] = [(rest, EDGE, 1.4, ":", "undeformed")]
-    drawn += [
-        (line, colour, 2.0, "-", names.get(step)) for colour, (step, line) in zip(colours, lines.items(), strict=False)
-    ]
+    drawn += [(line, colour, 2.0, "-", names.get(step)) for colour, (step, line) in zip(colours, lines.items(), strict=False)]
     for pieces, colour, width, style, label in drawn:
         flat = 1e3 * pieces @ axes_of_plane.T
         axes.add_collection(LineCollection(list(flat), colors=[colour], linewidths=width, linestyles=style))
@@ -487,9 +481,7 @@ def profiles(
     names = _labels(*path, _labelled_steps(list(lines)))
     whole = max(height + 1.25, 0.24 * sum(1.3 + name.count("\n") for name in names.values()) + 1.1)
     figure = Figure((WIDTH_INCHES, whole), dpi=DPI)
-    axes = figure.add_axes(
-        (0.85 / WIDTH_INCHES, (whole - height + 0.25) / 2 / whole, inner / WIDTH_INCHES, height / whole)
-    )
+    axes = figure.add_axes((0.85 / WIDTH_INCHES, (whole - height + 0.25) / 2 / whole, inner / WIDTH_INCHES, height / whole))
     axes.set(xlim=(left, right), ylim=(bottom, bottom + (right - left) * height / inner), aspect="equal")
     axes.plot(*_outline(rest, axial).T, "--", color=EDGE, linewidth=1.4, label="undeformed")
     colours = matplotlib.colormaps[LINES_CMAP](np.linspace(0.9, 0.0, max(len(lines), 2)))

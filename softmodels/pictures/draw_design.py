@@ -241,9 +241,7 @@ def draw(folder: Path, colormap: str = commands.COLORMAP) -> list[Path]:
         if offscreen.can_render():
             out.save("shapes", shapes((before, after), colormap))
     shown: dict[str, pages.Part] = {
-        f"{name}.png": pages.Charts(
-            [(f"{name}.svg", curves.drawing(figure, before.case.cm))], result.CAPTIONS[f"{name}.png"]
-        )
+        f"{name}.png": pages.Charts([(f"{name}.svg", curves.drawing(figure, before.case.cm))], result.CAPTIONS[f"{name}.png"])
         for name, figure in charts.items()
     }
     for path in out.written:
@@ -255,9 +253,7 @@ def draw(folder: Path, colormap: str = commands.COLORMAP) -> list[Path]:
     return [*out.written, folder / result.REPORT]
 
 
-def page(
-    folder: Path, told: result.DesignRecord, drawn: Sequence[pages.Part], pair: tuple[StoredStates, StoredStates]
-) -> str:
+def page(folder: Path, told: result.DesignRecord, drawn: Sequence[pages.Part], pair: tuple[StoredStates, StoredStates]) -> str:
     """Return the report of a design: ``told`` is its ``design.json``, ``drawn`` are its pictures."""
     rows = [
         (

@@ -97,9 +97,7 @@ def draw_creep(matches: Sequence[residuals.MatchedPhotograph], law: str) -> Figu
     for part, colour in zip(levels.values(), _colours(len(levels)), strict=True):
         part = sorted(part, key=lambda photograph: photograph.shape.hold)
         holds = [photograph.shape.hold for photograph in part]
-        measured = [
-            1e3 * (photograph.shape.height - photograph.values["zero"]) / photograph.factor for photograph in part
-        ]
+        measured = [1e3 * (photograph.shape.height - photograph.values["zero"]) / photograph.factor for photograph in part]
         computed = [1e3 * float(photograph.shadow.curve.nodes[:, :, 1].max()) for photograph in part]
         axes.plot(holds, measured, "o", mfc="none", mec=style.INK, ms=6)
         axes.plot(holds, computed, ".-", color=colour, lw=1.4, label=f"{part[0].shape.pressure / 1e3:.3g} kPa")
@@ -185,9 +183,7 @@ def draw_law(report: comparison.FitReport) -> Figure:
             response = specimens.respond(law.material, stretch)
         fitted = (low <= stretch) & (stretch <= high)
         for where, dashes, label in ((fitted, "-", law.choice.name), (~fitted | (stretch > high), "--", "")):
-            axes.plot(
-                stretch, np.where(where, response.stress / 1e3, np.nan), dashes, color=colour, lw=1.8, label=label
-            )
+            axes.plot(stretch, np.where(where, response.stress / 1e3, np.nan), dashes, color=colour, lw=1.8, label=label)
     axes.axvspan(least, most, color=style.SPAN, alpha=0.5, lw=0, label="fitted range")
     axes.set(xlabel="stretch", ylabel="nominal stress (kPa)", title="Uniaxial tension; bands: 95 % of the fit")
     axes.legend(loc="upper left")
@@ -327,9 +323,7 @@ def _caption(name: str) -> str:
 def _facts(law: comparison.FittedLaw) -> list[pages.Fact]:
     """Return the answer of a fit: the chosen law, its stiffness and its parameters with their intervals."""
     values = [
-        pages.Fact(
-            name, f"{value} {unit}".strip(), f"95 %: {interval} {unit}".strip() if " to " in interval else interval
-        )
+        pages.Fact(name, f"{value} {unit}".strip(), f"95 %: {interval} {unit}".strip() if " to " in interval else interval)
         for name, value, unit, interval in comparison.parameter_rows(law)
     ]
     modulus = " ".join(units.with_prefix(law.material.shear_modulus_0, "Pa"))
@@ -366,9 +360,7 @@ def _law(fitted: comparison.FittedLaw, charts: Mapping[str, pages.Charts]) -> li
 
 
 @matplotlib.rc_context(SMALL_STYLE)
-def draw(
-    many: Sequence[specimens.MaterialCurves], measured: Sequence[TensileCurve], radius: float, thickness: float
-) -> bytes:
+def draw(many: Sequence[specimens.MaterialCurves], measured: Sequence[TensileCurve], radius: float, thickness: float) -> bytes:
     """Return three tests and the balloon of a radius and thickness in m, with measured curves beside them, as PNG; nominal
     stresses are solid, unstable parts marked."""
     figure = Figure((style.WIDTH_INCHES, 8.4), dpi=style.DPI, layout="constrained")
@@ -381,9 +373,7 @@ def draw(
         for curve, marker in zip(measured, itertools.cycle("osd^v"), strict=False):
             if curve.mode == mode:
                 label = processes.plain(curve.name)
-                axes.plot(
-                    curve.stretch, curve.stress / 1e3, marker, ms=3.5, mfc="none", mec=style.INK, mew=0.7, label=label
-                )
+                axes.plot(curve.stretch, curve.stress / 1e3, marker, ms=3.5, mfc="none", mec=style.INK, mew=0.7, label=label)
         names = NAMES_OF_BOTH if many[0].stretch[0] < 0.99 else NAMES
         axes.set(title=names[mode], xlabel="stretch", ylabel="nominal stress (kPa)")
         axes.set_xlim(many[0].stretch[0], many[0].stretch[-1])
@@ -405,9 +395,7 @@ def _mark(axes: Axes, curves: specimens.MaterialCurves, mode: str, stress: Array
         if weak.mode == mode and curves.stretch[0] <= weak.stretch <= curves.stretch[-1]:
             height = float(np.interp(weak.stretch, curves.stretch, stress))
             axes.plot(weak.stretch, height, "x", ms=9, mew=2.2, color=style.WARNING, zorder=5)
-            axes.annotate(
-                "not stable", (weak.stretch, height), (6, -14), textcoords="offset points", color=style.WARNING
-            )
+            axes.annotate("not stable", (weak.stretch, height), (6, -14), textcoords="offset points", color=style.WARNING)
 
 
 def _limit(axes: Axes, many: Sequence[specimens.MaterialCurves], measured: Sequence[TensileCurve], mode: str) -> None:

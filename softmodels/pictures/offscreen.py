@@ -73,9 +73,7 @@ sys.exit(len(sys.argv) > 1 and window.GetClassName() != sys.argv[1])
 
 def _probe(arguments: list[str]) -> bool:
     try:
-        done = subprocess.run(
-            [sys.executable, "-P", "-c", PROBE, *arguments], capture_output=True, timeout=60, check=False
-        )
+        done = subprocess.run([sys.executable, "-P", "-c", PROBE, *arguments], capture_output=True, timeout=60, check=False)
     except (OSError, subprocess.TimeoutExpired):
         return False
     return done.returncode == 0
@@ -138,9 +136,7 @@ FACETS_AROUND = 48
 """Facets around a shape, and from an end to its middle."""
 
 
-def surface(
-    points: Array, triangles: grid.Cells, normals: Array | None = None, values: Array | None = None
-) -> PolyData:
+def surface(points: Array, triangles: grid.Cells, normals: Array | None = None, values: Array | None = None) -> PolyData:
     """Return the mesh of triangles; points (n, 3) in m, triangles (t, 3), normals (n, 3), values (n,) to colour them by."""
     data = pyvista.PolyData.from_regular_faces(points, triangles)
     if values is not None:
@@ -376,9 +372,7 @@ class Look:
         skin = self.states.skin
         return skin.device(skin.points(self.states.moved(step)), self.kept if kept is None else kept)
 
-    def caption(
-        self, step: float, camera: ViewCamera | None = None, scale: Scale | None = None, **more: str
-    ) -> Caption:
+    def caption(self, step: float, camera: ViewCamera | None = None, scale: Scale | None = None, **more: str) -> Caption:
         """Return what stands around a picture of a state, with further fields of `Caption`; ``scale`` is of its colours."""
         states = self.states
         texts = {"title": labels.headline(states.row(step), states.words), **more}
@@ -525,9 +519,7 @@ def joined_places(points: Array, size: float) -> grid.Cells:
 def direction(azimuth: float, elevation: float, up: Array) -> Array:
     """Return the unit vector at an azimuth and an elevation in degrees, above the plane across ``up``, an axis."""
     a, e = np.radians(azimuth), np.radians(elevation)
-    turned = np.roll(
-        np.eye(3), int(np.argmax(np.abs(up))) - 2, axis=1
-    )  # rows: x, y and z of a device that rises along z
+    turned = np.roll(np.eye(3), int(np.argmax(np.abs(up))) - 2, axis=1)  # rows: x, y and z of a device that rises along z
     return np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)]) @ turned
 
 
@@ -597,16 +589,10 @@ def hot_spot(states: StoredStates, step: int) -> HotSpot:
         part_of[skin.nodes[skin.triangles[skin.part == walls]]] = walls
     near = cell[np.argsort(np.linalg.norm(states.points[cell] - flat, axis=1))]
     part = next((int(part_of[node]) for node in near if part_of[node] != grid.CUT_LABEL), None)
-    name = {None: "inside the silicone", grid.OUTSIDE_LABEL: "on the outer face"}.get(
-        part, f"on the wall of cavity {part}"
-    )
+    name = {None: "inside the silicone", grid.OUTSIDE_LABEL: "on the outer face"}.get(part, f"on the wall of cavity {part}")
     name = "on the cavity's wall" if part == skin.cavities == 1 else name
     words = states.words
-    under = (
-        labels.load(row, words)
-        if "load_step" in row
-        else words.under(row, f"{labels.number(row.shown('pressure'))} cm")
-    )
+    under = labels.load(row, words) if "load_step" in row else words.under(row, f"{labels.number(row.shown('pressure'))} cm")
     at = ", ".join(f"{axis} = {1e3 * x:.2f}" for axis, x in zip("xyz", rest, strict=True))
     return HotSpot(
         value, flat + states.field(step, "displacement")[near[:4]].mean(axis=0), part, name,

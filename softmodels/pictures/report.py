@@ -123,10 +123,7 @@ def case_tables(states: StoredStates) -> list[CaseTable]:
         (f"Material: {material.name}", [*silicone, ("initial shear modulus", initial, "of all terms together")]),
         ("Load and solver", _load(states)),
     ]  # fmt: skip
-    return [
-        (title, [(name.replace("_", " "), _text(value), words) for name, value, words in rows])
-        for title, rows in tables
-    ]
+    return [(title, [(name.replace("_", " "), _text(value), words) for name, value, words in rows]) for title, rows in tables]
 
 
 def _load(states: StoredStates) -> Iterator[tuple[str, object, str]]:
@@ -240,9 +237,7 @@ def packed(look: offscreen.Look, steps: list[int]) -> tuple[dict[str, object], b
     low = np.min([place.min(axis=0) for place in places], axis=0)
     span = float(max(np.max([place.max(axis=0) for place in places], axis=0) - low))
     pieces = [
-        _bytes(half)
-        for numbers in (triangles, edges, cells)
-        for half in (numbers.ravel() & 0xFFFF, numbers.ravel() >> 16)
+        _bytes(half) for numbers in (triangles, edges, cells) for half in (numbers.ravel() & 0xFFFF, numbers.ravel() >> 16)
     ]
     before: list[Array | float] = [0] * (1 + len(look.scales))
     for step, place in zip(steps, places, strict=True):
@@ -325,9 +320,7 @@ def _stretch(states: StoredStates) -> list[pages.Fact]:
 def convergence(states: StoredStates) -> list[str]:
     """Return what is known of the errors of a run's numbers, in sentences."""
     rows = states.rows.where(lambda row: not row.get("bifurcation"))
-    text = (
-        f"Newton's method converged in every state: residual below {newton.RESIDUAL_TOLERANCE:g} of the pressure's load"
-    )
+    text = f"Newton's method converged in every state: residual below {newton.RESIDUAL_TOLERANCE:g} of the pressure's load"
     if "newton_iterations" in states.rows:
         text += f", {rows['newton_iterations'].sum():.0f} iterations in {len(rows)} states"
     count = f"{len(states.cells)} cells of second order, {len(states.points)} nodes"
@@ -390,9 +383,7 @@ def _lines(rows: table.PathTable, states: StoredStates) -> pages.Table:
             pages.Cell(shown, str(exact), factor * exact if isinstance(exact, float) and meaning.unit == "cm" else None)
             for exact, shown in cells
         ]
-        lines.append(
-            [pages.Cell(str(meaning), meaning.text, unit=meaning.unit if meaning.unit == "cm" else ""), *values]
-        )
+        lines.append([pages.Cell(str(meaning), meaning.text, unit=meaning.unit if meaning.unit == "cm" else ""), *values])
     return pages.Table(lines)
 
 

@@ -148,9 +148,7 @@ def section_mode(look: offscreen.Look, step: int, amount: float = 0.15) -> Figur
     mode = amount * np.ptp(before[:, 0]) * states.field(step, "mode")[:, ::2]
     shapes = [(before, FAINT), (after, INK), (after + mode, WARNING), (after - mode, CURVE)]
     caption = look.caption(step)
-    title = wrapped(
-        f"Bifurcation at {caption.title}: the mode in both directions (arbitrary amplitude)", WIDTH_INCHES, 13
-    )
+    title = wrapped(f"Bifurcation at {caption.title}: the mode in both directions (arbitrary amplitude)", WIDTH_INCHES, 13)
     everything = np.concatenate([shape for shape, colour in shapes if colour != INK])
     figure, axes = _section_axes(everything, 0.0, title, caption.subject)
     for shown, colour in shapes:
@@ -201,9 +199,7 @@ def best_plane(skin: grid.Surface, points: Array, up: Array, axial: bool, motion
     vertices = skin.device(skin.points(points))
     count = max(skin.cavities, 1)
     cavities = [vertices[skin.device_triangles(skin.part == k)] for k in range(1, count + 1)]
-    corners = (
-        np.concatenate(cavities) if skin.cavities else vertices[skin.device_triangles(skin.part == grid.OUTSIDE_LABEL)]
-    )
+    corners = np.concatenate(cavities) if skin.cavities else vertices[skin.device_triangles(skin.part == grid.OUTSIDE_LABEL)]
     places = [_centre(corners), *(_centre(walls) for walls in cavities if len(walls))]
     best, most = (np.eye(3)[1], places[0]), (-1, -1.0)
     bend = None if motion is None else _normal_to_bend(points, motion)
@@ -257,9 +253,7 @@ def cut_open(states: StoredStates, step: float, plane: Plane, viewer: Array, sca
     skin = states.skin
     place = _point_beside(skin.device(skin.points(states.points)), normal, place)
     u, values = states.field(step, "displacement"), scale.share(states.field(step, scale.field))
-    shell = offscreen.surface(
-        skin.device(skin.points(states.points)), skin.device_triangles(skin.part != grid.CUT_LABEL)
-    )
+    shell = offscreen.surface(skin.device(skin.points(states.points)), skin.device_triangles(skin.part != grid.CUT_LABEL))
     shell.point_data["displacement"] = skin.device(skin.points(u))
     shell.point_data["values"] = np.tile(values[skin.nodes], len(skin.images))
     style: offscreen.Style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0)}
@@ -376,9 +370,7 @@ def mode(look: offscreen.Look, step: int, amount: float = 0.15) -> Figure:
     slice without it."""
     states, skin = look.states, look.states.skin
     size = amount * np.ptp(states.points, axis=0).max()
-    before, moved = (
-        skin.points(states.moved(step) + share * size * states.field(step, "mode")) for share in (0.0, 1.0)
-    )
+    before, moved = (skin.points(states.moved(step) + share * size * states.field(step, "mode")) for share in (0.0, 1.0))
     edges = np.concatenate([skin.edges, skin.rims])
     camera = offscreen.ViewCamera.around([before, moved], offscreen.towards_slice(states), look.up)
     with offscreen.studio(camera) as shoot:
@@ -450,9 +442,7 @@ def cut(look: offscreen.Look) -> Figure:
     axis = int(np.argmax(np.abs(plane[0])))
     where = f"; cut at {'xyz'[axis]} = {labels.number(plane[1][axis] * 1e3)} mm"
     clouds = [np.asarray(data.points) for data, _ in layers]
-    camera = offscreen.ViewCamera.around(
-        clouds, direction, look.up if abs(direction @ look.up) < 0.99 else np.eye(3)[0]
-    )
+    camera = offscreen.ViewCamera.around(clouds, direction, look.up if abs(direction @ look.up) < 0.99 else np.eye(3)[0])
     with offscreen.studio(camera) as shoot:
         image = shoot(layers)
     caption = look.caption(step, camera, scale)

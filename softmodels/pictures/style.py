@@ -327,9 +327,7 @@ def drawn(figure: Figure) -> Picture.Image:
     """Return a figure's pixels, without transparency, which would double the time."""
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
-    return Picture.frombuffer("RGBA", canvas.get_width_height(), canvas.buffer_rgba(), "raw", "RGBA", 0, 1).convert(
-        "RGB"
-    )
+    return Picture.frombuffer("RGBA", canvas.get_width_height(), canvas.buffer_rgba(), "raw", "RGBA", 0, 1).convert("RGB")
 
 
 def encoded(image: Picture.Image, dpi: float, texts: Mapping[str, str] | None = None) -> bytes:

@@ -224,9 +224,7 @@ def _stretched(path: Continuation, fields: Fields, before: stability.Point, afte
     for _ in range(2):  # from the nearer end
         low, high = (fields.figures(point.state).max_stretch for point in (before, after))
         between = path.corrector.on_the_way(before, after, (MAX_STRETCH - low) / (high - low))
-        before, after = (
-            (between, after) if fields.figures(between.state).max_stretch < MAX_STRETCH else (before, between)
-        )
+        before, after = (between, after) if fields.figures(between.state).max_stretch < MAX_STRETCH else (before, between)
     return between
 
 
@@ -260,9 +258,7 @@ class Tolerance:
         known |= dict.fromkeys(device.deviations, ("m", True))
         if name not in known:
             listed = ", ".join(key.replace("_", "-") for key in known)
-            raise CaseError(
-                f"--vary {text!r}: {device.__name__} has no parameter {match[1]!r} to vary; it has {listed}"
-            )
+            raise CaseError(f"--vary {text!r}: {device.__name__} has no parameter {match[1]!r} to vary; it has {listed}")
         unit, signed = known[name]
         try:
             value = units.quantity(middle, unit)
@@ -402,11 +398,7 @@ def _because(actuator: Actuator, name: str) -> str:
     """Return the parameter that makes this one ineffective, if known, as a clause with a leading blank."""
     field = schema.about(actuator).get(name)
     other = field.idle(actuator) if field else ""
-    return (
-        f" ({registry.flag(name)} has no effect with {registry.flag(other)} {getattr(actuator, other)})"
-        if other
-        else ""
-    )
+    return f" ({registry.flag(name)} has no effect with {registry.flag(other)} {getattr(actuator, other)})" if other else ""
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -536,9 +528,7 @@ def _notes(case: Case, density: float, sealed: bool) -> list[str]:
     source = " by its data sheet" if sheet and sheet.density == density else ""
     texts = [f"the silicone has {density:g} kg/m^3{source}, and no damping"]
     if sealed:
-        texts.append(
-            "the cavities are sealed, with air that keeps its temperature; adiabatic air is 1.4 times as stiff"
-        )
+        texts.append("the cavities are sealed, with air that keeps its temperature; adiabatic air is 1.4 times as stiff")
     if case.remembers:
         texts.append(
             "the silicone has a memory, and these are the frequencies of the relaxed one: vibrations that are quicker than it "

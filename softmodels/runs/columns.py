@@ -81,9 +81,7 @@ class Band:
             return dict.fromkeys(self._columns())
         changes = {name: np.array([move[name] for move in moves]) for name in moves[0]}
         at_rest = point.state.P == 0.0 and self.fields.rest_volume == abs(point.state.V)
-        widths = {
-            name: 0.0 if at_rest else HALF_WIDTH_95 * float(np.linalg.norm(values)) for name, values in changes.items()
-        }
+        widths = {name: 0.0 if at_rest else HALF_WIDTH_95 * float(np.linalg.norm(values)) for name, values in changes.items()}
         return {name: width if math.isfinite(width) else None for name, width in widths.items()}
 
     def _columns(self) -> list[str]:
@@ -140,8 +138,7 @@ class Band:
         ends = []
         for sign in (1.0, -1.0):
             places = {
-                name: np.asarray(actuator.probes[name]) + now[name] + sign * DIFFERENCE_STEP * shifts[name]
-                for name in shifts
+                name: np.asarray(actuator.probes[name]) + now[name] + sign * DIFFERENCE_STEP * shifts[name] for name in shifts
             }
             ends.append(device_columns(actuator, {name: (p[0], p[1], p[2]) for name, p in places.items()}))
         return rises | {_named(name): (ends[0][name] - ends[1][name]) / (2 * DIFFERENCE_STEP) for name in ends[0]}
@@ -214,10 +211,7 @@ def term(column: str, device: Actuator | None = None, supply: str = "supply") ->
     known = (
         exact[0].described(column)
         if exact
-        else _figure_term(column, device)
-        or _rise_term(column, device)
-        or _band_term(column, device)
-        or _named_term(column)
+        else _figure_term(column, device) or _rise_term(column, device) or _band_term(column, device) or _named_term(column)
     )
     return (known or table.described(column, (table.split(column)[0].replace("_", " "), ""))).named_after(supply)
 

@@ -308,8 +308,7 @@ class TurningFace:
     def __init__(self, system: System, nodes: Nodes, places: Array, middle: Array):
         self.nodes, self._comm = nodes, system.comm
         self._images = [
-            np.asarray(image)
-            for image in actuator.reflected([plane.normal for plane in system.body.actuator.cut_planes])
+            np.asarray(image) for image in actuator.reflected([plane.normal for plane in system.body.actuator.cut_planes])
         ]
         sides = places[:, 1:] - places[:, :1]
         areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
@@ -433,9 +432,7 @@ def _barycentric(places: Array, wanted: Array) -> Array:
         if outside.any():  # the nearest edge of all three is the nearest place
             edge = np.zeros((int(outside.sum()), 3))
             edge[:, [j, k]] = _on_edge(places[outside, j], places[outside, k], wanted)
-            shares[outside] = np.where(
-                _closer(places[outside], edge, shares[outside], wanted)[:, None], edge, shares[outside]
-            )
+            shares[outside] = np.where(_closer(places[outside], edge, shares[outside], wanted)[:, None], edge, shares[outside])
     return shares
 
 

@@ -83,11 +83,7 @@ def inside(group: h5py.Group, path: str) -> Any:
         if not isinstance(place, h5py.Group):
             raise KeyError(f"no {path}")
         if not isinstance(link := place.get(name, getlink=True), h5py.HardLink):
-            raise (
-                KeyError(f"no {path}")
-                if link is None
-                else ForeignDataError(f"{path} is a link; links are not followed")
-            )
+            raise (KeyError(f"no {path}") if link is None else ForeignDataError(f"{path} is a link; links are not followed"))
         place = place[name]
     if isinstance(place, h5py.Dataset):
         if place.external is not None or place.is_virtual:
@@ -140,9 +136,7 @@ def read_step(group: h5py.Group, file: str, path: str) -> StoredStep:
     """Return a step from its group of an HDF5 file, named relative to the folder of results; `ForeignDataError` if a field is
     not in it."""
     fields = {name: inside(group, name) for name in group}
-    return StoredStep(
-        file, path, files.parse_json(group.attrs[ROW]), files.parse_json(group.attrs[RESTART]), shapes_of(fields)
-    )
+    return StoredStep(file, path, files.parse_json(group.attrs[ROW]), files.parse_json(group.attrs[RESTART]), shapes_of(fields))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -197,9 +191,7 @@ def write_vtkhdf(file: h5py.File, heavy: str, shapes: Shapes, stored: Sequence[S
         _put(offsets, name, _over_steps(data, name, names[name], stored, heavy))
 
 
-def _over_steps(
-    group: h5py.Group, name: str, shape: tuple[int, ...], stored: Sequence[StoredStep], heavy: str
-) -> np.ndarray:
+def _over_steps(group: h5py.Group, name: str, shape: tuple[int, ...], stored: Sequence[StoredStep], heavy: str) -> np.ndarray:
     """Add a field over all steps, with unstored zeros for steps without it; return where each step's values begin."""
     having = [step for step in stored if name in step.shapes]
     points = shape[0]

@@ -291,9 +291,7 @@ class Held:
         columns = np.column_stack([_wrench(self.arms, across * press[:, None] * friction).T, [1.0, 0.0, 0.0]])
         bounds = [*[(-1.0, 1.0)] * len(press), (None, None)]
         cost = np.append(np.zeros(len(press)), -1.0)
-        optimum = scipy.optimize.linprog(
-            cost, A_eq=columns, b_eq=-_wrench(self.arms, self.pressing).sum(axis=0), bounds=bounds
-        )
+        optimum = scipy.optimize.linprog(cost, A_eq=columns, b_eq=-_wrench(self.arms, self.pressing).sum(axis=0), bounds=bounds)
         return max(float(-optimum.fun), self.load) if optimum.status == 0 else self.load
 
     def _wrenches(self, friction: float) -> Array:

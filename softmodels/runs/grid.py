@@ -77,9 +77,7 @@ class Surface:
         images = self.images if kept is None else self.images[kept]
         return np.einsum("mij,vj->mvi", images, vectors).reshape(-1, 3)
 
-    def device_triangles(
-        self, chosen: npt.NDArray[np.bool_] | None = None, kept: npt.NDArray[np.intp] | None = None
-    ) -> Cells:
+    def device_triangles(self, chosen: npt.NDArray[np.bool_] | None = None, kept: npt.NDArray[np.intp] | None = None) -> Cells:
         """Return the triangles over the vertices of `device`; those of mirrored images turned over, so that all point
         outwards."""
         images = self.images if kept is None else self.images[kept]

@@ -159,9 +159,7 @@ def sealing_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
         last, label = rows[-1], part.label
         if part.sealing and (hold := last[f"{label}_hold"]) > 0.0:
             slides = last[f"{label}_shear"] if part.remembers else 0.0  # where the seal opens, it presses no more
-            shear = (
-                f"; its lip slides at a lateral force of {slides:.4g} N" if slides > MIN_LATERAL_SHARE * hold else ""
-            )
+            shear = f"; its lip slides at a lateral force of {slides:.4g} N" if slides > MIN_LATERAL_SHARE * hold else ""
             yield (
                 f"in the last state the holding force of {part.where} is {hold:.4g} N (vacuum times "
                 f"{last.shown(f'{label}_sealed'):.4g} mm2 inside the seal){shear}"
@@ -212,10 +210,7 @@ def bonded_notes(case: Case) -> Iterator[str]:
     """Yield a sentence if plates or rings of a device are modelled as silicone, unlike real plates."""
     meshed = {part.name for part in case.components if isinstance(part, Region)}
     rigid = {
-        name
-        for part in case.components
-        if isinstance(part, Rigid)
-        for name in (*component.names_in(part.face), part.region)
+        name for part in case.components if isinstance(part, Rigid) for name in (*component.names_in(part.face), part.region)
     }
     rigid |= {name for part in case.components if isinstance(part, Clamp) for name in component.names_in(part.face)}
     soft = [name for name in case.actuator.plated if name not in meshed | rigid]
@@ -331,9 +326,7 @@ def depth_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
 def place_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
     """Yield a sentence on each named point that is tracked away from its named position."""
     away = {name: rows[0].get(f"{name}_off") for name in case.gauges.places} if rows else {}
-    yield from (
-        entries.followed_text(name, far) for name, far in away.items() if far > FOLLOWED_DISTANCE * case.actuator.size
-    )
+    yield from (entries.followed_text(name, far) for name, far in away.items() if far > FOLLOWED_DISTANCE * case.actuator.size)
 
 
 def left_out(case: Case) -> str:
@@ -694,9 +687,7 @@ def ending(rows: table.PathTable, row: table.Row, words: labels.StateLabels, tol
     """Return how a run ended and what one of its states has reached, in a sentence or two; ``told`` is ``summary.json``, empty
     if it was interrupted."""
     stroke = f"{row.told('stroke')} of stroke and " if "stroke" in row else ""
-    reached = (
-        f"At {stroke}{labels.load(row, words)} the {words.gauge} has {risen(row[words.gauge])}{_taken(row, words)}"
-    )
+    reached = f"At {stroke}{labels.load(row, words)} the {words.gauge} has {risen(row[words.gauge])}{_taken(row, words)}"
     if "max_stretch" in row:
         reached += f"; the largest stretch is {row['max_stretch']:.4g}"
     for name in ("blocked_force", "contact_force"):
@@ -706,9 +697,7 @@ def ending(rows: table.PathTable, row: table.Row, words: labels.StateLabels, tol
         return f"The run was interrupted; {len(rows)} states are stored. {reached}."
     if told.get("status") == outcomes.EXIT_DONE:
         return f"All requested values were reached in {len(rows)} states. {reached}."
-    start = (
-        "The run stopped at a limit point" if told.get("status") == outcomes.EXIT_NO_EQUILIBRIUM else "The run failed"
-    )
+    start = "The run stopped at a limit point" if told.get("status") == outcomes.EXIT_NO_EQUILIBRIUM else "The run failed"
     return f"{start}: {told.get('message', '')}. {reached}."
 
 
@@ -753,9 +742,7 @@ def known_causes(case: Case, row: table.Row, petsc: bool = False) -> list[str]:
     if weak := unstable_law(case, stretch):
         causes.append(weak)
     if stretch >= NEAR_STRETCH_LIMIT * specimens.last_stretch(case.material, "equibiaxial"):
-        ends = ", ".join(
-            f"{specimens.last_stretch(case.material, mode):.3g} ({mode})" for mode in ("uniaxial", "equibiaxial")
-        )
+        ends = ", ".join(f"{specimens.last_stretch(case.material, mode):.3g} ({mode})" for mode in ("uniaxial", "equibiaxial"))
         causes.append(
             f"the chains of the law {specimens.described(case.material)} lock at stretch {ends}, and the last state "
             f"has {stretch:.3g}: it cannot deform further. Use a larger limit, or stay below"

@@ -64,11 +64,7 @@ class Ended:
     @classmethod
     def by(cls, error: Exception) -> Ended:
         """The end by an error whose message is a sentence for the user; all but runs and meshers were given bad input."""
-        failed = (
-            EXIT_FAILED
-            if isinstance(error, MeshingError | body.BodyError | compiling.CompilingError)
-            else EXIT_BAD_INPUT
-        )
+        failed = EXIT_FAILED if isinstance(error, MeshingError | body.BodyError | compiling.CompilingError) else EXIT_BAD_INPUT
         status = error.status if isinstance(error, RunError) else failed
         return cls(status, errors.written(error), error)
 

@@ -77,16 +77,12 @@ def check_values(case: Case, results: store.Results) -> None:
     for value in case.values:
         if 0.0 < value < reached * (1 - 1e-9) and not stopped_at(case, results, value):
             text = f"{results.folder} holds a run that passed {case.load.told(value, 'g')} without stopping there"
-            raise RunError(
-                f"{text}; resume with the run's own values, or run without --resume", outcomes.EXIT_BAD_INPUT
-            )
+            raise RunError(f"{text}; resume with the run's own values, or run without --resume", outcomes.EXIT_BAD_INPUT)
 
 
 def last_stop(case: Case, results: store.Results, fields: Fields, comm: MPI.Comm) -> LoadedState:
     """Return the end of a program's step that the stored states end with."""
-    last, row, record = mpi.on_root(
-        comm, lambda: (len(results.stored) - 1, results.rows[-1], results.stored[-1].restart)
-    )
+    last, row, record = mpi.on_root(comm, lambda: (len(results.stored) - 1, results.rows[-1], results.stored[-1].restart))
     state = stored_state(results, fields, comm, last, record["P"], record["V"])
     system = fields.system
     pressures = [row[name] / system.stress_unit for name in columns.of_cavities(row, "pressure")]
@@ -145,9 +141,7 @@ def stored_point(
     return stability.Point(state, tangent, signature=stability.Signature(**restart["signature"]), mode=mode, **plain)
 
 
-def stored_state(
-    results: store.Results | StoredStates, fields: Fields, comm: MPI.Comm, step: int, P: float, V: float
-) -> State:
+def stored_state(results: store.Results | StoredStates, fields: Fields, comm: MPI.Comm, step: int, P: float, V: float) -> State:
     """A stored step's state."""
     return fields.state(results.fields(step, ("displacement", "p")) if mpi.is_root(comm) else None, P, V)
 
@@ -217,9 +211,7 @@ def _folder_to_resume(base: Path, case: Case, wanted: Mapping[str, str]) -> Path
         return fitting[0]
     if fitting:
         several = " and ".join(map(str, fitting))
-        raise RunError(
-            f"{several} hold runs that this case can resume; choose one with --output", outcomes.EXIT_BAD_INPUT
-        )
+        raise RunError(f"{several} hold runs that this case can resume; choose one with --output", outcomes.EXIT_BAD_INPUT)
     what = f"none of the folders {base}, {base.name}-2 and so on holds a run of this case to resume"
     raise RunError(f"{what}; give its folder (--output), or run without --resume", outcomes.EXIT_BAD_INPUT)
 
@@ -253,9 +245,7 @@ def _begin_anew(case: Case, wanted: Mapping[str, str], results: store.Results, i
     copies = results.inputs_of(case.files)
     text, own = case.to_toml(copies), results.own.path / "case.toml"
     # A case file among its own run's results may be run again: it is written unchanged.
-    results.own.check_inputs(
-        file for file in inputs if not (files.is_same(own, file) and files.read_text(file) == text)
-    )
+    results.own.check_inputs(file for file in inputs if not (files.is_same(own, file) and files.read_text(file) == text))
     _check_unchanged(results)
     results.prepare({"inputs": dict(wanted), "case_file": _digest(text)})
     for source, copy in copies.items():
@@ -463,9 +453,7 @@ def _resumed_start(simulation: Simulation, results: store.Results) -> RunStart:
     rows = mpi.on_root(comm, lambda: results.rows)
     if case.load_unload:
         return RunStart(rows)
-    solved = mpi.on_root(
-        comm, lambda: {i: row.get("time") for i, row in enumerate(results.rows) if not row["bifurcation"]}
-    )
+    solved = mpi.on_root(comm, lambda: {i: row.get("time") for i, row in enumerate(results.rows) if not row["bifurcation"]})
     again = functools.partial(replay, results, fields, comm, solved)
     if case.program:
         stop = last_stop(case, results, fields, comm)

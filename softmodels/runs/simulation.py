@@ -179,9 +179,7 @@ class Simulation:
                 yield step
         except stability.PathEnd as end:
             text = notes.explain(case, end, self.fields, path, _own_words())
-            raise outcomes.PathEnded(
-                text, outcomes.EXIT_NO_EQUILIBRIUM if end.physical else outcomes.EXIT_FAILED
-            ) from end
+            raise outcomes.PathEnded(text, outcomes.EXIT_NO_EQUILIBRIUM if end.physical else outcomes.EXIT_FAILED) from end
         except newton.NoConvergence as failure:
             raise RunError(notes.explain_failure(case, failure, last, _own_words())) from failure
 
@@ -245,9 +243,7 @@ class Simulation:
                 yield step
         except stability.PathEnd as end:
             text = notes.explain_step(case, end, rows, reached, _own_words())
-            raise outcomes.PathEnded(
-                text, outcomes.EXIT_NO_EQUILIBRIUM if end.physical else outcomes.EXIT_FAILED
-            ) from end
+            raise outcomes.PathEnded(text, outcomes.EXIT_NO_EQUILIBRIUM if end.physical else outcomes.EXIT_FAILED) from end
         except newton.NoConvergence as failure:
             raise RunError(notes.explain_failure(case, failure, rows[-1] if rows else None, _own_words())) from failure
 
@@ -505,9 +501,7 @@ class Model(cards.ResultCard):
         quantity, values = (steps.PRESSURE, pressures) if volumes is None else (steps.VOLUME, volumes)
         asked = load.prescribed(quantity, values, self.case.cm)  # type: ignore[arg-type]
         if not any(asked.values):
-            raise CaseError(
-                f"the only {quantity} requested is 0; add a value above 0, or take the state at rest by solve()"
-            )
+            raise CaseError(f"the only {quantity} requested is 0; add a value above 0, or take the state at rest by solve()")
         return self.followed(
             dataclasses.replace(self.case, control=control, steps=steps.one_step(quantity, asked.values)), quantity
         )
@@ -517,9 +511,7 @@ class Model(cards.ResultCard):
         self.system.direction = case.load.direction
         unit = self.unit_of(quantity)
         try:
-            for point in continuation.trace(
-                self.continuation(quantity, case.control), [goal / unit for goal in case.values]
-            ):
+            for point in continuation.trace(self.continuation(quantity, case.control), [goal / unit for goal in case.values]):
                 yield Equilibrium(self, point.state, point)
         except stability.PathEnd as end:
             status = outcomes.EXIT_NO_EQUILIBRIUM if end.physical else outcomes.EXIT_FAILED
@@ -536,9 +528,7 @@ class Model(cards.ResultCard):
 
     # -- preload ------------------------------------------------------------------------------------------------------
 
-    def path_start(
-        self, report: Callable[[str], None] = lambda text: None, preload: LoadedState | None = None
-    ) -> State | None:
+    def path_start(self, report: Callable[[str], None] = lambda text: None, preload: LoadedState | None = None) -> State | None:
         """The state in which the device hangs under its preload (``preload``, where it is known), from which the path to
         requested values starts; None without dead loads, `RunError` if there is none. ``report`` takes sentences on what is
         going on."""
@@ -571,9 +561,7 @@ class Model(cards.ResultCard):
         try:
             preload = schedule.apply_preload(self.solver, targets, report)
         except schedule.PreloadFailure as end:
-            raise RunError(
-                end.sentence, outcomes.EXIT_NO_EQUILIBRIUM if end.physical else outcomes.EXIT_FAILED
-            ) from end
+            raise RunError(end.sentence, outcomes.EXIT_NO_EQUILIBRIUM if end.physical else outcomes.EXIT_FAILED) from end
         dead.origins = preload.driven
         return preload
 
@@ -704,11 +692,7 @@ class Mode(cards.ResultCard):
     displacement: Array
 
     def _line(self) -> str:
-        return (
-            f"at {self.frequency:.4g} Hz"
-            if self.stable
-            else f"unstable, grows by a factor of e in {1 / self.rate:.2g} s"
-        )
+        return f"at {self.frequency:.4g} Hz" if self.stable else f"unstable, grows by a factor of e in {1 / self.rate:.2g} s"
 
     @property
     def stable(self) -> bool:
@@ -853,9 +837,7 @@ def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, table.PathTab
     others = band.others(case.material)
     for number, (name, material) in enumerate(others.items(), 1):
         simulation.listener.say(f"solving with {name}, source {number} of {len(others)} besides the run's own")
-        aside = Simulation(
-            dataclasses.replace(case, material=material, band=None), simulation.comm, None, simulation.stopped
-        )
+        aside = Simulation(dataclasses.replace(case, material=material, band=None), simulation.comm, None, simulation.stopped)
         rows = sources[name] = table.PathTable()
         try:
             aside.prepare(mesh)

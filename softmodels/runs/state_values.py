@@ -73,9 +73,7 @@ class StateValues:
                 stresses[region.cells] = remembered[region.name].stress() * unit
             else:
                 values = shape_stresses(region.material, stretches[region.cells])
-                stresses[region.cells] = (axes[region.cells] * values[..., None, :]) @ np.swapaxes(
-                    axes[region.cells], -1, -2
-                )
+                stresses[region.cells] = (axes[region.cells] * values[..., None, :]) @ np.swapaxes(axes[region.cells], -1, -2)
             if potential.mixed:
                 p = self.state.w[potential.pressure_dofs[region.cells, :, number]] @ barycentric(self.system.points).T
             else:
@@ -334,9 +332,7 @@ def volume_peak(comm: MPI.Comm, values: Array, volumes: Array, rest: float = 0.0
         return 1.0 + mpi.total(comm, float((volumes * (above - (x + 1.0) * rate)).sum())) / whole
 
     low, high = 1e-3 * top, 2.0 * top
-    for _ in range(
-        MAX_BISECTIONS
-    ):  # the slope rises with q; importing SciPy's root finders would take longer than this loop
+    for _ in range(MAX_BISECTIONS):  # the slope rises with q; importing SciPy's root finders would take longer than this loop
         q = 0.5 * (low + high)
         low, high = (low, q) if slope(q) > 0.0 else (q, high)
     above, _ = excess(values / q - 1.0)
@@ -574,9 +570,7 @@ class FacingWalls:
         place = facets[order] * len(self._lattice) + points[order]
         order = order[np.flatnonzero(np.diff(place, prepend=-1))]  # of each place the closest one
         facets, points, others = facets[order], points[order], others[order]
-        thickness = np.where(
-            others < 0, self.thickness[facets], np.minimum(self.thickness[facets], self.thickness[others])
-        )
+        thickness = np.where(others < 0, self.thickness[facets], np.minimum(self.thickness[facets], self.thickness[others]))
         shapes = _weights(self._lattice, self.flat)[points]
         places = np.einsum("pk,pki->pi", shapes, at[self.facets[facets]])
         return Gaps(values[order], places, thickness, facets, points, others, weights[order], normals[order])
@@ -591,9 +585,7 @@ class FacingWalls:
         place, tangents = _patch(at[self.facets[facet]], self._lattice[point])
         beyond = place @ plane
         # In front of the plane a point has to face it; behind it every point counts.
-        faces = ((self._normal(tangents, facet) @ plane > -MAX_OPPOSED_PRODUCT) & (beyond > -reach / 2)) | (
-            beyond > 0.0
-        )
+        faces = ((self._normal(tangents, facet) @ plane > -MAX_OPPOSED_PRODUCT) & (beyond > -reach / 2)) | (beyond > 0.0)
         facet, point, beyond = facet[faces], point[faces], beyond[faces]
         normals = np.tile(-plane, (len(facet), 1))
         return -2.0 * beyond, facet, point, np.full(len(facet), -1 - number), np.zeros((len(facet), k)), normals
@@ -642,9 +634,7 @@ class FacingWalls:
         way = places[i] - base[j][:, None]
         start = np.einsum("pdi,psi->psd", flat[j], way)
         off = np.linalg.norm(way - np.einsum("pid,psd->psi", sides[j], start), axis=2)
-        near = (np.minimum(start.min(axis=2), 1.0 - start.sum(axis=2)) > -CURVATURE_REACH) & (
-            off < reach + bent[j][:, None]
-        )
+        near = (np.minimum(start.min(axis=2), 1.0 - start.sum(axis=2)) > -CURVATURE_REACH) & (off < reach + bent[j][:, None])
         pair, point = np.nonzero(near)
         start, x, i, j = start[pair, point], places[i[pair], point], i[pair], j[pair]
         for _ in range(MAX_PROJECTIONS):
@@ -667,9 +657,7 @@ def _lattice(flat: bool) -> tuple[Array, Array]:
     if flat:
         return np.linspace(0.0, 1.0, 2 * PIECES_PER_EDGE + 1)[:, None], np.array([0.5])
     places = [
-        (a / PIECES_PER_EDGE, b / PIECES_PER_EDGE)
-        for a in range(PIECES_PER_EDGE + 1)
-        for b in range(PIECES_PER_EDGE + 1 - a)
+        (a / PIECES_PER_EDGE, b / PIECES_PER_EDGE) for a in range(PIECES_PER_EDGE + 1) for b in range(PIECES_PER_EDGE + 1 - a)
     ]
     return np.array(places), np.array([1 / 3, 1 / 3])
 

@@ -205,10 +205,7 @@ class Results:
     def add(self, record: formats.StateRecord) -> None:
         """Store one state."""
         cells, restart, fields = record.row.cells, record.restart, record.fields.items()
-        flat = {
-            name: values if values.ndim < 3 else values.reshape(-1, formats.TENSOR_COMPONENTS)
-            for name, values in fields
-        }
+        flat = {name: values if values.ndim < 3 else values.reshape(-1, formats.TENSOR_COMPONENTS) for name, values in fields}
         self.steps.mkdir(exist_ok=True)
 
         def fill(file: h5py.File) -> None:

@@ -171,10 +171,7 @@ def test_bad_inputs_get_a_sentence_and_change_nothing(photographs):
     tries = [
         *(functools.partial(with_field, device, name, text) for name, text in lengths),
         *(functools.partial(steps_of, pressure=text) for text in PRESSURES),
-        *(
-            lambda text=text: asyncio.run(change(one, pressure=text))
-            for text in ("nan cm", "5", "one cm", "\0", "5 mm kg")
-        ),
+        *(lambda text=text: asyncio.run(change(one, pressure=text)) for text in ("nan cm", "5", "one cm", "\0", "5 mm kg")),
         *(functools.partial(project.change_text, text) for text in CASES),
         lambda: project.change(steps=steps_of(pressure_cm=(float("nan"),))),
     ]
@@ -208,9 +205,7 @@ def test_what_another_program_writes_is_not_overwritten(tmp_path):
     project.change()
     text = (
         "# mine\n"
-        + sm.Case(
-            "mine", sm.HollowDisk(section="axisymmetric"), "ecoflex-00-30", steps=steps_of(pressure_cm=(7.0,))
-        ).to_toml()
+        + sm.Case("mine", sm.HollowDisk(section="axisymmetric"), "ecoflex-00-30", steps=steps_of(pressure_cm=(7.0,))).to_toml()
     )
     (tmp_path / CASE).write_text(text)
     with pytest.raises(INPUT_ERRORS, match="another program"):

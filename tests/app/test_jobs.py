@@ -186,9 +186,7 @@ def test_a_modules_name_in_a_foreign_folder_is_not_imported(tmp_path, monkeypatc
     words, environment = python("softmodels", "--help")
 
     async def help_text():
-        process = await asyncio.create_subprocess_exec(
-            *words, cwd=tmp_path, env=environment, stdout=asyncio.subprocess.PIPE
-        )
+        process = await asyncio.create_subprocess_exec(*words, cwd=tmp_path, env=environment, stdout=asyncio.subprocess.PIPE)
         return (await process.communicate())[0]
 
     assert b"Usage" in asyncio.run(help_text()) and not hit.exists()

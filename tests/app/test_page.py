@@ -41,9 +41,7 @@ def test_a_changed_length_gives_what_python_gives(page):
     assert number(value(page, "added volume")) == pytest.approx(wanted["added_volume_ml"], rel=5e-4)
     assert number(value(page, "largest stretch")) == pytest.approx(wanted["max_stretch"], rel=5e-4)
     limit = sm.limit(DEVICE, "ecoflex-00-30")
-    assert number(
-        value(page, "limit").partition(" at ")[2] or value(page, "limit").partition(" to ")[2]
-    ) == pytest.approx(
+    assert number(value(page, "limit").partition(" at ")[2] or value(page, "limit").partition(" to ")[2]) == pytest.approx(
         limit.pressure / Case("x", DEVICE, "ecoflex-00-30", steps=steps_of(pressure_cm=(1.0,))).cm, rel=5e-4
     )
 
@@ -95,9 +93,7 @@ def test_what_is_no_photograph_is_told(page, tmp_path):
     page.wait_for_function("!document.querySelector('.q-uploader__file')")
     (tmp_path / "a.exe").write_bytes(b"MZ")
     page.locator("input[type=file]").first.set_input_files(tmp_path / "a.exe")
-    page.wait_for_function(
-        "document.querySelector('[data-name=\"photo-message\"]').textContent.startsWith('not taken')"
-    )
+    page.wait_for_function("document.querySelector('[data-name=\"photo-message\"]').textContent.startsWith('not taken')")
     assert page.locator('button:has-text("empty.jpg")').count() == 0
 
 
@@ -127,9 +123,7 @@ def test_a_killed_server_resumes_its_job(browser, tmp_path):
         page.wait_for_function("document.querySelector('img.stored')?.naturalWidth > 0")
         page.get_by_label("membrane", exact=True).first.fill("6.2 mm")
         page.get_by_label("membrane", exact=True).first.press("Tab")
-        page.wait_for_function(
-            "document.querySelector('[data-name=\"rise of the apex\"]')?.textContent.endsWith('(linear)')"
-        )
+        page.wait_for_function("document.querySelector('[data-name=\"rise of the apex\"]')?.textContent.endsWith('(linear)')")
         shown.append(value(page, "rise of the apex"))
     alone = sm.run(case)
     found = sm.load(project / "results" / "device")
@@ -186,12 +180,7 @@ def test_an_own_report_works_within_the_page(browser, tmp_path):
         frame = page.frame_locator("iframe")
         frame.locator("#units").select_option("kPa")
         assert frame.locator("html").get_attribute("data-unit") == "kPa"
-        assert (
-            frame.locator("img").evaluate_all(
-                "all => Promise.all(all.map(one => one.decode())).then(all => all.length)"
-            )
-            > 3
-        )
+        assert frame.locator("img").evaluate_all("all => Promise.all(all.map(one => one.decode())).then(all => all.length)") > 3
         with page.expect_download() as saved:
             frame.get_by_text("path.csv").first.click()
         assert saved.value.suggested_filename == "path.csv"

@@ -116,9 +116,7 @@ def test_the_simulated_outline_begins_at_the_apex(pressure):
     assert np.ptp(curve[:, 0]) > 0.9 * disk.outer_radius
 
 
-@pytest.mark.parametrize(
-    "module", ["series/checks", "outline/edge", "outline/profiles", "outline/zero", "series/measuring"]
-)
+@pytest.mark.parametrize("module", ["series/checks", "outline/edge", "outline/profiles", "outline/zero", "series/measuring"])
 def test_doubts_name_the_pages_controls(module):
     source = re.sub(r'"\s*\n\s*f?"', "", (TOP / "measurement" / f"{module}.py").read_text())  # sentences in one piece
     text = page_words(source)

@@ -41,9 +41,7 @@ def once(name: str, mesh: Path, limit: float) -> dict[str, Any] | None:
     python = beside if script.startswith("felupe") else [sys.executable]
     command = [*python, str(HERE / script), "--mesh", str(mesh), "--support", "glued", *options]
     try:
-        done = subprocess.run(
-            command, env={**os.environ, **threads}, capture_output=True, text=True, timeout=limit, check=True
-        )
+        done = subprocess.run(command, env={**os.environ, **threads}, capture_output=True, text=True, timeout=limit, check=True)
     except (subprocess.TimeoutExpired, subprocess.CalledProcessError) as error:
         print(f"{name}: {error}", file=sys.stderr)
         return None
@@ -69,9 +67,7 @@ def main() -> None:
     print("| program | dofs | seconds (median) | times softmodels' | apex at 30 cm, mm | apex curve off by |")
     print("|---|---|---|---|---|---|")
     for name in runs:
-        ours = next(
-            other for other in runs if other.startswith("softmodels") and other.split(",")[1] == name.split(",")[1]
-        )
+        ours = next(other for other in runs if other.startswith("softmodels") and other.split(",")[1] == name.split(",")[1])
         good = [(r[name], r[ours]) for r in reports if r[name] and r[ours]]
         if not good:
             print(f"| {name} | | failed | | | |")

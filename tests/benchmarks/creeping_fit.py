@@ -62,9 +62,7 @@ def main() -> None:
             low, high = found.interval(name)
             inside.setdefault(name, []).append(low <= value <= high)
             misses.setdefault(name, []).append((found.values[name] - value) / found.error(name))
-    print(
-        f"{(time.process_time() - begin) / repeats:.1f} s of processor time for a fit to {len(creeping.curves)} outlines"
-    )
+    print(f"{(time.process_time() - begin) / repeats:.1f} s of processor time for a fit to {len(creeping.curves)} outlines")
     for name, hits in inside.items():
         spread = float(np.std(misses[name]))
         told = f"misses {np.mean(misses[name]):+.2f} +- {spread:.2f} errors"

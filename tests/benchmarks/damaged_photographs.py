@@ -90,9 +90,7 @@ def table(verdicts: list[Verdict]) -> None:
     """Print a row per kind in Markdown."""
     rows: dict[str, collections.Counter[str]] = {}
     for one in verdicts:
-        rows.setdefault(one.kind, collections.Counter()).update(
-            [one.outcome, "harmless" if one.harmless else "harmful"]
-        )
+        rows.setdefault(one.kind, collections.Counter()).update([one.outcome, "harmless" if one.harmless else "harmful"])
     total = collections.Counter[str]()
     print(f"| kind | photographs | {' | '.join(OUTCOMES)} | untrusted, though right |\n|---|{'---|' * 6}")
     for kind, row in rows.items():

@@ -86,9 +86,7 @@ def twist() -> None:
 def elongation() -> None:
     """The angle of two helices that go slack for the largest elongation of a tube."""
     tube = Cylinder(length=0.020, cell_size=0.003)
-    case = sm.Case(
-        "long", tube, LAW, steps=steps_of(pressure_cm=(32.0,)), components=(Fibres(angle=50.0, modulus=3e5),)
-    )
+    case = sm.Case("long", tube, LAW, steps=steps_of(pressure_cm=(32.0,)), components=(Fibres(angle=50.0, modulus=3e5),))
     asked = {"quantity": "figure", "of": "elongation_percent", "at": "3 kPa"}
     compare("elongation, %", sm.DesignProblem(case, {"fibres.angle": (40.0, 90.0)}, maximise=asked))
 
@@ -106,9 +104,7 @@ def cylinder() -> None:
 
 def finger() -> None:
     """The base of a finger whose chambers press on each other at 30 kPa, for the largest bend."""
-    device = PneuNet(
-        chambers=2, chamber_length=0.004, cell_size=0.006, gap=0.0003, wall=0.0012, base=0.002, least_wall=0.0001
-    )
+    device = PneuNet(chambers=2, chamber_length=0.004, cell_size=0.006, gap=0.0003, wall=0.0012, base=0.002, least_wall=0.0001)
     case = sm.Case("finger", device, sm.NeoHookean(150e3, 0.49), steps=steps_of(pressure_cm=(320.0,)))
     asked = {"quantity": "figure", "of": "bend_angle_deg", "at": "30 kPa"}
     compare("bend, deg", sm.DesignProblem(case, {"base": (0.0008, 0.004)}, maximise=asked))
@@ -119,9 +115,7 @@ def rod() -> None:
     device = PneuNet(chambers=2, cell_size=0.006)
     place = (device.length - 0.004, 0.0, -0.5 * device.base - 0.0065)
     shape = RigidShape("cylinder", "bottom", place, 0.006, (0.0, 1.0, 0.0), friction=0.5, name="rod")
-    case = sm.Case(
-        "rod", device, sm.silicone("ecoflex-00-30"), steps=steps_of(pressure_cm=(15.0,)), components=(shape,)
-    )
+    case = sm.Case("rod", device, sm.silicone("ecoflex-00-30"), steps=steps_of(pressure_cm=(15.0,)), components=(shape,))
     asked = {"quantity": "force_on", "of": "rod", "along": "-z", "at": "1.2 kPa"}
     bounds = {"contact.rod.x": (0.6 * device.length, device.length)}
     compare("force on a rod with friction, N", sm.DesignProblem(case, bounds, maximise=asked), 9)

@@ -62,9 +62,7 @@ def main() -> None:
     for name in [word for word in words if word in FINGERS] or FINGERS:
         device, pressures = FINGERS[name]
         apart = (sm.Walls("none"),)  # a deck has no contact of walls
-        case = sm.Case(
-            name, device, law, steps=steps_of(pressure_cm=pressures), formulation="displacement", components=apart
-        )
+        case = sm.Case(name, device, law, steps=steps_of(pressure_cm=pressures), formulation="displacement", components=apart)
         theirs = by_calculix(case)
         ours = [row for row in sm.run(case).rows if row["requested"] and row["pressure_cm"]]
         for row, other in zip(ours, theirs, strict=False):

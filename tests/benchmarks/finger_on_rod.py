@@ -42,9 +42,7 @@ def main() -> None:
                 system.load(point.state)
                 figures = system.potential.terms[part.label].figures(system)
                 if is_root(comm):
-                    print(
-                        device.cell_size, system.n, f"{point.state.P * system.stress_unit:.0f} Pa", figures, flush=True
-                    )
+                    print(device.cell_size, system.n, f"{point.state.P * system.stress_unit:.0f} Pa", figures, flush=True)
 
     for cell_size in (0.005, 0.0035, 0.0025):
         finger = PneuNet(chambers=2, cell_size=cell_size)

@@ -202,9 +202,7 @@ class Bench:
             raise Hang
 
         before = signal.signal(signal.SIGPROF, end)
-        faulthandler.dump_traceback_later(
-            LONGEST_WAIT, exit=True, file=sys.__stderr__
-        )  # compiled code that hears nothing
+        faulthandler.dump_traceback_later(LONGEST_WAIT, exit=True, file=sys.__stderr__)  # compiled code that hears nothing
         signal.setitimer(signal.ITIMER_PROF, LONGEST, 1.0)
         try:
             yield

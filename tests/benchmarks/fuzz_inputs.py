@@ -64,9 +64,7 @@ values = st.one_of(st.sampled_from(RAW), texts.map(lambda text: json.dumps(text,
 def damaged(draw: Any, text: str) -> bytes:
     """A file's bytes: mostly whole, else with one damage."""
     data = text.encode("utf-8", "replace")
-    kind = draw(
-        st.sampled_from(["none"] * 30 + ["cut", "mark", "zero", "bytes", "wide", "twice", "line", "empty", "latin"])
-    )
+    kind = draw(st.sampled_from(["none"] * 30 + ["cut", "mark", "zero", "bytes", "wide", "twice", "line", "empty", "latin"]))
     place = draw(st.integers(0, len(data)))
     lines = text.splitlines(keepends=True)
     line = draw(st.integers(0, max(len(lines) - 1, 0)))
@@ -176,9 +174,7 @@ def photos(draw: Any, setup: str, pictures: dict[str, bytes]) -> Attempt:
     usual = [["file", "pressure"], ["file", "pressure", "error"], ["file", "left", "right"], ["File", "Pressure"]]
     header = draw(st.sampled_from([*3 * usual, ["file"], ["pressure", "file"], ["file", "pressure", "x"]]))
     right = st.sampled_from(["0 cm", "5 cm", "3 mm", "12.5 cm"])
-    cells = st.one_of(
-        right, right, right, st.sampled_from(["1.2 kPa", "35 mmH2O", "2,8 cm", '"2,8 cm"', "5 647 Pa"]), texts
-    )
+    cells = st.one_of(right, right, right, st.sampled_from(["1.2 kPa", "35 mmH2O", "2,8 cm", '"2,8 cm"', "5 647 Pa"]), texts)
     files = st.sampled_from(list(pictures))
     names = st.one_of(*6 * [files], st.sampled_from(["none.png", "0001", ".", "a/b.png", "REST.JPG"]), texts)
     rows = [header]

@@ -192,9 +192,7 @@ def left_alone(kind: Kind, folder: Path) -> float:
     return time.monotonic() - begun
 
 
-def killed(
-    kind: Kind, folder: Path, seconds: float, states: int, how: signal.Signals, rng: random.Random, again: bool
-) -> bool:
+def killed(kind: Kind, folder: Path, seconds: float, states: int, how: signal.Signals, rng: random.Random, again: bool) -> bool:
     """Run a kind and kill it at a random moment; whether it had not ended before.
 
     Most of a run's time is its beginning, where nothing is written: three of four kills wait for a random number of states.
@@ -257,8 +255,7 @@ def differences(one: Path, other: Path, in_time: bool = False) -> dict[str, floa
     if in_time:
         kept = ("time_s", "pressure_cm", "apex_mm", "added_volume_ml")
         tables = [
-            [{name: row[name] for name in kept} for row in table if row["requested"] in ("1", "True")]
-            for table in tables
+            [{name: row[name] for name in kept} for row in table if row["requested"] in ("1", "True")] for table in tables
         ]
     if len(tables[0]) != len(tables[1]) or tables[0][0].keys() != tables[1][0].keys():
         return {f"rows ({len(tables[0])} against {len(tables[1])})": float("inf")}
@@ -374,9 +371,7 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=50)
     parser.add_argument("--kind", action="append", choices=every)
     parser.add_argument("--seed", type=int, default=11)
-    parser.add_argument(
-        "--inputs", type=Path, help="folder for the photographs and outlines, to use them again; else they go"
-    )
+    parser.add_argument("--inputs", type=Path, help="folder for the photographs and outlines, to use them again; else they go")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as place:
         kills, faults = campaign(

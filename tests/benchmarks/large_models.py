@@ -179,9 +179,7 @@ def _peak() -> float:
 
 def _now() -> float:
     """Bytes of this process now; on Linux."""
-    return (
-        float(next(line for line in Path("/proc/self/status").open() if line.startswith("VmRSS")).split()[1]) * 1024.0
-    )
+    return float(next(line for line in Path("/proc/self/status").open() if line.startswith("VmRSS")).split()[1]) * 1024.0
 
 
 def _write_states(file: Path, rows) -> None:

@@ -48,13 +48,9 @@ class Membrane:
         limit = 7.2 / np.sqrt((self.weights / h**2).sum())
         if pressure > limit:
             raise NoStateError
-        rise = (
-            8 * (pressure * (self.weights * self.effects / h).sum()) ** (1 / 3) * (1 + 0.15 * (pressure / limit) ** 4)
-        )
+        rise = 8 * (pressure * (self.weights * self.effects / h).sum()) ** (1 / 3) * (1 + 0.15 * (pressure / limit) ** 4)
         most = 1 + 0.005 * rise**2 * (1 + 0.5 * (self.weights * (h - h.mean()) ** 2).sum())
-        return np.array(
-            [-rise / 10, most / stretch - 1, 1 - limit / pressure / margin, (self.weights * h).sum() / mass - 1]
-        )
+        return np.array([-rise / 10, most / stretch - 1, 1 - limit / pressure / margin, (self.weights * h).sum() / mass - 1])
 
     def __call__(self, x):
         key = np.asarray(x).tobytes()

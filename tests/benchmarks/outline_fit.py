@@ -23,13 +23,7 @@ import numpy as np
 
 from geometries import HollowDisk
 from softmodels.fitting.outlines.fit import fit_law_to_outlines
-from softmodels.fitting.outlines.residuals import (
-    LEAK_ERROR,
-    PRESSURE_SCALE_ERROR,
-    SCALE_ERROR,
-    ZERO_ERROR,
-    OutlineResiduals,
-)
+from softmodels.fitting.outlines.residuals import LEAK_ERROR, PRESSURE_SCALE_ERROR, SCALE_ERROR, ZERO_ERROR, OutlineResiduals
 from softmodels.fitting.outlines.shapes import prepare
 from softmodels.fitting.problem import BENCH, FREE, CannotEvaluate, LawChoice
 from softmodels.mechanics.mpi import start
@@ -109,9 +103,7 @@ def coverage(inflation, repeats: int, free) -> None:
             misses.setdefault(name, []).append((found.values[name] - value) / found.error(name))
     for name, hits in inside.items():
         spread = float(np.std(misses[name]))
-        print(
-            f"  {name:16s} {np.mean(hits):6.1%} of {repeats}, misses {np.mean(misses[name]):+.2f} +- {spread:.2f} errors"
-        )
+        print(f"  {name:16s} {np.mean(hits):6.1%} of {repeats}, misses {np.mean(misses[name]):+.2f} +- {spread:.2f} errors")
 
 
 def main() -> None:

@@ -45,9 +45,7 @@ def rows(count: int) -> None:
                 doubts = Run(dict(enumerate(bad.outlines()))).contradictions
                 hit = [doubts[k] for k in bad.at if k in doubts]
                 caught += bool(hit)
-                named += any(
-                    word in why for why in hit for word in ("swapped", "ten times", "a tenth", "at zero pressure")
-                )
+                named += any(word in why for why in hit for word in ("swapped", "ten times", "a tenth", "at zero pressure"))
                 blamed += len(doubts.keys() - set(bad.at))
         total = count * len(COURSES)
         print(f"  {kind:32s} {caught:4d} of {total:4d}  {named:4d}    {blamed:4d}")

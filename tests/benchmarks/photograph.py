@@ -58,9 +58,7 @@ def main() -> None:
     print(f"one photograph of {SCENE.width * SCENE.height / 1e6:.1f} megapixels: {statistics.median(whole):.2f} s")
     print(f"  reading the file {statistics.median(reading):.2f} s, with its edge {statistics.median(tracing):.2f} s")
     miss = outline.z - dome_height(outline.x + origin[0], HEIGHT, RADIUS)
-    print(
-        f"  {len(outline.x)} points, apex {1e6 * (outline.height - HEIGHT):+.1f} um, heights {1e6 * np.std(miss):.1f} um rms"
-    )
+    print(f"  {len(outline.x)} points, apex {1e6 * (outline.height - HEIGHT):+.1f} um, heights {1e6 * np.std(miss):.1f} um rms")
 
 
 if __name__ == "__main__":

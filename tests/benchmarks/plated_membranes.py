@@ -27,9 +27,7 @@ MEMBRANE = sm.Membrane(radius=0.070, thickness=0.002, plate_radius=0.0254, chamb
 def exact(law: sm.Yeoh, mass: float):
     """Volumes in ml, pressures in Pa and heights in mm of the membrane equations, from where the plate is above the clamp."""
     numbers = shooting.Yeoh(law.c1, law.c2, law.c3)
-    membrane = shooting.CircularMembrane(
-        MEMBRANE.radius, MEMBRANE.thickness, numbers, MEMBRANE.plate_radius, 9.81 * mass
-    )
+    membrane = shooting.CircularMembrane(MEMBRANE.radius, MEMBRANE.thickness, numbers, MEMBRANE.plate_radius, 9.81 * mass)
     # From a height where all of the weight hangs safely, upwards and downwards.
     parts = [membrane.path(np.linspace(0.5, end, 40) * MEMBRANE.radius) for end in (1.3, 0.05)]
     path = [*reversed(parts[1]), *parts[0][1:]]
@@ -38,9 +36,7 @@ def exact(law: sm.Yeoh, mass: float):
 
 def main() -> None:
     wanted = [float(text) for text in sys.argv[1:]] or WEIGHTS
-    print(
-        f"{'silicone':14} {'kg':>4} {'reached':>9} {'pressure':>20} {'height':>18}   (worst, from the least volume shown on)"
-    )
+    print(f"{'silicone':14} {'kg':>4} {'reached':>9} {'pressure':>20} {'height':>18}   (worst, from the least volume shown on)")
     for source in SOURCES:
         for mass in wanted:
             law = sm.silicone(f"ecoflex-00-30/{source}")

@@ -74,10 +74,7 @@ def work_of(case: Case, rows: Any) -> tuple[np.ndarray, np.ndarray]:
     """Work in mJ of the air and of the dead loads, and stored energy, along a path; jumps, which lose energy, are left out."""
     pairs = [("pressure_Pa", "added_volume_ml", 1e-3)] if case.actuator.ratios else []
     loads = [part for part in case.components if isinstance(part, LoadPart)]
-    pairs += [
-        (part.named_columns[0], part.named_columns[1], part.column_unit * part.moved_column_unit * 1e3)
-        for part in loads
-    ]
+    pairs += [(part.named_columns[0], part.named_columns[1], part.column_unit * part.moved_column_unit * 1e3) for part in loads]
     work, stored = [0.0], [0.0]
     for before, after in itertools.pairwise(rows):
         done = sum(unit * (before[P] + after[P]) / 2 * (after[V] - before[V]) for P, V, unit in pairs)
@@ -114,9 +111,7 @@ def denser(case: Case, rows: Any) -> Case:
 
 def imbalance(case: Case, rows: Any) -> float:
     """Share of the largest energy by which work and stored energy differ at most along a path."""
-    told = next(
-        (k for k, row in enumerate(rows) if row.get("walls_touch")), len(rows)
-    )  # the run itself says so from there on
+    told = next((k for k, row in enumerate(rows) if row.get("walls_touch")), len(rows))  # the run itself says so from there on
     work, stored = work_of(case, rows[:told])
     scale = LEAST * 1e3 * case.material.shear_modulus_0 * case.actuator.size**3
     return float(np.abs(work - stored).max() / max(np.abs(stored).max(), np.abs(work).max(), scale))
@@ -191,9 +186,7 @@ def main() -> None:
             type(case.material).__name__,
             f"{case.quantity} to {case.load.told(case.values[-1])} by {case.control}",
         )
-        print(
-            f"{number}: {type(case.actuator).__name__}, {law}, {components}, {asked}: {ended}, {took:.1f} s", flush=True
-        )
+        print(f"{number}: {type(case.actuator).__name__}, {law}, {components}, {asked}: {ended}, {took:.1f} s", flush=True)
         number += 1
         if ended == "refused":
             print(f"   {fault}", flush=True)

@@ -72,9 +72,7 @@ class Draw:
 def device_of(chance: random.Random, solid: bool) -> Actuator:
     """A device with lengths of its own; GeometryError where they make none."""
     known = [kind for _, kind in sorted(ACTUATORS.items()) if kind.__module__.startswith("geom")]
-    kind = chance.choice(
-        [kind for kind in known if kind.__name__ not in IMPORTED and (solid or "section" in about(kind))]
-    )
+    kind = chance.choice([kind for kind in known if kind.__name__ not in IMPORTED and (solid or "section" in about(kind))])
     changes: dict[str, Any] = {}
     if section := about(kind).get("section"):
         flat, *full = sorted(section.kind.choices)  # type: ignore[attr-defined]
@@ -89,9 +87,7 @@ def device_of(chance: random.Random, solid: bool) -> Actuator:
             changes[name] = chance.choice([1, 2, 3])
         elif isinstance(field.kind, Length) and isinstance(value, float) and value > 0.0:
             low, high = (
-                (1.5, 2.5)
-                if name == "cell_size" and solid and base.ratios
-                else (0.7, 1.0 if name == "rounding" else 1.33)
+                (1.5, 2.5) if name == "cell_size" and solid and base.ratios else (0.7, 1.0 if name == "rounding" else 1.33)
             )
             changes[name] = value * scale * chance.uniform(low, high)
     changes |= _regions_of(chance, kind.__name__, changes)
@@ -248,11 +244,7 @@ def load_of(draw: Draw, components: list[Component], vacuum: bool = False) -> di
     load = chance.choice(loads)
     components[components.index(load)] = dataclasses.replace(load, amount=0.0) if isinstance(load, Force) else load
     newtons, size = draw.newtons * 3, 1e3 * device.size
-    asked = (
-        {"share": (0.0, 1.0)}
-        if isinstance(load, Gravity)
-        else {"force_N": (0.0, newtons), "travel_mm": (0.0, 0.2 * size)}
-    )
+    asked = {"share": (0.0, 1.0)} if isinstance(load, Gravity) else {"force_N": (0.0, newtons), "travel_mm": (0.0, 0.2 * size)}
     key = chance.choice(list(asked))
     if kind == "driven":
         pressure = chance.choice([0.0, 0.1 * cm]) if device.ratios else 0.0

@@ -260,9 +260,7 @@ def main() -> None:
             print(f"FAULT {one.fault}\n   {trial}", flush=True)
     took = time.perf_counter() - began
     endings = collections.Counter(one.ended.split(":")[0] for one in found)
-    limit_off, state_off = (
-        np.nanmax([getattr(one, name) for one in found] + [0.0]) for name in ("limit_off", "state_off")
-    )
+    limit_off, state_off = (np.nanmax([getattr(one, name) for one in found] + [0.0]) for name in ("limit_off", "state_off"))
     print(
         f"{len(found)} cases in {took:.0f} s: {dict(endings)}; {sum(bool(one.fault) for one in found)} at fault; limits "
         f"within {limit_off:.1e}, last states within {state_off:.1e}"

@@ -110,9 +110,7 @@ def write_deck(mesh: Mesh, law: Yeoh, pressures: list[float]) -> str:
     printed = np.union1d(mesh.faces["cavity"], mesh.tips)
     parts = ["*NODE, NSET=ALL\n"]
     parts += [
-        f"{tag}, {x:.12e}, {y:.12e}, {z:.12e}\n"
-        for tag in np.unique(mesh.cells)
-        for x, y, z in (1e3 * mesh.points[tag],)
+        f"{tag}, {x:.12e}, {y:.12e}, {z:.12e}\n" for tag in np.unique(mesh.cells) for x, y, z in (1e3 * mesh.points[tag],)
     ]
     parts.append("*ELEMENT, TYPE=C3D10, ELSET=SOLID\n")
     parts += [f"{n}, " + ", ".join(map(str, cell)) + "\n" for n, cell in enumerate(mesh.cells, 1)]
@@ -169,9 +167,7 @@ def softmodels(path: Path, slab: SeminarActuator, law: Yeoh, pressures: list[flo
     equations = Solver(System(Body.from_file(slab, path, start()), law, formulation))
     fields, found = Fields(equations), []
     try:
-        for point in trace(
-            Continuation(equations), [pressure / equations.system.stress_unit for pressure in pressures]
-        ):
+        for point in trace(Continuation(equations), [pressure / equations.system.stress_unit for pressure in pressures]):
             if point.requested:
                 figures = fields.figures(point.state)
                 found.append(State(figures.device["tip_x_mm"], figures.device["tip_z_mm"], 1e6 * figures.added_volume))
@@ -192,9 +188,7 @@ def main() -> None:
     pressures = [height * pascal_per_cm() for height in args.pressures_cm]
     law = dataclasses.replace(SILICONES["ecoflex-00-30"].material, poisson=0.49)
     assert isinstance(law, Yeoh)
-    print(
-        "| program | cm | tip x, mm | tip z, mm | added, ml | lift off CalculiX | added off CalculiX | seconds in all |"
-    )
+    print("| program | cm | tip x, mm | tip z, mm | added, ml | lift off CalculiX | added off CalculiX | seconds in all |")
     print("|---|---|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as folder:
         path = slab.write(Path(folder) / "slab.msh")

@@ -52,9 +52,7 @@ def main():
     parser.add_argument("--problem", type=Path, default=PROBLEM)
     parser.add_argument("--output", type=Path, default=Path("results/seminar-lift"))
     parser.add_argument("--evaluations", type=int, default=40)
-    parser.add_argument(
-        "--finer", type=float, default=1.0, help="how many times smaller the cells of the confirmation are"
-    )
+    parser.add_argument("--finer", type=float, default=1.0, help="how many times smaller the cells of the confirmation are")
     parser.add_argument("--resume", action="store_true")
     parser.add_argument("--compare", type=float, help="solve the device as given on its mesh and on one so much finer")
     given = parser.parse_args()

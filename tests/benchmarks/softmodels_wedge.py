@@ -51,8 +51,7 @@ def main() -> None:
             "tool": "softmodels",
             "version": softmodels.__version__,
             "options": f"{args.form} {args.energy}",
-            "dofs": equilibrium.system.space.dofmap.index_map.size_global
-            * equilibrium.system.space.dofmap.index_map_bs,
+            "dofs": equilibrium.system.space.dofmap.index_map.size_global * equilibrium.system.space.dofmap.index_map_bs,
             "seconds": seconds,
             "steps": len(points) - 1,
             "iterations": sum(point.state.iterations for point in points),

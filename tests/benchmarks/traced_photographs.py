@@ -44,9 +44,7 @@ def main() -> int:
     words.add_argument("--seed", type=int, default=0, help="the first one's seed")
     words.add_argument("--deep", action="store_true", help="a level round body, as deep along the light as wide")
     words.add_argument("--large", action="store_true", help="large lamps, lenses with a depth of field, small pictures")
-    words.add_argument(
-        "--things", action="store_true", help="second things beside the body, one of each kind for a run"
-    )
+    words.add_argument("--things", action="store_true", help="second things beside the body, one of each kind for a run")
     words.add_argument("--keep", type=Path, help="folder in which the pictures are kept")
     asked = words.parse_args()
     cv2.setNumThreads(1)

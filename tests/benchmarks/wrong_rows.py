@@ -145,9 +145,7 @@ ROWS: dict[str, Damage] = {
     "two exchanged": exchanged(neighbours=False),
     "30 cm more": one_row(lambda p, *_: p + 30 * CM),
     "digits transposed": one_row(lambda p, *_: transposed(p)),
-    "the next row's pressure": one_row(
-        lambda p, series, i: series[i + 1 if i + 1 < len(series) else i - 1].pressure * 1.0005
-    ),
+    "the next row's pressure": one_row(lambda p, series, i: series[i + 1 if i + 1 < len(series) else i - 1].pressure * 1.0005),
     "one photograph twice": same_photograph,
     "outline 0.3 mm too high": one_outline(lambda o: dataclasses.replace(o, z=o.z + 3e-4)),
     "outline 8 % too large": one_outline(lambda o: dataclasses.replace(o, x=1.08 * o.x, z=1.08 * o.z)),

@@ -77,9 +77,7 @@ def taylor():
             theta = start.copy()
             theta[i] += part * step
             there = model.evaluate(theta)
-            left.append(
-                {key: there.values[key] - here.values[key] - part * step * g[i] for key, g in here.gradients.items()}
-            )
+            left.append({key: there.values[key] - here.values[key] - part * step * g[i] for key, g in here.gradients.items()})
         for key, gradient in here.gradients.items():
             linear = abs(0.25 * step * gradient[i])
             last, before = abs(left[2][key]), abs(left[1][key])

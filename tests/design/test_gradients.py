@@ -33,9 +33,7 @@ def test_sections(designed, thin_disk, of_all_kinds, second_order, comm, name):
     second_order(designed(thin_disk, LENGTHS, of_all_kinds, comm), name, TAYLOR, "section")
 
 
-@pytest.mark.parametrize(
-    "name", sampled(["radius", "thickness", "plate_radius", "rings[1]", "ring_thickness", "clamp_width"])
-)
+@pytest.mark.parametrize("name", sampled(["radius", "thickness", "plate_radius", "rings[1]", "ring_thickness", "clamp_width"]))
 def test_membranes(designed, second_order, comm, name):
     """A plate that is a face, a ring with a thickness, and a clamp that holds a ring from below, so that its width counts."""
     membrane = Membrane(
@@ -51,9 +49,7 @@ def test_membranes(designed, second_order, comm, name):
     )
     names = ("radius", "thickness", "clamp_width", "plate_radius", "rings[1]", "ring_thickness")
     # A percent of a ring's radius is four of its width.
-    second_order(
-        designed(membrane, names, quantities, comm), name, TAYLOR, "membrane", 0.003 if "ring" in name else 0.01
-    )
+    second_order(designed(membrane, names, quantities, comm), name, TAYLOR, "membrane", 0.003 if "ring" in name else 0.01)
 
 
 @pytest.mark.parametrize("name", sampled(["radius", "wall", "neck_radius", "neck_length", "fillet", "polar_radius"]))
@@ -176,9 +172,7 @@ def test_designs_are_carried(designed, thin_disk, of_all_kinds, comm, figure):
         figure("the same design before", "a design come back to, every quantity", back.values[key] / value - 1, 1e-7)
     fresh = model.confirm(far.theta)
     for key in ("rise at 2 kPa", "added volume at 2 kPa", "limit margin", "mass"):
-        figure(
-            "a fresh mesh", "a carried mesh with lengths changed by 10 %", far.values[key] / fresh.values[key] - 1, 3e-3
-        )
+        figure("a fresh mesh", "a carried mesh with lengths changed by 10 %", far.values[key] / fresh.values[key] - 1, 3e-3)
 
 
 def test_a_limit_that_comes_into_reach_is_found(thin_disk, comm):
@@ -186,9 +180,7 @@ def test_a_limit_that_comes_into_reach_is_found(thin_disk, comm):
     case = Case(name="limits", actuator=thin_disk, material=NeoHookean(20e3, 0.49), steps=steps_of(pressure_cm=(10.0,)))
     model = DesignModel(case, ("membrane",), (Rise(at=1000.0), LimitPressure()), comm, highest=3300.0)
     without = model.evaluate(model.start)
-    assert without.values["limit pressure"] == 3300.0 and any(
-        "none found up to 3.3 kPa" in note for note in without.notes
-    )
+    assert without.values["limit pressure"] == 3300.0 and any("none found up to 3.3 kPa" in note for note in without.notes)
     thinner = model.evaluate(0.9 * model.start)
     fresh = model.confirm(0.9 * model.start)
     model.release()

@@ -113,9 +113,7 @@ def test_a_slab_from_its_tip_path_alone(comm, figure):
     model.evaluate(model.start)
     values = model.evaluate(np.array(list(KNOWN.values()))).values
     model.release()
-    rows = [
-        (P, values[x.key], np.nan, values[z.key]) for P, x, z in zip(pressures, asked[::2], asked[1::2], strict=True)
-    ]
+    rows = [(P, values[x.key], np.nan, values[z.key]) for P, x, z in zip(pressures, asked[::2], asked[1::2], strict=True)]
     bounds = {
         "thickness": (0.9 * SLAB.thickness, 1.2 * SLAB.thickness), "end_bore": (0.8 * SLAB.end_bore, 1.3 * SLAB.end_bore),
         "offset": (1.2 * SLAB.offset, 0.8 * SLAB.offset),
@@ -123,9 +121,7 @@ def test_a_slab_from_its_tip_path_alone(comm, figure):
     problem = DesignProblem(case, bounds, follow=TipPath(of="tip", target=tuple(rows), sigma="10 um"))
     result = optimise(problem, confirm=False)
     for name, truth in KNOWN.items():
-        figure(
-            RECOVERED, f"{name} of a slab from its tip path alone, share", result.parameters[name] / truth - 1.0, 1e-2
-        )
+        figure(RECOVERED, f"{name} of a slab from its tip path alone, share", result.parameters[name] / truth - 1.0, 1e-2)
         assert result.parameters[name] == pytest.approx(truth, rel=1e-2)
 
 
@@ -133,9 +129,7 @@ def test_a_slab_from_its_tip_path_alone(comm, figure):
 def test_a_finger_from_the_pose_of_its_tip(comm, figure):
     """Two coordinates and an angle at one pressure give three lengths, in a few steps of Gauss and Newton's method."""
     finger, known = PneuNet(chambers=2, chamber_length=0.004, cell_size=0.008), {"base": 3.4, "root": 4.5, "wall": 1.1}
-    case = Case(
-        name="finger", actuator=finger, material=sm.silicone("ecoflex-00-30"), steps=steps_of(pressure_cm=(43.0,))
-    )
+    case = Case(name="finger", actuator=finger, material=sm.silicone("ecoflex-00-30"), steps=steps_of(pressure_cm=(43.0,)))
     asked = [*(FacePlace(at=4e3, of="tip", axis=axis) for axis in "xz"), Turn(at=4e3, of="tip")]
     model = DesignModel(case, tuple(known), asked, comm)
     model.evaluate(model.start)

@@ -13,9 +13,7 @@ from softmodels.design.states import EDGES, Places
 
 def mesh(d, bend):
     """Cells of order two of random points in the unit cube, bent smoothly."""
-    corners = np.vstack(
-        [np.array(list(itertools.product([0.0, 1.0], repeat=d))), np.random.default_rng(d).random((40, d))]
-    )
+    corners = np.vstack([np.array(list(itertools.product([0.0, 1.0], repeat=d))), np.random.default_rng(d).random((40, d))])
     straight = scipy.spatial.Delaunay(corners).simplices
     nodes, numbers, cells = list(corners), {}, []
     for cell in straight:

@@ -91,9 +91,7 @@ def test_a_tube_with_all_that_is_no_contact(comm, exact):
 @pytest.mark.campaign
 def test_a_finger_whose_chambers_press_on_each_other(comm, exact):
     """The interface between base and chambers moves with the gap, and contact is of the moved walls."""
-    device = PneuNet(
-        chambers=2, chamber_length=0.004, cell_size=0.008, gap=0.0003, wall=0.0008, base=0.002, least_wall=1e-4
-    )
+    device = PneuNet(chambers=2, chamber_length=0.004, cell_size=0.008, gap=0.0003, wall=0.0008, base=0.002, least_wall=1e-4)
     base = sm.Region(sm.NeoHookean(90e3, 0.49), name="base")
     case = Case("finger", device, sm.NeoHookean(30e3, 0.49), steps=steps_of(pressure_cm=(150.0,)), components=(base,))
     quantities = (Turn(of="tip", at=5000.0), InflationWork(at=5000.0), FacePlace(of="tip", axis="x", at=5000.0))
@@ -183,9 +181,7 @@ def test_a_vacuum(comm, exact):
 @pytest.mark.campaign
 def test_limit_pressures_by_numbers_of_parts(comm, exact):
     disk = HollowDisk.variant("shadow", section="axisymmetric", cell_size=0.005)
-    case = Case(
-        "limit", disk, LAW, steps=steps_of(pressure_cm=(20.0,)), components=(Sheet("top", 5.0), sm.Gravity("-z"))
-    )
+    case = Case("limit", disk, LAW, steps=steps_of(pressure_cm=(20.0,)), components=(Sheet("top", 5.0), sm.Gravity("-z")))
     names = ("sheet.stiffness", "material.shear_modulus")
     exact(DesignModel(case, names, (LimitPressure(), Rise(at=1000.0)), comm, highest=6000.0), "limit point")
 

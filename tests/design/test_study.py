@@ -111,9 +111,7 @@ def test_killed_study_resumes_to_the_same_dataset(files, limits):
 @pytest.mark.campaign
 def test_two_dask_workers_give_the_same_dataset(files, limits):
     distributed, xarray = pytest.importorskip("distributed"), pytest.importorskip("xarray")
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None
-    ) as cluster:
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None) as cluster:
         found = study(files / "limits.toml", scheduler=cluster.scheduler_address)
     xarray.testing.assert_identical(found.dataset, limits.dataset)
 
@@ -215,9 +213,7 @@ def test_inputs_reach_the_case(files):
 def test_fitted_covariance_is_drawn():
     """Samples of a fit have its covariance."""
     errors = MaterialErrors(("c1", "c2"), ((1e4, -300.0), (-300.0, 25.0)))
-    case = Case(
-        "disk", HollowDisk(section="axisymmetric"), Yeoh(14e3, 60.0), steps=steps_of(pressure_cm=(10.0,)), band=errors
-    )
+    case = Case("disk", HollowDisk(section="axisymmetric"), Yeoh(14e3, 60.0), steps=steps_of(pressure_cm=(10.0,)), band=errors)
     plan = StudyPlan("fit", case, tuple(_inputs({"material": "fit"}, case)), "sobol", 128)
     drawn = [plan.case_at(point).material for point in plan.points]
     found = np.cov([[one.c1, one.c2] for one in drawn], rowvar=False)

@@ -32,9 +32,7 @@ def done(tmp_path_factory):
             words = shlex.split(line)
             assert words[:2] == ["uv", "run"]
             if words[2:] != ["softmodels", "examples"]:
-                words = [
-                    name for word in words for name in (sorted(map(str, folder.glob(word))) if "*" in word else [word])
-                ]
+                words = [name for word in words for name in (sorted(map(str, folder.glob(word))) if "*" in word else [word])]
                 ended = run(words[3:] if words[2] == "python" else ["-m", *words[2:]], folder)
                 assert ended.status == 0, ended.err
     return folder
@@ -62,10 +60,7 @@ def test_photographs_show_how_the_disk_creeps(done):
 def test_the_second_loop_of_the_device_is_smaller(done):
     folder = done / "results" / "loop"
     with (folder / "path.csv").open() as file:
-        rows = [
-            {key: float(row[key]) for key in ("time_s", "pressure_Pa", "added_volume_ml")}
-            for row in csv.DictReader(file)
-        ]
+        rows = [{key: float(row[key]) for key in ("time_s", "pressure_Pa", "added_volume_ml")} for row in csv.DictReader(file)]
     middle = rows[-1]["time_s"] / 2
     work = [0.0, 0.0]
     for a, b in itertools.pairwise(rows):

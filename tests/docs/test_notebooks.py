@@ -40,9 +40,9 @@ def executed(name, folder, asked, *before):
     book.cells += [nbformat.v4.new_code_cell(cell, metadata={"tags": ["raises-exception"]}) for cell in before]
     book.cells.append(nbformat.v4.new_code_cell(f"import json; print(json.dumps(dict({asked})))"))
     own = {"OMP_NUM_THREADS": "1", "JUPYTER_PLATFORM_DIRS": "1", "IPYTHONDIR": str(folder / "ipython")}
-    nbclient.NotebookClient(
-        book, timeout=600, kernel_name="python3", resources={"metadata": {"path": str(folder)}}
-    ).execute(env=os.environ | own)
+    nbclient.NotebookClient(book, timeout=600, kernel_name="python3", resources={"metadata": {"path": str(folder)}}).execute(
+        env=os.environ | own
+    )
     return book, json.loads(book.cells.pop().outputs[0].text)
 
 
@@ -65,9 +65,7 @@ def test_all_are_stored_with_their_outputs_and_stay_small():
 def test_the_first_hour(tmp_path):
     """It also goes on after it was interrupted."""
     asked = "rises=run.apex.tolist(), limit=limit.pressure, differs=mould.differs"
-    book, found = executed(
-        "first-hour", tmp_path, f"{asked}, again=sm.inflate(disk, silicone, '5 cm').apex[-1]", INTERRUPTED
-    )
+    book, found = executed("first-hour", tmp_path, f"{asked}, again=sm.inflate(disk, silicone, '5 cm').apex[-1]", INTERRUPTED)
     assert [told.ename for told in book.cells.pop().outputs] == ["KeyboardInterrupt"] and found["again"] > 1e-4
     disk, silicone = sm.HollowDisk(section="axisymmetric"), sm.Yeoh("14 kPa", "0.9 kPa")
     assert found["rises"] == pytest.approx(sm.inflate(disk, silicone, pressures="0:177 cm").apex, rel=1e-9, abs=1e-12)
@@ -82,9 +80,7 @@ def test_the_first_hour(tmp_path):
 
 @pytest.mark.campaign
 def test_a_study(tmp_path):
-    book, found = executed(
-        "study", tmp_path, "rises=study['apex rise in mm'].tolist(), limits=study['limit in kPa'].tolist()"
-    )
+    book, found = executed("study", tmp_path, "rises=study['apex rise in mm'].tolist(), limits=study['limit in kPa'].tolist()")
     rises, limits = (np.array(found[name]).reshape(3, 3) for name in ("rises", "limits"))
     assert (np.diff(rises) < 0).all() and (np.diff(limits) > 0).all()  # a thicker membrane rises less and can take more
     disk = sm.HollowDisk(section="axisymmetric", membrane=2e-3)
@@ -95,10 +91,6 @@ def test_a_study(tmp_path):
 @pytest.mark.campaign
 def test_photographs_to_material(tmp_path):
     """The notebook itself asserts that the interval holds the truth and that the disk rises as far as the photographed one."""
-    book, found = executed(
-        "photographs-to-material", tmp_path, "c1=report.material.c1, off=off, rows=len(measured.outlines)"
-    )
+    book, found = executed("photographs-to-material", tmp_path, "c1=report.material.c1, off=off, rows=len(measured.outlines)")
     assert found["c1"] == pytest.approx(14e3, rel=0.02) and len(found["off"]) == 5 and found["rows"] == 6
-    assert (
-        f"c1 {found['c1'] / 1e3:.4g}"[:7] in printed(book)[2] and "<img" in book.cells[6].outputs[0].data["text/html"]
-    )
+    assert f"c1 {found['c1'] / 1e3:.4g}"[:7] in printed(book)[2] and "<img" in book.cells[6].outputs[0].data["text/html"]

@@ -81,9 +81,7 @@ def test_wedges_have_their_roles_and_volumes(meshed):
         faces = {name for dimension, name in mesh.groups if dimension == 2}
         assert faces >= {"cavity", "support", "plane0", "plane1", *device.faces}
         solids = [group for (dimension, _), group in mesh.groups.items() if dimension == 3]
-        assert device.copies * sum(group.measure for group in solids) == pytest.approx(
-            device.solid_volume, rel=tolerance
-        )
+        assert device.copies * sum(group.measure for group in solids) == pytest.approx(device.solid_volume, rel=tolerance)
 
 
 WRONG_BALLOONS = {

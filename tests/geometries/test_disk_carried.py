@@ -38,9 +38,7 @@ def boundary(disk, mesh):
     """Nodes on the true boundary, shape (n, 3), in device coordinates."""
     facets = disk.dimension - 1
     roles = [role for role in ("cavity", "top", "outer", "support", "axis") if (facets, role) in mesh.groups]
-    return disk.device_points(
-        mesh.points[np.unique(np.concatenate([mesh.groups[facets, role].nodes for role in roles]))]
-    )
+    return disk.device_points(mesh.points[np.unique(np.concatenate([mesh.groups[facets, role].nodes for role in roles]))])
 
 
 def turned(points):
@@ -106,9 +104,7 @@ def test_a_steep_top_is_meshed_and_nodes_on_chords_stay_beside_the_outline(meshe
     """Without cells that follow the curvature some would be turned inside out; a few edges are left straight."""
     shares = (1.7923, 0.3942, 2.567, 0.4812, 0.5906, 1.0914, 0.5934, 0.6938, 0.3788)
     lengths = {"cavity_radius": 0.012276, "membrane": 0.0024119, "base": 0.009154, "wall": 0.0047713}
-    disk = HollowDisk(
-        **lengths, cavity_height=0.003223, fillet=0, base_fillet=0, cell_size=0.0030923, angle=30, profile=shares
-    )
+    disk = HollowDisk(**lengths, cavity_height=0.003223, fillet=0, base_fillet=0, cell_size=0.0030923, angle=30, profile=shares)
     mesh = meshed(disk)
     assert mesh.groups[3, "solid"].measure * disk.copies == pytest.approx(disk.solid_volume, rel=1e-4)
     points = boundary(disk, mesh)

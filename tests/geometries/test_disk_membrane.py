@@ -24,9 +24,7 @@ DISKS = {
 }
 
 
-@pytest.fixture(
-    params=sampled(DISKS.values(), [disk for name, disk in DISKS.items() if name != "half wavy"]), ids=DISKS.keys()
-)
+@pytest.fixture(params=sampled(DISKS.values(), [disk for name, disk in DISKS.items() if name != "half wavy"]), ids=DISKS.keys())
 def disk(request):
     return request.param
 
@@ -58,8 +56,7 @@ def test_the_top_is_linear_in_its_entries():
     first, second = np.array(WAVY), np.array([1.0, 1.2, 0.9, 0.8])
     radii = np.linspace(0.0, 0.02, 41)
     one, two, mean = (
-        MembraneTop(0.02, 0.01, 0.002, tuple(shares)).height(radii)
-        for shares in (first, second, 0.5 * (first + second))
+        MembraneTop(0.02, 0.01, 0.002, tuple(shares)).height(radii) for shares in (first, second, 0.5 * (first + second))
     )
     assert mean == pytest.approx(0.5 * (one + two), rel=1e-14)
 
@@ -68,12 +65,7 @@ def test_pieces_are_the_spline():
     top = MembraneTop(0.02, 0.01, 0.002, WAVY)
     t = np.linspace(0.0, 1.0, 21)[:, None]
     for points in top.pieces():
-        curve = (
-            (1 - t) ** 3 * points[0]
-            + 3 * (1 - t) ** 2 * t * points[1]
-            + 3 * (1 - t) * t**2 * points[2]
-            + t**3 * points[3]
-        )
+        curve = (1 - t) ** 3 * points[0] + 3 * (1 - t) ** 2 * t * points[1] + 3 * (1 - t) * t**2 * points[2] + t**3 * points[3]
         assert top.height(curve[:, 0]) == pytest.approx(curve[:, 1], rel=1e-14)
 
 
@@ -85,9 +77,7 @@ def test_volumes_are_closed_forms(shares):
     disk = HollowDisk(profile=shares)
     top = disk.membrane_top
     knots = np.linspace(0.0, disk.cavity_radius, len(shares))
-    pieces = [
-        quad(lambda r: 2 * np.pi * r * top.thickness(r), a, b, epsrel=1e-13)[0] for a, b in itertools.pairwise(knots)
-    ]
+    pieces = [quad(lambda r: 2 * np.pi * r * top.thickness(r), a, b, epsrel=1e-13)[0] for a, b in itertools.pairwise(knots)]
     assert top.volume == pytest.approx(sum(pieces), rel=1e-12)
     with private_model():
         import gmsh

@@ -27,9 +27,7 @@ SLICES = {
 CAMPAIGN_SLICES = "180", "180 base turned", "360 turned", "120 turned", "45 turned"
 
 
-@pytest.fixture(
-    params=sampled(SLICES.values(), [SLICES[name] for name in SLICES.keys() - CAMPAIGN_SLICES]), ids=SLICES.keys()
-)
+@pytest.fixture(params=sampled(SLICES.values(), [SLICES[name] for name in SLICES.keys() - CAMPAIGN_SLICES]), ids=SLICES.keys())
 def disk(request):
     return request.param
 

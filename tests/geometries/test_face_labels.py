@@ -88,9 +88,7 @@ def roles(part, folder):
     with private_model():
         gmsh.merge(str(mesh))
         groups = gmsh.model.getPhysicalGroups(2)
-        places = {
-            gmsh.model.getPhysicalName(*group): gmsh.model.mesh.getNodesForPhysicalGroup(*group)[1] for group in groups
-        }
+        places = {gmsh.model.getPhysicalName(*group): gmsh.model.mesh.getNodesForPhysicalGroup(*group)[1] for group in groups}
     return {
         name: np.round([f(at.reshape(-1, 3), axis=0) * 1e3 for f in (np.min, np.max)], 6).tolist()
         for name, at in places.items()

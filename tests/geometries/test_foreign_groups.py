@@ -74,9 +74,7 @@ def test_named_faces_and_regions_that_overlap_are_whole_in_the_device(block, tmp
     for name in ("support", "low", "high"):
         assert area(mesh, mesh.triangles(name)) == pytest.approx(GROUPS[name]), name
     assert set(part.regions) == {"insert", "two", "lowest"}
-    assert [volume(mesh, mesh.regions[name]) for name in ("insert", "two", "lowest")] == pytest.approx(
-        [40e3, 40e3, 8e3]
-    )
+    assert [volume(mesh, mesh.regions[name]) for name in ("insert", "two", "lowest")] == pytest.approx([40e3, 40e3, 8e3])
     parted = mesh.parted(["two"]).regions
     assert [volume(mesh, parted[name]) for name in parted] == pytest.approx([8e3, 40e3])  # of insert what two leaves
     assert sum(map(len, parted.values())) == len(mesh.cells)
@@ -234,9 +232,7 @@ def test_bodies_of_a_gmsh_mesh_are_refused_as_those_of_a_deck(tmp_path, numbers)
         gmsh.option.setNumber("Mesh.MeshSizeMax", 10)
         gmsh.model.mesh.generate(3)
         gmsh.write(str(file))
-    with pytest.raises(
-        GeometryError, match=r"2 bodies that share no face, two of them around 5, 5, 5; 15, 5, 5 mm; .* merge"
-    ):
+    with pytest.raises(GeometryError, match=r"2 bodies that share no face, two of them around 5, 5, 5; 15, 5, 5 mm; .* merge"):
         read_mesh(str(file), 1e-3, 1.0)
 
 

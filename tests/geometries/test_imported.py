@@ -51,9 +51,7 @@ def test_volumes_and_roles(step, tmp_path):
         gmsh.merge(str(mesh))
         names = {gmsh.model.getPhysicalName(*group): group for group in gmsh.model.getPhysicalGroups()}
         assert set(names) == {"solid", "cavity", "cavity2", "support", "plane0", "outer"}
-        nodes = {
-            name: gmsh.model.mesh.getNodesForPhysicalGroup(*group)[1].reshape(-1, 3) for name, group in names.items()
-        }
+        nodes = {name: gmsh.model.mesh.getNodesForPhysicalGroup(*group)[1].reshape(-1, 3) for name, group in names.items()}
     assert np.abs(nodes["support"][:, 0]).max() < 1e-9 and np.abs(nodes["plane0"][:, 1]).max() < 1e-9
     assert nodes["cavity"][:, 0].max() < 0.014 < 0.017 < nodes["cavity2"][:, 0].min()
     assert np.linalg.norm(nodes["solid"] - part.probes["tip"], axis=1).min() < 1e-9
@@ -116,9 +114,7 @@ def test_the_only_inner_shell_is_the_cavity(step_file, tmp_path, planes):
 
     file = step_file(tmp_path / "part.step", draw)
     found = ImportedActuator(file=file, support="x = 0 mm", planes=planes, cell_size=0.004)
-    named = ImportedActuator(
-        file=file, support="x = 0 mm", planes=planes, cell_size=0.004, cavities=("at 8, 0, -1 mm",)
-    )
+    named = ImportedActuator(file=file, support="x = 0 mm", planes=planes, cell_size=0.004, cavities=("at 8, 0, -1 mm",))
     assert found.cavity_volume == pytest.approx(10e-3 * 6e-3 * 3e-3, rel=1e-9)
     assert found.reading == named.reading and found.ratios == (1.0,)
     with pytest.raises(GeometryError, match="2 values for 1 cavity"):
@@ -225,6 +221,4 @@ def test_solids_that_make_no_part(tmp_path):
     with pytest.raises(GeometryError, match="the solids base_plate and chamber overlap"):
         part(write_step(tmp_path / "into.step", lift=-1.0))
     with pytest.raises(GeometryError, match="a mould needs a part of a single solid"), private_model():
-        part(
-            tmp_path / "two.step" if (tmp_path / "two.step").exists() else write_step(tmp_path / "two.step")
-        ).build_whole()
+        part(tmp_path / "two.step" if (tmp_path / "two.step").exists() else write_step(tmp_path / "two.step")).build_whole()

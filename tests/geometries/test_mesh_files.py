@@ -96,9 +96,7 @@ def test_wrong_paths_are_refused(tmp_path):
 
 
 def test_importing_the_package_loads_no_mesher():
-    code = (
-        "import sys, geometries; print([m for m in ('gmsh', 'click', 'pint', 'dolfinx', 'mpi4py') if m in sys.modules])"
-    )
+    code = "import sys, geometries; print([m for m in ('gmsh', 'click', 'pint', 'dolfinx', 'mpi4py') if m in sys.modules])"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.strip() == "[]"
 

@@ -37,11 +37,7 @@ def test_mesh_is_the_shape(meshed, name):
     box = finger.sides * (finger.height - finger.base / 2) * width * finger.length
     gaps = max(0, finger.chambers - 1) * finger.gap * width * finger.sides
     depth = finger.height - finger.gap_floor
-    both = (
-        PneuNet.cavity_volume.fget(dataclasses.replace(finger, opposite=1.0))
-        if finger.sides == 2
-        else finger.cavity_volume
-    )
+    both = PneuNet.cavity_volume.fget(dataclasses.replace(finger, opposite=1.0)) if finger.sides == 2 else finger.cavity_volume
     assert both == pytest.approx(box - gaps * depth - regions["solid"], rel=1e-9)
 
     areas = {role: part.measure * finger.copies for (dimension, role), part in mesh.groups.items() if dimension == 2}

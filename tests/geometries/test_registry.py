@@ -91,9 +91,7 @@ def test_values_are_read_and_changed_by_name():
 
 @pytest.mark.parametrize("name", ["cell_size", "colour", "bands", "names[1]", "section", "azimuth"])
 def test_other_names_are_refused_with_those_there_are(name):
-    with pytest.raises(
-        GeometryError, match=r"not a continuous parameter of this Banded; it has cavity_radius, .*bands\[1\]"
-    ):
+    with pytest.raises(GeometryError, match=r"not a continuous parameter of this Banded; it has cavity_radius, .*bands\[1\]"):
         parameter(Banded(), name)
 
 

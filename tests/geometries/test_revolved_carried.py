@@ -75,9 +75,7 @@ def test_corners_and_probes_go_to_corners_and_probes(device):
 
 def test_nodes_of_a_mesh_land_on_the_other_outline(device, meshed):
     mesh = meshed(device)
-    roles = {edge.role for edge in edges_of(device)} & {
-        name for dim, name in mesh.groups if dim == device.dimension - 1
-    }
+    roles = {edge.role for edge in edges_of(device)} & {name for dim, name in mesh.groups if dim == device.dimension - 1}
     nodes = np.unique(np.concatenate([mesh.groups[device.dimension - 1, role].nodes for role in roles]))
     points = device.device_points(mesh.points[nodes])
     here = missed(device, points).max()

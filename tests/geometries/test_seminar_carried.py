@@ -77,9 +77,7 @@ def all_changed(slab, by, seed=1):
     random = np.random.default_rng(seed)
     for _ in range(50):
         try:
-            return changed(
-                slab, {name: parameter(slab, name) * (1 + by * random.uniform(-1, 1)) for name in slab.movable}
-            )
+            return changed(slab, {name: parameter(slab, name) * (1 + by * random.uniform(-1, 1)) for name in slab.movable})
         except GeometryError:
             continue
     raise AssertionError

@@ -195,9 +195,7 @@ SECTIONS = {
     "default": Membrane(),
     "thin, in a clamp": Membrane(thickness=0.1e-3, clamp_width=0.003),
     "plate and rings as faces": Membrane(plate_radius=0.008, rings=RINGS, clamp_width=0.002, clamp="slip"),
-    "plate and rings of their own": Membrane(
-        plate_radius=0.008, plate_thickness=0.002, rings=RINGS, ring_thickness=0.001
-    ),
+    "plate and rings of their own": Membrane(plate_radius=0.008, plate_thickness=0.002, rings=RINGS, ring_thickness=0.001),
 }
 
 

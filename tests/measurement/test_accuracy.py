@@ -145,9 +145,7 @@ def run(*words):
 
 def heights_of(folder, listing, output):
     """Exit status and the rows of heights.csv by file."""
-    done = run(
-        "photos", listing, "--setup", folder / "setup.toml", "-o", output, "--jobs", "1", "--no-pictures", "--quiet"
-    )
+    done = run("photos", listing, "--setup", folder / "setup.toml", "-o", output, "--jobs", "1", "--no-pictures", "--quiet")
     table = output / "heights.csv"
     rows = list(csv.DictReader(table.read_text().splitlines())) if table.exists() else []
     return done, {row["file"]: row for row in rows}
@@ -169,8 +167,7 @@ def test_heights_and_outlines_are_found_without_a_click(photographs, tmp_path, f
                 (
                     np.sqrt(
                         np.mean(
-                            (outline.z - dome_height(outline.x - summit - s, height, photographer.DISK_RADIUS))[inside]
-                            ** 2
+                            (outline.z - dome_height(outline.x - summit - s, height, photographer.DISK_RADIUS))[inside] ** 2
                         )
                     )
                 )

@@ -78,9 +78,7 @@ def test_errors_by_distance_are_kept_in_files():
 def test_command_tells_of_real_boards(tmp_path, shared_data, figure):
     calibration = sorted(shared_data("chessboards").glob("left*.jpg"))
     output = tmp_path / "camera.toml"
-    done = CliRunner().invoke(
-        main, ["calibrate", *map(str, calibration), __file__, "--pitch", "25mm", "-o", str(output)]
-    )
+    done = CliRunner().invoke(main, ["calibrate", *map(str, calibration), __file__, "--pitch", "25mm", "-o", str(output)])
     assert done.exit_code == 3
     assert len(re.findall(r"left\d\d.jpg: 0\.\d\d px", done.stdout)) == 7
     assert f"{__file__}: refused, the file is not a readable picture" in done.stderr

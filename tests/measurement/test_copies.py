@@ -28,9 +28,7 @@ COPIED_HEIGHT = 5.0
 def shown(height, seed, grain=0.0, nudged=0.0, **scene):
     """A photograph of the dome, in mm; a screen with grain, nudged by some pixels."""
     texture = cv2.GaussianBlur(np.random.default_rng(3).standard_normal((640, 1000)).astype(np.float32), (0, 0), 1.0)
-    moved = cv2.warpAffine(
-        texture, np.float32([[1, 0, nudged], [0, 1, nudged]]), (1000, 640), borderMode=cv2.BORDER_REFLECT
-    )
+    moved = cv2.warpAffine(texture, np.float32([[1, 0, nudged], [0, 1, nudged]]), (1000, 640), borderMode=cv2.BORDER_REFLECT)
     return photograph(
         dataclasses.replace(SCENE, **scene), dome(height * 1e-3, photographer.DISK_RADIUS, floor=photographer.SURFACE_HEIGHT),
         seed, fault=lambda light, truth: light * (1.0 + grain / texture.std() * moved),
@@ -97,9 +95,7 @@ def test_changed_copies_at_another_pressure_are_found(bench):
 def test_honest_repeats_are_no_copies(bench, nudged):
     """Three exposures of one state at nearly equal pressures, between others; the camera may have moved a little."""
     heights = (0.0, 3.0, 5.0, 5.0, 5.01, 6.0)
-    pictures = [
-        shown(height, 10 + k, nudged=nudged * (k % 3 - 1), **BENCHES[bench]) for k, height in enumerate(heights)
-    ]
+    pictures = [shown(height, 10 + k, nudged=nudged * (k % 3 - 1), **BENCHES[bench]) for k, height in enumerate(heights)]
     assert judged(pictures, heights, [0.0, 300.0, 500.0, 500.0, 502.0, 600.0]) == {}
     samples = [prepared(cut_out(picture)) for picture in pictures]
     others = [samples[k] for k in (1, 5, 4, 0)]

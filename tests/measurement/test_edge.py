@@ -98,9 +98,7 @@ def test_a_speck_on_the_edge_spoils_no_point_beside_it(place, radius):
     near = np.abs(edge.px[:, 0] - place[0]) < 20.0
     assert 5 < near.sum() < 13
     off = straight(edge.px)
-    assert (
-        np.abs(off - np.median(off))[near].max() < 0.06
-    )  # 0.11 to 0.44 px where only what is plainly spoilt is left out
+    assert np.abs(off - np.median(off))[near].max() < 0.06  # 0.11 to 0.44 px where only what is plainly spoilt is left out
 
 
 def test_shapes_that_no_penumbra_has_show_in_the_misfit():
@@ -349,9 +347,7 @@ def test_span_counts_points_as_matlab_does():
     rng = np.random.default_rng(1)
     y = 1e-4 * np.sin(X / 0.0006) + 1e-7 * rng.normal(size=len(X))
     inner = slice(25, -25)
-    missed = {
-        span: np.std((robust_loess(X, y, 21).value - local_quadratics(X, y, span))[inner]) for span in (15, 21, 27)
-    }
+    missed = {span: np.std((robust_loess(X, y, 21).value - local_quadratics(X, y, span))[inner]) for span in (15, 21, 27)}
     assert missed[21] < 0.5 * min(missed[15], missed[27])
 
 

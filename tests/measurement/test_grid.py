@@ -169,9 +169,7 @@ REPEATED_REASONS = {noise, shadow_only, too_blurred, too_few}
 """Refused with the sentence of another one: in campaigns."""
 
 
-@pytest.mark.parametrize(
-    "picture", sampled(UNUSABLE, UNUSABLE.keys() - REPEATED_REASONS), ids=lambda picture: picture.__name__
-)
+@pytest.mark.parametrize("picture", sampled(UNUSABLE, UNUSABLE.keys() - REPEATED_REASONS), ids=lambda picture: picture.__name__)
 def test_refused_with_the_reason(picture):
     with pytest.raises(GridError, match=UNUSABLE[picture]):
         find_grid(picture())
@@ -325,9 +323,7 @@ def test_each_point_may_have_its_own_error():
         plane = Plane.fit(noisy, NODES, sigma)
         missed = plane.to_metres(PLACES) - TRUTH.to_screen(PLACES)
         lengths.append(np.einsum("ni,nij,nj->n", missed, np.linalg.inv(plane.covariances(PLACES)), missed) / 2.0)
-        flat.append(
-            np.sum((Plane.fit(noisy, NODES).to_metres(PLACES) - TRUTH.to_screen(PLACES)) ** 2) / np.sum(missed**2)
-        )
+        flat.append(np.sum((Plane.fit(noisy, NODES).to_metres(PLACES) - TRUTH.to_screen(PLACES)) ** 2) / np.sum(missed**2))
     assert np.mean(lengths) == pytest.approx(1.0, abs=0.25)
     assert np.median(flat) > 1.5  # weighing pays
 

@@ -77,9 +77,7 @@ def test_one_file_by_two_names_stands_in_the_list_twice(tmp_path):
             listed(tmp_path, f"file,pressure\nIMG_0004.JPG,0 cm\n{name},2 cm\n")
 
 
-@pytest.mark.parametrize(
-    "name", ["x" * 5000 + ".jpg", "7" * 5000, "a.jpg/b.jpg", "none/b.jpg", "=1+1", "..", "/dev/zero"]
-)
+@pytest.mark.parametrize("name", ["x" * 5000 + ".jpg", "7" * 5000, "a.jpg/b.jpg", "none/b.jpg", "=1+1", "..", "/dev/zero"])
 def test_names_that_are_no_files_are_left_to_the_measuring(tmp_path, name):
     for file in ("a.jpg", "7.jpg"):
         (tmp_path / file).touch()

@@ -180,9 +180,7 @@ def test_a_large_picture_is_read_and_one_beyond_the_memory_named(tmp_path, monke
     assert np.array_equal(read_pixels(tmp_path / "a.png"), SMALL)
     assert Image.MAX_IMAGE_PIXELS == 1000
     monkeypatch.setattr(pictures, "free_memory", lambda: 50e3)
-    with pytest.raises(
-        Unmeasurable, match=r"96 x 64 pixels; reading it takes about 0.0 GB of memory, but 0.0 GB are free"
-    ):
+    with pytest.raises(Unmeasurable, match=r"96 x 64 pixels; reading it takes about 0.0 GB of memory, but 0.0 GB are free"):
         read_pixels(tmp_path / "a.png")
 
 

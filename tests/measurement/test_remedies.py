@@ -24,9 +24,7 @@ def refusals():
             if not isinstance(node, ast.Call):
                 continue
             name = getattr(node.func, "id", "")
-            if name != "Unmeasurable" and not (
-                name == "Doubt" and any(word.arg == "rejects" for word in node.keywords)
-            ):
+            if name != "Unmeasurable" and not (name == "Doubt" and any(word.arg == "rejects" for word in node.keywords)):
                 continue
             # A check's remedy is the second argument of its doubt.
             parts = [node] if name == "Unmeasurable" else node.args[1:] or node.args

@@ -148,8 +148,7 @@ def domes(blob: float, number: int = 3, count: int = 6) -> dict[int, Outline]:
 @pytest.mark.parametrize("number", [1, 3, 5])
 def test_a_smooth_blob_on_the_top_is_noticed_by_the_run(number):
     results = [
-        Result(Photograph(Path(f"{k}"), outline.pressure, 5.0), outline, f"{k}")
-        for k, outline in domes(60e-6, number).items()
+        Result(Photograph(Path(f"{k}"), outline.pressure, 5.0), outline, f"{k}") for k, outline in domes(60e-6, number).items()
     ]
     doubted = [k for k, result in enumerate(judged(results)) if "curved than expected" in str(result.outcome.reasons)]
     assert doubted == [number]

@@ -58,9 +58,7 @@ def test_errors_add_up():
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     misses = []
     for seed in range(200):
-        setup = made(
-            noise=0.05, seed=seed, magnification=1.05 * (1.0 + 0.002 * rng.normal()), magnification_error=0.0021
-        )
+        setup = made(noise=0.05, seed=seed, magnification=1.05 * (1.0 + 0.002 * rng.normal()), magnification_error=0.0021)
         raw = PLACES + rng.normal(0.0, 0.12, PLACES.shape) + rng.normal(0.0, CAMERA.error_px, PLACES.shape)
         missed = np.sum((setup.to_metres(raw) - TRUTH.to_metres(PLACES)) * normal, axis=1)
         misses.append(missed / setup.error(raw, 0.12, normal))

@@ -124,9 +124,7 @@ def test_noise_dust_and_seeds():
 
 def test_saved_with_exif(tmp_path):
     image, _ = photograph(Scene(width=300, height=200))
-    path = save(
-        tmp_path / "a.jpg", image, {"camera": "Canon EOS 550D", "maker": "Canon", "lens": "L", "focal_mm": 35.0}
-    )
+    path = save(tmp_path / "a.jpg", image, {"camera": "Canon EOS 550D", "maker": "Canon", "lens": "L", "focal_mm": 35.0})
     assert read_exif(path).focal_mm == 35.0
     assert np.abs(np.asarray(Image.open(path)).astype(int) - image).mean() < 2.0
     assert np.array_equal(np.asarray(Image.open(save(tmp_path / "a.png", image))), image)

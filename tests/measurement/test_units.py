@@ -220,10 +220,7 @@ def test_bad_errors_levels_and_columns():
 def test_the_page_of_units_is_complete():
     """It lists every unit that is read without Pint, in its kind's row, and each unit it names is read in that kind."""
     text = (Path(__file__).parents[2] / "docs" / "pages" / "howto" / "units.md").read_text(encoding="utf-8")
-    rows = [
-        set(re.findall(r"`([^`]+)`", row))
-        for row in re.findall(r"^\| [^|]+ \|([^|]+)\| [^|`]+ \|$", text, re.MULTILINE)
-    ]
+    rows = [set(re.findall(r"`([^`]+)`", row)) for row in re.findall(r"^\| [^|]+ \|([^|]+)\| [^|`]+ \|$", text, re.MULTILINE)]
     for unit, factors in units.FACTORS.items():
         (row,) = [row for row in rows if set(factors) <= row]
         for name in row - {"0.05"}:

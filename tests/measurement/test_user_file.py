@@ -50,9 +50,7 @@ def odd(request, tmp_path):
 def test_only_regular_files_are_opened(odd, read):
     with pytest.raises(UserFileError) as caught:
         read(odd)
-    assert caught.value.strerror in {
-        f"it is a {kind}, not a regular file" for kind in ("folder", "named pipe", "device")
-    }
+    assert caught.value.strerror in {f"it is a {kind}, not a regular file" for kind in ("folder", "named pipe", "device")}
 
 
 @pytest.mark.parametrize(

@@ -85,9 +85,7 @@ def test_a_bomb_is_refused_before_it_is_unpacked(tmp_path, monkeypatch):
 def test_a_row_that_would_fill_the_memory_is_refused_before_it_is_parsed(many, tmp_path, monkeypatch):
     monkeypatch.setattr(tables, "_read_workbook", None)
     data = changed(BOOK, SHEET, lambda text: text.replace("</row>", many + "</row>"))
-    with pytest.raises(
-        UserFileError, match="a row of its sheets, or its styles, have over 500000 parts; save it as CSV"
-    ):
+    with pytest.raises(UserFileError, match="a row of its sheets, or its styles, have over 500000 parts; save it as CSV"):
         read_sheets(table(tmp_path, data))
 
 

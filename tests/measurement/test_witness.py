@@ -24,9 +24,7 @@ STEPS = np.linspace(0.0, 1.0, 9)
 
 def rows(pressures, heights, height_error=3e-6):
     count = len(heights)
-    return Rows(
-        np.asarray(heights, float), np.asarray(pressures, float), np.full(count, height_error), np.full(count, 7.0)
-    )
+    return Rows(np.asarray(heights, float), np.asarray(pressures, float), np.full(count, height_error), np.full(count, 7.0))
 
 
 def softening(count=9):
@@ -72,9 +70,7 @@ def test_every_damage_can_be_made():
     good = run("softening", rng, 8)
     for kind in DAMAGES:
         bad = damaged(kind, good, rng)
-        assert bad.at and not (
-            np.array_equal(bad.heights, good.heights) and np.array_equal(bad.pressures, good.pressures)
-        )
+        assert bad.at and not (np.array_equal(bad.heights, good.heights) and np.array_equal(bad.pressures, good.pressures))
 
 
 def test_a_height_that_is_off_is_named_with_the_one_expected():
@@ -91,9 +87,7 @@ def test_a_pressure_of_ten_times_and_two_swapped_rows_are_named():
     made.pressures[2] *= 10.0
     found = told(made)
     assert list(found) == [2] and "the pressure in the list may be ten times what it was" in found[2]
-    assert (
-        "its pressure is outside the range" in told(rows([*softening().pressures[:-1], 15e3], softening().heights))[8]
-    )
+    assert "its pressure is outside the range" in told(rows([*softening().pressures[:-1], 15e3], softening().heights))[8]
     made = softening()
     made.pressures[[3, 6]] = made.pressures[[6, 3]]
     found = told(made)

@@ -103,9 +103,7 @@ def test_the_bow_of_a_round_body_shows_that_it_is_not_level(angle, seen):
     radius = 15e-3
     x = np.linspace(-seen * radius, seen * radius, 400)
     true = radius * abs(np.tan(np.radians(angle)))
-    z = true * np.sqrt(1.0 - np.clip(x / radius, -0.9999, 0.9999) ** 2) + 1e-6 * np.random.default_rng(0).normal(
-        size=400
-    )
+    z = true * np.sqrt(1.0 - np.clip(x / radius, -0.9999, 0.9999) ** 2) + 1e-6 * np.random.default_rng(0).normal(size=400)
     sides = Sides(-2e-3, 2.0 * radius, 0.0, 1e-6) if seen == 1.0 else None
     line = ZeroLine.fit(np.column_stack([x, z]), np.tile([0.0, 1.0], (400, 1)), np.full(400, 1e-6))
     line = dataclasses.replace(line, sides=sides)

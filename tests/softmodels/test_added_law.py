@@ -164,6 +164,4 @@ def test_another_process_is_told_of_it_wherever_it_is_used():
         components=(Region(EightChain(**TRUTH), name="base"),),
     )
     assert own_modules(Case("finger", finger, plain, steps=steps_of(pressure_cm=(1.0,)))) == ""
-    assert (
-        own_modules(region) == own_modules(Case("finger", finger, law, steps=steps_of(pressure_cm=(1.0,)))) == __file__
-    )
+    assert own_modules(region) == own_modules(Case("finger", finger, law, steps=steps_of(pressure_cm=(1.0,)))) == __file__

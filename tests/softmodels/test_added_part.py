@@ -122,9 +122,7 @@ def test_its_energy_is_in_the_file_and_in_the_stored_energy(tmp_path):
     assert 0.0 < float(rows[-1]["apex_mm"]) < 0.5 * free.apex[-1] * 1e3
     assert 0.0 < float(rows[-1]["springs_energy_mJ"]) < float(rows[-1]["stored_energy_mJ"])
     # The work of the pressure is what is stored, springs and silicone together.
-    P, V, W = (
-        np.array([float(row[c]) for row in rows]) for c in ("pressure_Pa", "added_volume_ml", "stored_energy_mJ")
-    )
+    P, V, W = (np.array([float(row[c]) for row in rows]) for c in ("pressure_Pa", "added_volume_ml", "stored_energy_mJ"))
     assert np.trapezoid(P, V * 1e-6) * 1e3 == pytest.approx(W[-1], rel=0.01)
     assert term("springs_energy_mJ").name == "energy of springs"
 

@@ -88,7 +88,6 @@ def test_little_gas_holds_states_past_the_pressures_limit_that_much_gas_jumps_ov
     past = [point for point in points if not point.stable_under_pressure]
     assert [point.limit for point in points].count(True) == 1 and len(past) > 3
     held = {
-        supply: [point.stable_under(supply.line(point.state.V, point.state.P)) for point in past]
-        for supply in (little, much)
+        supply: [point.stable_under(supply.line(point.state.V, point.state.P)) for point in past] for supply in (little, much)
     }
     assert all(held[little]) and not all(held[much])

@@ -40,9 +40,7 @@ def registered():
 
 
 def test_it_is_read_from_a_case_file_to_the_last_bit():
-    case = Case(
-        "disk", HollowDisk(), NeoHookean(30e3), steps=steps_of(stroke_ml=(0.0, 10 / 3)), supply=Bottle(1e-3 / 3)
-    )
+    case = Case("disk", HollowDisk(), NeoHookean(30e3), steps=steps_of(stroke_ml=(0.0, 10 / 3)), supply=Bottle(1e-3 / 3))
     assert Case.from_toml(case.to_toml()) == case and 'kind = "bottle"' in case.to_toml()
     with pytest.raises(CaseError, match="bottle has no volume"):
         Case.from_toml(case.to_toml().split("[supply]")[0] + '[supply]\nkind = "bottle"\nbottle = "0 ml"\n')

@@ -164,9 +164,7 @@ def test_titles_tell_the_pressure_and_not_its_band(run):
     row, words = run.table[-1], state_labels(run.case)
     assert row["pressure_ci95"] > 0.0 and headline(row, words).startswith(f"{row.shown('pressure'):.4g} cm, 0.97 g/ml")
     assert (words.pressures(row), words.volumes(row)) == (["pressure"], ["added_volume"])
-    assert term("pressure_ci95_cm", DISK).name.startswith("band") and term(
-        "added_volume_ci95_ml", DISK
-    ).name.startswith("band")
+    assert term("pressure_ci95_cm", DISK).name.startswith("band") and term("added_volume_ci95_ml", DISK).name.startswith("band")
 
 
 @pytest.mark.campaign
@@ -268,9 +266,7 @@ def test_sources_are_kept_in_a_folder(spanned, tmp_path):
 
 
 def test_bands_of_sources_that_cannot_be():
-    case = Case(
-        "disk", DISK, sm.silicone(f"{ECOFLEX}/sorotoki"), steps=steps_of(pressure_cm=(10.0,)), band=SourceBand(ECOFLEX)
-    )
+    case = Case("disk", DISK, sm.silicone(f"{ECOFLEX}/sorotoki"), steps=steps_of(pressure_cm=(10.0,)), band=SourceBand(ECOFLEX))
     assert Case.from_toml(case.to_toml()) == case and "silicone" in case.to_toml()
     with pytest.raises(CaseError, match="the case's material is none of them"):
         dataclasses.replace(case, material=law())

@@ -121,9 +121,7 @@ def test_a_syringe_run_repeats_itself_from_its_case_file(tmp_path):
     gas = 28.0 + HollowDisk.variant("shadow").cavity_volume * 1e6
     for row in rows:
         now = gas - row["stroke_ml"] + row["added_volume_ml"]
-        assert (row["pressure_Pa"] + 101325) * now == pytest.approx(
-            101325 * gas, rel=1e-3
-        )  # a mesh's cavity is not quite it
+        assert (row["pressure_Pa"] + 101325) * now == pytest.approx(101325 * gas, rel=1e-3)  # a mesh's cavity is not quite it
     again = runs.run("-m", "softmodels", "run", tmp_path / "a" / "case.toml", "--output", tmp_path / "b", "--quiet",
                      "--no-pictures")  # fmt: skip
     assert again.status == 0

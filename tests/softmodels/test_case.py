@@ -84,9 +84,7 @@ def test_a_silicone_beside_a_law_is_no_mixture_of_both(beside, named):
 
 def test_what_a_case_file_leaves_out_has_its_default():
     case = Case.from_toml(SMALL)
-    assert case == Case(
-        "disk", HollowDisk(), NeoHookean(30e3, 0.5), steps_of(pressure_cm=(0.0, 30.0)), 970.0, "auto", "mixed"
-    )
+    assert case == Case("disk", HollowDisk(), NeoHookean(30e3, 0.5), steps_of(pressure_cm=(0.0, 30.0)), 970.0, "auto", "mixed")
     assert case.values == pytest.approx((0.0, 30 * 95.124505), rel=1e-12)
     assert Case("disk", HollowDisk(), NeoHookean(30e3), steps_of(volume_ml=(2.5,))).values == pytest.approx((2.5e-6,))
 

@@ -114,9 +114,7 @@ def test_ten_values_are_read_off_a_solid(kind, name, request):
     points, corners = np.asarray(data.points), data.regular_faces
     frame = np.column_stack([camera.axes, camera.direction])
     flat = (points - camera.focus) @ frame / camera.metres
-    edges = flat[
-        shown.states.skin.device_lines(np.concatenate([states.skin.edges, states.skin.rims]), shown.kept).ravel(), :2
-    ]
+    edges = flat[shown.states.skin.device_lines(np.concatenate([states.skin.edges, states.skin.rims]), shown.kept).ravel(), :2]
     a, b, c = flat[corners].transpose(1, 0, 2)
     area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
     middle = np.array(camera.size) / 2

@@ -184,9 +184,7 @@ def test_no_run_goes_on_to_values_it_has_passed(load, words, says, whole_copy):
 def test_help_shows_what_can_be_asked(says):
     status, out, err = says(command, ["--help"])
     assert status == 0 and err == ""
-    assert all(
-        word in out for word in ("--pressure-cm", "0:177:10", "--membrane", "--c10", "mpirun", "-snes_monitor", "130")
-    )
+    assert all(word in out for word in ("--pressure-cm", "0:177:10", "--membrane", "--c10", "mpirun", "-snes_monitor", "130"))
     status, out, err = says(whole_command, [])
     assert status == 2 and err == "" and out.startswith("Usage:") and "run" in out
 

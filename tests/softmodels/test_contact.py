@@ -111,9 +111,7 @@ def test_thickness_is_that_of_the_wall(made):
     ceiling = inside & (np.abs(middles[:, 2] - disk.base - disk.cavity_height) < 1e-9)
     floor = inside & (np.abs(middles[:, 2] - disk.base) < 1e-9)
     assert ceiling.any() and floor.any()
-    assert walls.thickness[ceiling] == pytest.approx(disk.membrane) and walls.thickness[floor] == pytest.approx(
-        disk.base
-    )
+    assert walls.thickness[ceiling] == pytest.approx(disk.membrane) and walls.thickness[floor] == pytest.approx(disk.base)
 
 
 @pytest.mark.parametrize("count", [2, 300, 4000])
@@ -181,10 +179,7 @@ def test_a_foreign_part_finds_the_walls_that_face_each_other(comm, tmp_path):
 @pytest.fixture(scope="module")
 def fingers():
     """Both ways to 3 cm: as by default, and passing through."""
-    return [
-        sm.inflate(COARSE, sm.NeoHookean(16e3), "0,3 cm", components=components)
-        for components in ([], [sm.Walls("none")])
-    ]
+    return [sm.inflate(COARSE, sm.NeoHookean(16e3), "0,3 cm", components=components) for components in ([], [sm.Walls("none")])]
 
 
 @pytest.mark.campaign
@@ -215,9 +210,7 @@ def test_states_whose_walls_overlap_are_marked_on_pictures_and_in_notes(fingers)
 def test_a_facet_that_is_folded_onto_itself_is_an_invalid_state(name, width, depth, folded, fingers):
     """One that is compressed into a crease deeper than wide, also where its sides have passed each other; not a compressed one
     that is even or hardly bent, nor a groove that is stretched. Turned and scaled alike."""
-    corners = np.array([[1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [1.5, 0.3, -3.0], [1.0, 1.0, 0.0]])[
-        : 3 if "gle" in name else 4
-    ]
+    corners = np.array([[1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [1.5, 0.3, -3.0], [1.0, 1.0, 0.0]])[: 3 if "gle" in name else 4]
     pairs = [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)][: len(corners) * (len(corners) - 1) // 2]
     points = np.vstack([corners, [(corners[a] + corners[b]) / 2 for a, b in pairs]])
     upper, moved = points[:, 2] == 0.0, np.zeros_like(points)

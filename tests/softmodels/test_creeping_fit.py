@@ -79,9 +79,7 @@ def test_derivatives_are_exact(creeping, comm):
     slope = J @ [direction.get(name, 0.0) for name in source.parameters]
 
     def at(step):
-        return source.evaluate(
-            {name: value + step * direction.get(name, 0.0) for name, value in values.items()}, False
-        )[0]
+        return source.evaluate({name: value + step * direction.get(name, 0.0) for name, value in values.items()}, False)[0]
 
     left = [np.abs((at(h) - at(-h)) / (2 * h) - slope).max() for h in (0.04, 0.02)]
     assert list(groups[-2:]) == ["pressures"] * 2 and len(source.shapes) == len(LEVELS) * len(HOLDS)
@@ -120,9 +118,7 @@ def test_error_bars_are_honest(model, creeping):
 def test_a_device_that_hangs_under_its_weight(comm, tmp_path, figure):
     """It has relaxed under its weight and a brass plate before the test; heights count from where its apex is then."""
     body = Body.from_file(FINER, FINER.write(tmp_path / "disk.msh"), comm)
-    simulated = Creeping.simulated(
-        Solver(System(body, LAW, components=LOADS, creeping=True)), LEVELS.tolist(), 2.0, HOLDS
-    )
+    simulated = Creeping.simulated(Solver(System(body, LAW, components=LOADS, creeping=True)), LEVELS.tolist(), 2.0, HOLDS)
     outlines = simulated.outlines(SimulatedCamera())
     for components, bound in ((LOADS, 0.015), ((), None)):
         datum = "apex" if components else ""
@@ -249,9 +245,7 @@ def test_the_command_writes_the_memory(creeping, tmp_path):
     text = (tmp_path / "out" / "fitted.toml").read_text()
     assert "[material.memory]" in text and '"100 s"' in text
     assert (tmp_path / "out" / "creep-yeoh.png").exists()
-    alone = fit(
-        DISK, [one for one in outlines if hold_of(one.history) == 5.0], "neo-hookean", FitOptions(profiles=False)
-    )
+    alone = fit(DISK, [one for one in outlines if hold_of(one.history) == 5.0], "neo-hookean", FitOptions(profiles=False))
     assert any("after holds of 5 s" in note for note in alone.notes)
 
 

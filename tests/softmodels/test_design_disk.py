@@ -52,15 +52,11 @@ def test_the_example_ends_higher_than_it_began(tmp_path):
     before, after = 1e3 * found.first.values[key], 1e3 * found.values[key]
     page = (Path(__file__).parents[2] / "docs" / "pages" / "howto" / "design.md").read_text()
     told = re.search(r"stands (\S+) mm high .*? instead of\s(\S+) mm", page, re.DOTALL)
-    assert (
-        told and after == pytest.approx(float(told[1]), abs=0.06) and before == pytest.approx(float(told[2]), abs=0.06)
-    )
+    assert told and after == pytest.approx(float(told[1]), abs=0.06) and before == pytest.approx(float(told[2]), abs=0.06)
     apex = found.device.probes["apex"][2]
     assert after == pytest.approx(1e3 * (apex + sm.run(found.case).apex[-1]), rel=2e-3)
     passed = [line for line in lines if "VIOLATED: limit margin" in line]
-    assert passed and all(
-        re.search(r"limit margin [\d.]+, [\d.]+ with its allowance, < 1\.25 ", line) for line in passed
-    )
+    assert passed and all(re.search(r"limit margin [\d.]+, [\d.]+ with its allowance, < 1\.25 ", line) for line in passed)
 
 
 def test_a_failed_design_leaves_the_mesh_to_step_back_to():

@@ -69,9 +69,7 @@ def test_the_optimum_of_a_grid_in_few_evaluations():
     assert len(found.trials) <= 20
     assert found.holding.balanced and all("gains" in one for one in found.reasons)
     card, membrane = found._repr_html_(), found.parameters["membrane"] * 1e3
-    assert (
-        "data:image/webp" in card and f"{membrane:.4g} mm</td>" in card and repr(found).startswith("<DesignResult of ")
-    )
+    assert "data:image/webp" in card and f"{membrane:.4g} mm</td>" in card and repr(found).startswith("<DesignResult of ")
 
 
 def test_the_first_steps_are_short_and_grow_where_they_were_foreseen():
@@ -175,14 +173,8 @@ def test_limits_hold_with_95_percent_where_devices_scatter():
     for row in found.form.rows:
         kept = np.mean([row.sign * (value[row.key] - row.limit) <= 0.0 for value in values])
         assert kept > 0.94
-    met = [
-        row
-        for row, violation in zip(found.form.rows, found.form.violations(found.best), strict=True)
-        if violation > -1e-3
-    ]
-    assert met and all(
-        np.mean([row.sign * (value[row.key] - row.limit) <= 0.0 for value in values]) < 0.96 for row in met
-    )
+    met = [row for row, violation in zip(found.form.rows, found.form.violations(found.best), strict=True) if violation > -1e-3]
+    assert met and all(np.mean([row.sign * (value[row.key] - row.limit) <= 0.0 for value in values]) < 0.96 for row in met)
     assert any("with 95 % below" in text for text in found.margins)
 
 

@@ -31,8 +31,7 @@ AWAY = {
     "membrane": {"pressure_offset": 15.0, "scale": -0.004, "centre": -1e-3},
 }
 CASES = {
-    name: Case(name, device, sm.NeoHookean(30e3, 0.5), steps=steps_of(pressure_cm=(1.0,)))
-    for name, device in DEVICES.items()
+    name: Case(name, device, sm.NeoHookean(30e3, 0.5), steps=steps_of(pressure_cm=(1.0,))) for name, device in DEVICES.items()
 }
 QUICK = sm.FitOptions(profiles=False, silicone="any")
 
@@ -89,9 +88,7 @@ def test_each_device_has_its_misfit_and_narrows_the_interval(outlines):
         assert both.fit.error("shear_modulus") < one.fit.error("shear_modulus")
     low, high = both.interval("shear_modulus")
     assert low < MODULUS < high
-    assert any(
-        note.startswith("disk: corrected: the fit assumes the highest pressure") for note in both.judgement.notes
-    )
+    assert any(note.startswith("disk: corrected: the fit assumes the highest pressure") for note in both.judgement.notes)
 
 
 @pytest.mark.campaign

@@ -40,9 +40,7 @@ def script(text, *, launcher=(), folder=None):
     """Run lines in a process of their own, after `HEAD`; their standard output."""
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "MPIR_CVAR_CH4_PROGRESS_THROTTLE": "1"}
     command = [*map(str, launcher), sys.executable, "-c", HEAD + text]
-    done = subprocess.run(
-        command, capture_output=True, text=True, timeout=600, cwd=folder, env=environment, check=False
-    )
+    done = subprocess.run(command, capture_output=True, text=True, timeout=600, cwd=folder, env=environment, check=False)
     assert done.returncode == 0, done.stderr
     assert not done.stderr
     return done.stdout
@@ -189,9 +187,7 @@ def test_a_run_past_its_limit_point_comes_back_with_it(ballooned, tmp_path):
     assert limit.pressure == ballooned.pressure.max() == pytest.approx(36 * CM, rel=0.02)
     assert "the pressure has a limit point at" in limit.why
     assert sm.load(ballooned.save(tmp_path / "disk")).limit == limit
-    with pytest.raises(
-        sm.RunError, match=r"no state at 60 cm: its pressures go from 0 cm to 3.\.\d+ cm; no equilibrium at"
-    ):
+    with pytest.raises(sm.RunError, match=r"no state at 60 cm: its pressures go from 0 cm to 3.\.\d+ cm; no equilibrium at"):
         ballooned.at("60 cm")
     assert limit.pressure == pytest.approx(sm.limit(BALLOONS, sm.NeoHookean(20e3)).pressure, rel=1e-6)
 

@@ -225,9 +225,7 @@ def test_slack_of_a_history_is_fitted_with_its_memory():
     curve = TensileCurve("c", "uniaxial", recorded, values, time=np.r_[before, time] + 2.5)
     fit = fit_curves(curve, "yeoh", FAST).chosen.fit
     assert fit.values["slack1"] == pytest.approx(0.125, abs=3e-3)
-    assert fit.values["c1"] == pytest.approx(8e3, rel=0.05) and fit.values["share_100s"] == pytest.approx(
-        0.025, abs=4e-3
-    )
+    assert fit.values["c1"] == pytest.approx(8e3, rel=0.05) and fit.values["share_100s"] == pytest.approx(0.025, abs=4e-3)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -62,9 +62,7 @@ def test_few_pictures_are_the_curves_the_stress_and_the_report(section):
     done = runs.run("-m", "softmodels", "draw", section.folder, "--pictures", "few")
     names = {"apex.png", "profile.png", "slice.png", "stress.png", "report.html"}
     assert done.status == 0 and {Path(line).name for line in done.out.split()} == names
-    assert {
-        file.name for file in section.folder.iterdir() if file.suffix in (".png", ".gif", ".webp", ".html")
-    } == names
+    assert {file.name for file in section.folder.iterdir() if file.suffix in (".png", ".gif", ".webp", ".html")} == names
 
 
 @pytest.mark.parametrize("words", [("--pictures", "none"), ("--no-pictures",)])

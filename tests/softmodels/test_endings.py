@@ -31,9 +31,7 @@ STARTS = {
 
 
 def started(module, words, folder, **streams):
-    return subprocess.Popen(
-        [sys.executable, "-m", module, *words], cwd=folder, stderr=subprocess.PIPE, text=True, **streams
-    )
+    return subprocess.Popen([sys.executable, "-m", module, *words], cwd=folder, stderr=subprocess.PIPE, text=True, **streams)
 
 
 @pytest.mark.parametrize("module", STARTS)

@@ -49,9 +49,7 @@ def on_ranks(tmp_path):
     def start(does, rank=1):
         words = RUN.replace("LAST", str(rank)).replace("ERROR", does).replace("FOLDER", repr(str(tmp_path / "disk")))
         program = tmp_path / "program.py"
-        program.write_text(
-            f"import time\nfrom pathlib import Path\nfrom softmodels.runs.outcomes import RunError\n{words}"
-        )
+        program.write_text(f"import time\nfrom pathlib import Path\nfrom softmodels.runs.outcomes import RunError\n{words}")
         environment = {**os.environ, **PATIENT, "OMP_NUM_THREADS": "1"}
         process = subprocess.Popen(
             [mpirun(), "-n", "2", sys.executable, str(program)], env=environment, start_new_session=True,

@@ -247,9 +247,7 @@ def bench_setup(written):
     with contextlib.chdir(place):
         measure("calibrate", *sorted(map(str, written.path.glob("boards/*.jpg"))), "--pattern", "9x6", "--pitch", "25mm",
                 "-o", "lens.toml")  # fmt: skip
-        measure(
-            "setup", "examples/photographs/grid.jpg", "--grid-pitch", "9mm", "--lens", "lens.toml", "-o", "setup.toml"
-        )
+        measure("setup", "examples/photographs/grid.jpg", "--grid-pitch", "9mm", "--lens", "lens.toml", "-o", "setup.toml")
     return place / "setup.toml"
 
 

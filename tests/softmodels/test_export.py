@@ -41,9 +41,7 @@ def test_the_mesh_comes_back(decks):
     assert back.copies == DISK.copies == 8
     # Edges of the cells' curved sides lie in the plane in both; the volumes differ from the closed form by the mesh.
     assert back.cavity_volume == pytest.approx(DISK.cavity_volume, rel=0.02)
-    assert [plane.normal for plane in back.cut_planes] == [
-        pytest.approx(plane.normal, abs=1e-6) for plane in DISK.cut_planes
-    ]
+    assert [plane.normal for plane in back.cut_planes] == [pytest.approx(plane.normal, abs=1e-6) for plane in DISK.cut_planes]
 
 
 def test_pressures_and_silicone(decks):
@@ -64,9 +62,7 @@ def test_a_memory_is_left_out_with_a_sentence(decks, tmp_path):
     command = [sys.executable, "-m", "softmodels", "export", "case.toml", "-o", "disk.inp"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0 and "silicone: the deck leaves out its memory" in " ".join(done.stdout.split())
-    relaxed, here = (
-        re.search(r"\*MATERIAL.*(?:\n.*){3}", (place / "disk.inp").read_text())[0] for place in (folder, tmp_path)
-    )
+    relaxed, here = (re.search(r"\*MATERIAL.*(?:\n.*){3}", (place / "disk.inp").read_text())[0] for place in (folder, tmp_path))
     assert here == relaxed and "YEOH" in here
 
 
@@ -213,9 +209,7 @@ def test_files_that_are_no_decks_stay(tmp_path):
 
 
 def test_a_region_may_be_called_silicone():
-    main, own = silicones_of(
-        LAW, (sm.Region(sm.MooneyRivlin(200e3, 50e3, 0.45), name="silicone"),), ("solid", "silicone")
-    )
+    main, own = silicones_of(LAW, (sm.Region(sm.MooneyRivlin(200e3, 50e3, 0.45), name="silicone"),), ("solid", "silicone"))
     assert own.name == "silicone" and own.regions == ("silicone",)
     assert main.name != own.name and main.regions == ("solid",)
 

@@ -119,9 +119,7 @@ def test_each_cavity_has_its_share_of_the_pressure(tmp_path):
     sm.export(case, tmp_path / "x.inp")
     found = re.findall(r"(CAVITY\d?), P, (\S+)", (tmp_path / "x.inp").read_text())
     assert [role for role, _ in found] == ["CAVITY", "CAVITY2"] * 2
-    assert [float(p) for _, p in found] == pytest.approx(
-        [f * goal for goal in case.values for f in (1.0, 0.25)], rel=1e-12
-    )
+    assert [float(p) for _, p in found] == pytest.approx([f * goal for goal in case.values for f in (1.0, 0.25)], rel=1e-12)
 
 
 def test_a_program_of_pressures_is_written_step_by_step(tmp_path):

@@ -48,9 +48,7 @@ def own(k, q, b):
 
 
 def case(device, *components):
-    return Case(
-        "tube", device, sm.NeoHookean(30e3, 0.5), steps=steps_of(pressure_cm=(0.0, 10.0)), components=components
-    )
+    return Case("tube", device, sm.NeoHookean(30e3, 0.5), steps=steps_of(pressure_cm=(0.0, 10.0)), components=components)
 
 
 def test_they_come_back_from_a_case_file():

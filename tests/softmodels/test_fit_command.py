@@ -87,10 +87,7 @@ def test_material_file_goes_into_a_simulation(whole):
     assert [material.c1, material.c2] == pytest.approx([LAW.c1, LAW.c2], rel=0.05)
     about = tomllib.loads((folder / "fitted.toml").read_text())["fit"]
     assert "stretch 1.054 to 2.497" in about["range"][0]
-    assert (
-        about["values"]["c1"] == material.c1
-        and about["intervals_95"]["c1"][0] < LAW.c1 < about["intervals_95"]["c1"][1]
-    )
+    assert about["values"]["c1"] == material.c1 and about["intervals_95"]["c1"][0] < LAW.c1 < about["intervals_95"]["c1"][1]
     ogden = tomllib.loads((folder / "fitted-ogden1.toml").read_text())["material"]
     assert ogden["convention"] == "mu/alpha" and isinstance(from_table(ogden), Ogden)
 
@@ -250,10 +247,7 @@ def test_curve(says, tmp_path):
 def test_compressible_true_stress(says, tmp_path):
     """At a Poisson's ratio of 0.3 the true stress is the force on the sides' real stretch."""
     assert (
-        says(
-            "curve", "--material", "neo-hookean:shear_modulus=20kPa,poisson=0.3", "--no-pictures", "-o", str(tmp_path)
-        )[0]
-        == 0
+        says("curve", "--material", "neo-hookean:shear_modulus=20kPa,poisson=0.3", "--no-pictures", "-o", str(tmp_path))[0] == 0
     )
     with (tmp_path / "curves.csv").open() as file:
         row = list(csv.DictReader(file))[-1]

@@ -77,8 +77,7 @@ def test_unknown_errors_let_each_residual_speak():
 def test_stated_errors_are_believed_unless_the_scatter_is_larger():
     measured = 2 + 3 * X + 0.1 * NOISE
     errors = {
-        size: fit_parameters([Curve(line, ("a", "b"), measured, size)], free("a", "b")).error("a")
-        for size in (1.0, 0.1, 0.01)
+        size: fit_parameters([Curve(line, ("a", "b"), measured, size)], free("a", "b")).error("a") for size in (1.0, 0.1, 0.01)
     }
     assert errors[1.0] == pytest.approx(1.0 / np.sqrt(len(X)))
     assert errors[0.01] == pytest.approx(0.1 / np.sqrt(len(X)), rel=0.3)
@@ -102,9 +101,7 @@ def test_profile_of_a_line_is_the_parabola():
 
 @pytest.mark.parametrize("loss", ["linear", "soft_l1"])
 def test_profile_meets_the_covariance_in_a_nonlinear_fit(loss):
-    found = fit_parameters(
-        [Curve(power, ("a", "b"), power(2.0, 0.7)[0] + 0.01 * NOISE, 0.01)], free("a", "b"), loss=loss
-    )
+    found = fit_parameters([Curve(power, ("a", "b"), power(2.0, 0.7)[0] + 0.01 * NOISE, 0.01)], free("a", "b"), loss=loss)
     for name in ("a", "b"):
         best = found.values[name]
         assert np.subtract(profile(found, name).interval, best) == pytest.approx(
@@ -116,8 +113,7 @@ def test_robust_loss_leaves_outliers_out():
     measured = 2 + 3 * X + 0.1 * NOISE
     measured[::8] += 5.0
     plain, robust = (
-        fit_parameters([Curve(line, ("a", "b"), measured, 0.1)], free("a", "b"), loss=loss)
-        for loss in ("linear", "soft_l1")
+        fit_parameters([Curve(line, ("a", "b"), measured, 0.1)], free("a", "b"), loss=loss) for loss in ("linear", "soft_l1")
     )
     assert abs(plain.values["a"] - 2) > 0.5 > 0.1 > abs(robust.values["a"] - 2)
     assert robust.error("a") < plain.error("a") / 3
@@ -134,10 +130,7 @@ def test_prior_is_one_more_residual():
 
 def test_a_prior_that_says_all_is_told():
     source = Curve(lambda a: (np.full(4, a), (np.ones(4),)), ("a",), np.full(4, 10.0), 20.0)
-    assert (
-        "a depends on its prior"
-        in unseen(fit_parameters([source], [Parameter("a", "mm", 1.0, prior=Prior(7.0, 0.5))]))[0]
-    )
+    assert "a depends on its prior" in unseen(fit_parameters([source], [Parameter("a", "mm", 1.0, prior=Prior(7.0, 0.5))]))[0]
 
 
 def test_what_cannot_be_told_apart_has_no_interval():
@@ -335,9 +328,7 @@ def series(hardening=0.3, seed=0, heights=HEIGHTS):
     """A series whose apparent modulus grows by a share up to the highest, with the readings' scatter."""
     rng = np.random.default_rng(seed)
     unit = np.interp(heights, HEIGHTS, UNIT)
-    pressures = 28e3 * (1 + hardening * (heights / heights.max()) ** 2) * unit + 10.0 * rng.standard_normal(
-        len(heights)
-    )
+    pressures = 28e3 * (1 + hardening * (heights / heights.max()) ** 2) * unit + 10.0 * rng.standard_normal(len(heights))
     return [
         HeightRow(f"{i}.jpg", h, p, 10.0, 8e-6, u)
         for i, (h, p, u) in enumerate(zip(heights, pressures.tolist(), unit, strict=True))

@@ -85,9 +85,7 @@ def test_a_users_folder_is_not_taken(name, words, says, tmp_path):
 
 
 def test_the_folder_of_the_case_that_is_run_is_not_taken(says, tmp_path):
-    text = (
-        Case("disk", HollowDisk(section="axisymmetric"), DEFAULT, steps_of(pressure_cm=(10.0,))).to_toml() + "# mine\n"
-    )
+    text = Case("disk", HollowDisk(section="axisymmetric"), DEFAULT, steps_of(pressure_cm=(10.0,))).to_toml() + "# mine\n"
     (tmp_path / "case.toml").write_text(text)
     for folder in (".", tmp_path):
         status, _, err = says(softmodels, "run", "case.toml", "--no-pictures", "--output", folder)
@@ -205,10 +203,7 @@ def test_every_field_of_a_case_counts():
     assert {"actuator.membrane", "material.shear_modulus", "components.contact"} <= texts.keys()
     assert not any(" at 0x" in text for text in texts.values())
     assert difference(identity(plain), texts) == "components.contact"
-    assert (
-        difference(identity(plain), identity(dataclasses.replace(plain, steps=steps_of(pressure_cm=(10.0, 20.0)))))
-        is None
-    )
+    assert difference(identity(plain), identity(dataclasses.replace(plain, steps=steps_of(pressure_cm=(10.0, 20.0))))) is None
     assert identity(plain) == identity(dataclasses.replace(plain, solver="iterative"))
     assert identity(plain) == identity(Case.from_toml(plain.to_toml()))
 

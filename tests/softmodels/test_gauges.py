@@ -161,10 +161,7 @@ def test_a_point_beside_the_part_is_refused(block, tmp_path):
     far = case.with_name("far.toml")
     far.write_text(case.read_text().replace("40, 0, 4.9 mm", "40, -30, 4.9 mm"))
     done = run_case(far, tmp_path / "far")
-    assert (
-        done.status == 2
-        and "point tip is 30 mm off the surface; the nearest surface point is 40, 0, 4.9 mm" in done.err
-    )
+    assert done.status == 2 and "point tip is 30 mm off the surface; the nearest surface point is 40, 0, 4.9 mm" in done.err
 
 
 def test_the_profile_is_the_outside_in_the_plane(block):
@@ -174,9 +171,7 @@ def test_the_profile_is_the_outside_in_the_plane(block):
     normal, at = states.case.gauges.cut
     size = states.actuator.size
     rest = 1e3 * cut_line(states.skin, states.points, np.zeros_like(states.points), normal, at, size)
-    moved = 1e3 * cut_line(
-        states.skin, states.points, states.field(len(states.rows) - 1, "displacement"), normal, at, size
-    )
+    moved = 1e3 * cut_line(states.skin, states.points, states.field(len(states.rows) - 1, "displacement"), normal, at, size)
     lengths = np.linalg.norm(rest[:, 1] - rest[:, 0], axis=1)
     assert lengths.sum() == pytest.approx(100.0, rel=1e-3)  # round the block of 40 x 10 mm, the cavity left out
     assert np.abs(rest[..., 1]).max() < 1e-3 and rest[..., 2].max() == pytest.approx(10.0, abs=1e-6)
@@ -193,9 +188,7 @@ def test_a_point_of_a_section_is_the_apex(tmp_path):
     )
     assert run_case(case, tmp_path / "out").status == 0
     row = runs.rows(tmp_path / "out")[-1]
-    assert row["top_z_mm"] == pytest.approx(16.0 + row["apex_mm"], abs=1e-9) and row["top_x_mm"] == pytest.approx(
-        0.0, abs=1e-9
-    )
+    assert row["top_z_mm"] == pytest.approx(16.0 + row["apex_mm"], abs=1e-9) and row["top_x_mm"] == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.campaign

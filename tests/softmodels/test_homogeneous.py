@@ -75,9 +75,7 @@ def test_uniaxial_compressible_neo_hookean():
     assert stress == pytest.approx(MU * (L - 1 / L) + slope * J / L, abs=1e-9 * MU)
 
 
-@pytest.mark.parametrize(
-    "law", [MooneyRivlin(C10, C01, 0.3), Yeoh(C1, C2, C3, 0.45), Ogden(*OGDEN, 0.4), Gent(MU, JM, 0.2)]
-)
+@pytest.mark.parametrize("law", [MooneyRivlin(C10, C01, 0.3), Yeoh(C1, C2, C3, 0.45), Ogden(*OGDEN, 0.4), Gent(MU, JM, 0.2)])
 def test_uniaxial_compressible_at_small_strain(law):
     found = respond(law, [1 + 1e-6])
     stress, side = found.stress, found.side

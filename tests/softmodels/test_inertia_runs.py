@@ -53,9 +53,7 @@ def table(folder):
 def test_a_case_is_read_back_from_its_own_file():
     case = Case.from_toml(CASE.format(load=WHOLE))
     assert case.inertia and case.spectral_radius == 0.9 and Case.from_toml(case.to_toml()) == case
-    case = Case(
-        "ball", BALLOON, LAW, steps=steps_of(pressure_cm=(5.0,), hold="10 ms"), inertia=True, spectral_radius=0.5
-    )
+    case = Case("ball", BALLOON, LAW, steps=steps_of(pressure_cm=(5.0,), hold="10 ms"), inertia=True, spectral_radius=0.5)
     assert Case.from_toml(case.to_toml()) == case
     jump = Case.from_toml(CASES["jump.toml"])
     assert jump.inertia and jump.supply is not None and jump.remembers
@@ -76,9 +74,7 @@ def test_a_jump_of_the_pressure_and_a_resumed_run(run, tmp_path):
     second = np.flatnonzero(time == 0.004)
     assert pressure[second] == pytest.approx([5.0, 2.0]) and volume[second][0] == volume[second][1] > 0.0
     gained = whole["stored_energy_mJ"] + whole["kinetic_energy_mJ"]
-    work = np.concatenate(
-        [[0.0], np.cumsum((whole["pressure_Pa"][1:] + whole["pressure_Pa"][:-1]) / 2 * np.diff(volume))]
-    )
+    work = np.concatenate([[0.0], np.cumsum((whole["pressure_Pa"][1:] + whole["pressure_Pa"][:-1]) / 2 * np.diff(volume))])
     assert gained == pytest.approx(work * 1e-3, abs=2e-2 * whole["kinetic_energy_mJ"].max())
     for file in sorted((tmp_path / "out").iterdir()):
         file.unlink()

@@ -129,8 +129,7 @@ def test_a_run_killed_between_two_steps_goes_on_to_the_same_limit(place, limited
     # The last requested pressure is solved for between two steps, and so is the limit point.
     count = 1 + max(i for i, row in enumerate(rows) if row[place])
     assert (
-        runs.run("-c", KILLED, str(count), *runs.DISK[2:], "--output", tmp_path / "disk", *runs.SOFT).status
-        == -signal.SIGKILL
+        runs.run("-c", KILLED, str(count), *runs.DISK[2:], "--output", tmp_path / "disk", *runs.SOFT).status == -signal.SIGKILL
     )
     assert runs.rows(tmp_path / "disk") == rows[:count]
     again = runs.disk(tmp_path / "disk", *runs.SOFT, "--resume")

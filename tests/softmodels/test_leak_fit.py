@@ -42,9 +42,7 @@ def test_the_leak_of_a_run_in_time(figure):
     time, pressure = run.path["time_s"], run.path["pressure_Pa"]
     closed = time > 8.001
     found = sm.fit_leak(time[closed], pressure[closed], volumes, supply)
-    figure(
-        "a disk that leaks, step by step in time", "leak fitted to its pressures", found.conductance / 2e-13 - 1, 6e-5
-    )
+    figure("a disk that leaks, step by step in time", "leak fitted to its pressures", found.conductance / 2e-13 - 1, 6e-5)
     assert found.interval[0] < found.conductance < found.interval[1]
 
 
@@ -52,9 +50,7 @@ def test_the_leak_of_a_run_in_time(figure):
 def test_without_noise_the_leak_comes_back(gas, figure):
     pressures = falling(2e-13, gas=gas)
     found = sm.fit_leak(TIMES, pressures, CAVITY, dataclasses.replace(SUPPLY, gas=gas))
-    figure(
-        "ordinary differential equation of a leaking rigid cavity", "fitted leak", found.conductance / 2e-13 - 1, 1e-7
-    )
+    figure("ordinary differential equation of a leaking rigid cavity", "fitted leak", found.conductance / 2e-13 - 1, 1e-7)
     flow = SUPPLY.lost(pressures[0])[0] / SUPPLY.ambient
     assert found.flow[0] == pytest.approx(flow, rel=1e-5)
     assert repr(found).startswith(f"<Leak of {found.flow[0] * 60e6:.4g} ml/min at ")

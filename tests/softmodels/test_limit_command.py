@@ -208,9 +208,7 @@ def test_a_tolerance_without_effect_is_refused(device, vary, told, comm):
         check_varied(device, [Tolerance.parse(vary, type(device))], comm)
 
 
-@pytest.mark.parametrize(
-    ("device", "vary"), [(Balloon(cell_size=4e-3), "wall=1mm+-0.1mm"), (THIN, "offset=0mm+-0.2mm")]
-)
+@pytest.mark.parametrize(("device", "vary"), [(Balloon(cell_size=4e-3), "wall=1mm+-0.1mm"), (THIN, "offset=0mm+-0.2mm")])
 def test_a_tolerance_with_an_effect_is_accepted(device, vary, comm):
     """A cavity that sits too high changes no volume, and is seen all the same."""
     check_varied(device, [Tolerance.parse(vary, type(device))], comm)

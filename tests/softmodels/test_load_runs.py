@@ -45,9 +45,7 @@ def test_a_force_on_an_inflated_disk(pushed):
     travel = np.array([row["travel_mm"] for row in rows])
     assert travel[0] == 0.0 and (np.diff(travel) > 0).all() and rows[0]["moved_mm"] > 0.05
     # Of all that acts the work is what is stored: pressure and weight are kept, the force by trapezia.
-    stored, volume, sag = (
-        np.array([row[name] for row in rows]) for name in ("stored_energy_mJ", "added_volume_ml", "sag_mm")
-    )
+    stored, volume, sag = (np.array([row[name] for row in rows]) for name in ("stored_energy_mJ", "added_volume_ml", "sag_mm"))
     force = np.array([row["force_N"] for row in rows])
     work = np.sum((force[1:] + force[:-1]) / 2 * np.diff(travel))
     work += rows[0]["pressure_Pa"] * 1e-3 * (volume[-1] - volume[0]) + WEIGHT * (sag[-1] - sag[0])
@@ -62,9 +60,7 @@ def test_it_goes_on_to_the_same(pushed, tmp_path):
     last, wanted = sm.run(case, folder=tmp_path / "short", resume=True).rows[-1], runs.rows(pushed)[-1]
     for name in ("force_N", "travel_mm", "apex_mm", "stored_energy_mJ", "added_volume_ml"):
         assert last[name] == pytest.approx(wanted[name], rel=1e-8), name
-    heavier = dataclasses.replace(
-        case, components=(*case.components[:1], Mass(face="top", amount=0.06), *case.components[2:])
-    )
+    heavier = dataclasses.replace(case, components=(*case.components[:1], Mass(face="top", amount=0.06), *case.components[2:]))
     with pytest.raises(sm.RunError, match="holds a run with another mass"):
         sm.run(heavier, folder=tmp_path / "short", resume=True)
 
@@ -233,11 +229,7 @@ def test_a_cavity_that_is_pressed_empty():
     push = Force(face="top", direction="-z")
     case = Case("push", membrane, NeoHookean(30e3), components=(push,), steps=steps_of(travel_mm=(4.0,)))
     limit = sm.run(case).limit
-    assert (
-        limit.kind == "limit"
-        and "a cavity collapses to zero volume" in limit.why
-        and "cavity has taken" not in limit.why
-    )
+    assert limit.kind == "limit" and "a cavity collapses to zero volume" in limit.why and "cavity has taken" not in limit.why
     chamber = np.pi * membrane.radius**2 * membrane.chamber_depth
     assert -chamber < limit.added_volume < -0.9 * chamber
 
@@ -251,9 +243,7 @@ def test_a_named_silicone_weighs_what_its_sheet_says():
     soft, share = silicone("ecoflex-00-10"), steps_of(share=(1.0,))
 
     def weighed(gravity, *components, law=soft):
-        run = sm.inflate(
-            membrane, dataclasses.replace(law, poisson=0.49), steps=share, components=(gravity, *components)
-        )
+        run = sm.inflate(membrane, dataclasses.replace(law, poisson=0.49), steps=share, components=(gravity, *components))
         return run.rows[-1]["weight_N"] / 9.81, " ".join(run.notes), run.case.to_toml()
 
     mass, notes, text = weighed(Gravity(direction="-z"), plate)

@@ -143,10 +143,7 @@ def test_ogden_conventions():
         ("ogden:mu=20kPa,alpha=1.3,convention=2mu/alpha^2,poisson=0.5", Ogden.from_two_mu((20e3,), (1.3,), 0.5)),
         ("Neo Hookean:shear-modulus=20kPa", NeoHookean(20e3)),
         ("mooneyrivlin:c10=8kPa,c01=1kPa", MooneyRivlin(8e3, 1e3)),
-        *(
-            (name, silicone("ecoflex-00-30"))
-            for name in ("ecoflex30", "Ecoflex 00-30", "ECOFLEX 0030", "ecoflex_00_30")
-        ),
+        *((name, silicone("ecoflex-00-30")) for name in ("ecoflex30", "Ecoflex 00-30", "ECOFLEX 0030", "ecoflex_00_30")),
         ("Dragon Skin 10 Medium", silicone("dragon-skin-10-medium")),
         ("Sylgard184", silicone("sylgard-184")),
         ("Ecoflex 30/Liao 2021", silicone("ecoflex-00-30/liao-2021")),
@@ -267,9 +264,7 @@ def test_a_silicone_is_known_again(name):
 def test_the_library_holds_what_was_measured_by_whom():
     """Marechal's and Liao's curves of Ecoflex 00-30, with their moduli; every source with its origin; old names kept."""
     moduli = {one.origin.key: one.material.shear_modulus_0 / 1e3 for one in PRODUCTS["ecoflex-00-30"]}
-    assert moduli["marechal-2021"] == pytest.approx(15.7, abs=0.05) and moduli["liao-2021"] == pytest.approx(
-        27.8, abs=0.05
-    )
+    assert moduli["marechal-2021"] == pytest.approx(15.7, abs=0.05) and moduli["liao-2021"] == pytest.approx(27.8, abs=0.05)
     assert len(moduli) >= 4 and len(PRODUCTS) >= 20
     assert silicone_called("ecoflex-00-30/marechal-2021").material == Yeoh(7859.0, 94.3, 0.0, 0.5)
     for other in ("ecoflex-00-30/liao-2021", "ecoflex-00-30-liao", "ecoflex-00-30"):
@@ -329,9 +324,7 @@ def test_a_material_knows_what_it_was_fitted_over():
     """It is no number of the law, and comes back from text; a stretch beyond it is reported as for a named silicone."""
     law = Yeoh(14e3, 60.0, 0.0, 0.5, fitted_stretch=(1.0, 3.0))
     assert law == Yeoh(14e3, 60.0, 0.0, 0.5) and from_table(to_table(law)).fitted_stretch == (1.0, 3.0)
-    assert extrapolated(law, 3.0) == "" and "exceeds 3, the end of the fitted range of this yeoh law" in extrapolated(
-        law, 4.18
-    )
+    assert extrapolated(law, 3.0) == "" and "exceeds 3, the end of the fitted range of this yeoh law" in extrapolated(law, 4.18)
     assert "fitted range of ecoflex-00-30/marechal-2021" in extrapolated(
         silicone_called("ecoflex-00-30/marechal-2021").material, 3.1
     )

@@ -17,15 +17,7 @@ from softmodels.__main__ import softmodels as whole_command
 from softmodels.case.materials import material_from
 from softmodels.cli import material_commands
 from softmodels.fitting.curves import residuals as memory
-from softmodels.fitting.curves.curve import (
-    EQUILIBRIUM_RATE,
-    TensileCurve,
-    TensileError,
-    corners,
-    loop,
-    read_curve,
-    turns,
-)
+from softmodels.fitting.curves.curve import EQUILIBRIUM_RATE, TensileCurve, TensileError, corners, loop, read_curve, turns
 from softmodels.fitting.curves.fit import fit_curves, fit_law_to_curves
 from softmodels.fitting.curves.residuals import StressError, predicted, residuals_of, thinned
 from softmodels.fitting.problem import FitError, FitOptions, LawChoice
@@ -55,9 +47,7 @@ def zigzag(*corners, step=0.5):
 def curve(material, history, noise=0.0, seed=0, name="curve", mode="uniaxial"):
     time, stretch = history
     stress = stress_in_time(material, time, stretch, mode)[0]
-    return TensileCurve(
-        name, mode, stretch, stress + np.random.default_rng(seed).normal(0.0, noise, len(stretch)), time=time
-    )
+    return TensileCurve(name, mode, stretch, stress + np.random.default_rng(seed).normal(0.0, noise, len(stretch)), time=time)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -82,9 +72,7 @@ def test_95_percent_intervals_hold_the_truth(exact, error):
     assert {*choice.names, *spectrum.names} == set(TRUTH)
     held = []
     for _ in range(200):
-        noisy = [
-            dataclasses.replace(one, stress=one.stress + generator.normal(0.0, 100.0, len(one.stress))) for one in exact
-        ]
+        noisy = [dataclasses.replace(one, stress=one.stress + generator.normal(0.0, 100.0, len(one.stress))) for one in exact]
         sources, extra = residuals_of(noisy, choice, size, level=True, spectrum=spectrum)
         found = fit_law_to_curves(choice, sources, extra, errors="stated" if size.stated else "unknown")
         held.append([found.interval(name)[0] <= value <= found.interval(name)[1] for name, value in TRUTH.items()])
@@ -133,9 +121,7 @@ def test_any_law_and_test_returns_its_own_curves(law, mode):
         "ogden2": LawChoice.from_text("ogden2").material({"mu1": 20e3, "alpha1": 1.3, "mu2": 50.0, "alpha2": 5.0}),
         "neo-hookean": LawChoice.from_text("neo-hookean").material({"shear_modulus": 30e3}),
     }[law].with_memory([(0.3, 1.0), (0.2, 10.0)])
-    report = fit_curves(
-        [curve(truth, PULL, name="pull", mode=mode), curve(truth, HOLD, name="hold", mode=mode)], law, FAST
-    )
+    report = fit_curves([curve(truth, PULL, name="pull", mode=mode), curve(truth, HOLD, name="hold", mode=mode)], law, FAST)
     for one in report.curves:
         assert np.abs(predicted(report.material, one) - one.stress).max() < 1e-3 * one.stress.max()
 
@@ -214,9 +200,7 @@ def test_slopes_of_the_residuals_by_taylors_rule():
         for step in (2e-3, 1e-3):
             moved = source.evaluate({**values, name: (1 + step) * values[name]}, False)[0]
             rests.append(np.abs(moved - base - step * values[name] * slope).max())
-        assert rests[0] < 1e-7 * np.abs(slope * values[name]).max() or rests[0] / rests[1] == pytest.approx(
-            4.0, rel=0.05
-        ), name
+        assert rests[0] < 1e-7 * np.abs(slope * values[name]).max() or rests[0] / rests[1] == pytest.approx(4.0, rel=0.05), name
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -290,11 +274,7 @@ Y = 20e3 * (X - X**-2)
 def test_a_column_of_times_is_recognised(tmp_path, header, times):
     (tmp_path / "c.csv").write_text(table(header, times, X, Y))
     found = read_curve(tmp_path / "c.csv", history=True)
-    assert (
-        found.time == pytest.approx(T)
-        and found.stretch == pytest.approx(X)
-        and found.stress == pytest.approx(Y, rel=1e-6)
-    )
+    assert found.time == pytest.approx(T) and found.stretch == pytest.approx(X) and found.stress == pytest.approx(Y, rel=1e-6)
     ramp = read_curve(tmp_path / "c.csv")
     assert ramp.time is None and len(ramp.stretch) == 21 and "stretched at 0.1 /s" in "; ".join(ramp.remarks)
 
@@ -389,9 +369,7 @@ def test_the_relaxation_times_are_what_the_data_can_show():
 def says(tmp_path, monkeypatch, ended):
     """Run a command beside a cyclic test and a curve at equilibrium."""
     one = curve(SOFTENED, CYCLES, 50.0)
-    (tmp_path / "cycles.csv").write_text(
-        table("time (s),stretch,stress (kPa)", one.time, one.stretch, one.stress / 1e3)
-    )
+    (tmp_path / "cycles.csv").write_text(table("time (s),stretch,stress (kPa)", one.time, one.stretch, one.stress / 1e3))
     still = np.linspace(1.0, 2.6, 30)
     rows = "".join(f"{x},{y}\n" for x, y in zip(still, nominal_stress(LAW, still), strict=True))
     (tmp_path / "rest.csv").write_text(f"stretch,stress (Pa)\n{rows}")
@@ -406,15 +384,10 @@ def test_the_command_writes_a_material_with_its_memory(says, tmp_path):
         "fit", "--tensile", "cycles.csv", "--tensile", "rest.csv:equilibrium", "--memory", "--no-profiles", "-o", "out"
     )
     assert (
-        status == 0
-        and "share_1s" in said
-        and "do not see the decades below" in said
-        and "loop of the first unloading" in said
+        status == 0 and "share_1s" in said and "do not see the decades below" in said and "loop of the first unloading" in said
     )
     tables = tomllib.loads((tmp_path / "out" / "fitted.toml").read_text())
-    assert (
-        tables["material"]["memory"]["branches"][0][1] == "1 s" and len(tables["material"]["memory"]["softening"]) == 3
-    )
+    assert tables["material"]["memory"]["branches"][0][1] == "1 s" and len(tables["material"]["memory"]["softening"]) == 3
     assert {"share_1s", "softening"} <= set(tables["fit"]["intervals_95"])
     material = material_from("out/fitted.toml", {})
     assert [branch.time for branch in material.memory.branches] == [1.0, 10.0, 100.0]
@@ -500,6 +473,4 @@ def test_a_score_follows_a_memory_through_a_test_that_was_not_fitted(says, tmp_p
 
 def test_a_change_of_an_unknown_weight_is_refused():
     with pytest.raises(FitError, match="share_5s"):
-        fit_curves(
-            [curve(LAW, PULL)], "yeoh", dataclasses.replace(FAST, changes={"share_5s": {"start": 0.0, "fixed": True}})
-        )
+        fit_curves([curve(LAW, PULL)], "yeoh", dataclasses.replace(FAST, changes={"share_5s": {"start": 0.0, "fixed": True}}))

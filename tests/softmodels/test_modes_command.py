@@ -37,9 +37,7 @@ def rows_of(folder):
 
 def test_a_table_and_pictures_as_python_has_them(tmp_path):
     law = ("--shear-modulus", "20kPa", "--poisson", "0.49", "--material", "neo-hookean")
-    done = runs.run(
-        "-m", "softmodels", "modes", *WORDS, *law, "--pressure-cm", "0:10:5", "--count", "3", "-o", tmp_path
-    )
+    done = runs.run("-m", "softmodels", "modes", *WORDS, *law, "--pressure-cm", "0:10:5", "--count", "3", "-o", tmp_path)
     assert done.status == 0 and done.err == ""
     found, rows = sm.modes(DISK, LAW, "0:10:5 cm", count=3), rows_of(tmp_path)
     assert [row["pressure_cm"] for row in rows if row["requested"]] == pytest.approx([0.0, 5.0, 10.0])
@@ -117,9 +115,7 @@ def test_a_memory_is_relaxed():
     relaxed = sm.modes(DISK, LAW, count=2)
     creeping = sm.modes(DISK, LAW.with_memory(branches=[(0.5, 1.0)]), count=2)
     assert creeping.frequency == pytest.approx(relaxed.frequency, rel=1e-9)
-    assert any("has a memory" in note for note in creeping.notes) and not any(
-        "has a memory" in note for note in relaxed.notes
-    )
+    assert any("has a memory" in note for note in creeping.notes) and not any("has a memory" in note for note in relaxed.notes)
 
 
 @pytest.mark.parametrize(

@@ -91,18 +91,14 @@ def test_stl_is_watertight_and_agrees_with_step(slab):
         sides, laid = (np.linalg.norm(np.diff(one, axis=1), axis=2) for one in (corners, points[faces]))
         assert laid == pytest.approx(sides, abs=1e-4)  # turned to lie flat
         volumes = (np.einsum("ij,ij->", a, np.cross(b, c)) for a, b, c in (np.moveaxis(points[faces], 1, 0),))
-        assert next(volumes) / 6.0 == pytest.approx(volume, rel=1e-5) and points[:, 2].min() == pytest.approx(
-            0.0, abs=1e-6
-        )
+        assert next(volumes) / 6.0 == pytest.approx(volume, rel=1e-5) and points[:, 2].min() == pytest.approx(0.0, abs=1e-6)
         with private_model():
             import gmsh
 
             exact = gmsh.model.occ.getMass(3, read_step(folder / f"{name}.step"))
         body = report["bodies"][name.replace("-", " ")]
         assert volume == pytest.approx(exact, rel=2e-4) and body["volume_mm3"] == pytest.approx(exact, rel=2e-5)
-        assert body["stl_chord_mm"] <= 0.05 and body["least_draft_of_pins_and_holes_deg"] == pytest.approx(
-            1.0, abs=1e-3
-        )
+        assert body["stl_chord_mm"] <= 0.05 and body["least_draft_of_pins_and_holes_deg"] == pytest.approx(1.0, abs=1e-3)
         assert body["least_lean_of_part_deg"] > -0.1
     # The channel at its beginning is 1.4 mm wide, its silicone 2.1 mm thick at the end, where it is 2 mm wide.
     assert report["smallest_channel_mm"] == pytest.approx(1.4, abs=0.15)
@@ -164,9 +160,7 @@ def test_an_imported_part_is_parted_along_its_pull(part_of, tmp_path):
 def test_undercuts_are_refused_by_name(part_of):
     """A groove across the pull, where it is. Two cavities above each other hold a core."""
     part = part_of("groove", BLOCK, HOLE, (-1, -6, 2, 3, 12, 1.5), **ONE)
-    with pytest.raises(
-        MouldError, match=r"upper cup .* undercut by 90 deg at .*, 3\.5 mm, on the part's face \d+ \(a plane\)"
-    ):
+    with pytest.raises(MouldError, match=r"upper cup .* undercut by 90 deg at .*, 3\.5 mm, on the part's face \d+ \(a plane\)"):
         sm.mould(part, pull="0, 0, 1")
     two = part_of("two", BLOCK, (6, -3, 0.75, 10, 6, 2), (6, -3, -2.75, 10, 6, 2), cavities=("at 11, 0, 2 mm",),
                   support="x = 0 mm")  # fmt: skip
@@ -254,9 +248,7 @@ def test_files_that_ask_for_no_mould_are_refused_by_name(text, told, tmp_path):
         asked_of(tmp_path / "case.toml")
 
 
-@pytest.mark.parametrize(
-    ("words", "told"), [(["--draft", "50deg"], "draft"), (["--output", "case"], "not written by a run")]
-)
+@pytest.mark.parametrize(("words", "told"), [(["--draft", "50deg"], "draft"), (["--output", "case"], "not written by a run")])
 def test_bad_input_is_a_sentence_and_status_2(words, told, tmp_path):
     (tmp_path / "case").mkdir()
     (tmp_path / "case" / "mine.txt").write_text("mine")

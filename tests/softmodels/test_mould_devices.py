@@ -233,11 +233,7 @@ def test_slender_fins_are_named_with_a_remedy_that_cures():
     (fin,) = (fin for fin in cup.checked.fins if fin.slender)
     scaled = 1e-3 / (1.0 - COARSE.shrinkage)
     assert (fin.thickness, fin.depth, fin.length) == pytest.approx((0.5 * scaled, 10 * scaled, 16 * scaled), rel=1e-3)
-    assert (
-        fin.draft == pytest.approx(0.0, abs=1e-3)
-        and fin.alike == 2
-        and fin.slenderness == pytest.approx(20.0, rel=1e-3)
-    )
+    assert fin.draft == pytest.approx(0.0, abs=1e-3) and fin.alike == 2 and fin.slenderness == pytest.approx(20.0, rel=1e-3)
     (note,) = found.notes
     assert "the chambers cup has 2 fins 0.505 mm thick, 10.1 mm deep and 16.2 mm long without draft (at " in note
     assert "20 times as deep as thick, more than 5" in note and "gap there at least 2 mm wide" in note
@@ -352,9 +348,7 @@ def test_bodies_lie_flat_and_apart_on_plates_of_their_size():
     assert sorted(one.name for one in placed) == sorted(name for name, _ in bodies) and placed[-1].plate > 1
     boxes = [(one.plate, one.facets.points.min(axis=0), one.facets.points.max(axis=0)) for one in placed]
     for plate, low, high in boxes:
-        assert (
-            low[2] == 0.0 and (low[:2] >= PLATE_GAP).all() and (high[:2] <= (110.0 - PLATE_GAP, 70.0 - PLATE_GAP)).all()
-        )
+        assert low[2] == 0.0 and (low[:2] >= PLATE_GAP).all() and (high[:2] <= (110.0 - PLATE_GAP, 70.0 - PLATE_GAP)).all()
         for other, lower, upper in boxes:
             same = plate == other and (low == lower).all()
             assert same or plate != other or ((high[:2] < lower[:2]) | (upper[:2] < low[:2])).any()
@@ -381,9 +375,7 @@ def test_what_has_no_recipe_says_what_to_add():
     class Kite(Castable):
         pass
 
-    with pytest.raises(
-        GeometryError, match=r"a Kite names no casting recipe; give its class a property recipe.*extending\.md"
-    ):
+    with pytest.raises(GeometryError, match=r"a Kite names no casting recipe; give its class a property recipe.*extending\.md"):
         Kite().cast_along(None, None)
     with pytest.raises(GeometryError, match="pull and split apply only to imported parts"):
         Kite().cast_along((0.0, 0.0, 1.0), None)

@@ -98,10 +98,7 @@ def test_centimetres_name_their_liquid(inflated, tmp_path):
     states = FolderStates(folder, "disk")
     assert curves.rise_of(states).axes[0].get_xlabel() == "pressure in cm, 0.97 g/ml"
     page = report.Report(look(states), folder, "disk").write().read_text()
-    assert (
-        '<option value="cm" selected>cm, 0.97 g/ml</option>' in page
-        and "At 177 cm, 0.97 g/ml (16.8 kPa) the apex" in page
-    )
+    assert '<option value="cm" selected>cm, 0.97 g/ml</option>' in page and "At 177 cm, 0.97 g/ml (16.8 kPa) the apex" in page
     water = dataclasses.replace(states.case, water_density=998.2)
     row = Row({"pressure_cm": 10.0, "pressure_Pa": 978.9, "apex_mm": 1.0})
     assert headline(row, state_labels(water)) == "10 cm, 0.9982 g/ml (0.979 kPa), apex rise 1.00 mm"
@@ -175,9 +172,7 @@ def test_a_snap_that_hardly_moves_the_device_is_that_of_a_part():
     keys = ("pressure_cm", "added_volume_ml", "apex_mm", "jump")
     table = ((0, 0, 0, 0), (-8, -9, -4, 0), (-8.1, -9.1, -4, 1))
     rows = PathTable.read(dict(zip(keys, row, strict=True)) for row in table)
-    assert jumps_text(rows, StateLabels("apex")).startswith(
-        "snap-through: at -8 cm to -8.1 cm it snaps in a part, apex"
-    )
+    assert jumps_text(rows, StateLabels("apex")).startswith("snap-through: at -8 cm to -8.1 cm it snaps in a part, apex")
 
 
 @pytest.mark.campaign

@@ -16,9 +16,7 @@ import pytest
 from softmodels.case.case import Case
 from tests.support import runs
 
-cadquery = pytest.importorskip(
-    "cadquery", reason="CadQuery is not installed (uv run --group dev --with cadquery pytest ...)"
-)
+cadquery = pytest.importorskip("cadquery", reason="CadQuery is not installed (uv run --group dev --with cadquery pytest ...)")
 
 ROUND, FLAT = math.pi * 2.5**2 * 12e-9, 12 * 8 * 2e-9
 """Volumes of the two cavities in m3: a round hole under the middle and a flat one over it."""

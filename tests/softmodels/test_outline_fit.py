@@ -143,9 +143,7 @@ def test_outlines_past_a_limit_point(inflation, figure):
     outlines = simulated_outlines(device, {"shear_modulus": 20e3}, volumes, SimulatedCamera(bench=AWAY), "volume")
     readings = [outline.pressure for outline in outlines]
     assert max(readings) > 1.02 * readings[-1]
-    found = fit_law_to_outlines(
-        source_of(device, outlines), changes={name: {"prior": None} for name in ("scale", "zero")}
-    )
+    found = fit_law_to_outlines(source_of(device, outlines), changes={name: {"prior": None} for name in ("scale", "zero")})
     assert found.converged
     against = "outlines without noise, past a limit point"
     figure(against, "shear modulus", found.values["shear_modulus"] / 20e3 - 1, 3e-10)
@@ -216,9 +214,7 @@ def test_heights_consider_a_casting_tolerance(inflation):
         assert source.considered == (() if name == "exact" else ("membrane",))
     by_membrane = np.sqrt(errors["2 %"] ** 2 - errors["exact"] ** 2)
     thicker = least_squares_of_heights(source, changes={"membrane": {"start": 6.12e-3, "fixed": True}})
-    assert by_membrane == pytest.approx(
-        abs(thicker.values["shear_modulus"] / found.values["shear_modulus"] - 1), rel=0.1
-    )
+    assert by_membrane == pytest.approx(abs(thicker.values["shear_modulus"] / found.values["shear_modulus"] - 1), rel=0.1)
     assert np.sqrt(errors["5 %"] ** 2 - errors["exact"] ** 2) == pytest.approx(2.5 * by_membrane, rel=1e-6)
 
 
@@ -270,9 +266,7 @@ def test_heights_alone(inflation):
     device.set_parameters(truth)
     tops = [float(device.curve(state).nodes[0, 0, 1]) for state in states]
     exact = [Height(f"{p:.0f}", float(p), top) for p, top in zip(PRESSURES, tops, strict=True)]
-    found = least_squares_of_heights(
-        HeightResiduals(device, check_heights(exact, device.silhouette.width)), changes=hold
-    )
+    found = least_squares_of_heights(HeightResiduals(device, check_heights(exact, device.silhouette.width)), changes=hold)
     assert found.values["c1"] == pytest.approx(14e3, rel=1e-6)
     assert found.values["c2"] == pytest.approx(600.0, rel=1e-5)
     rng = np.random.default_rng(8)

@@ -171,9 +171,7 @@ def test_limit_points_are_marked_with_their_value():
     assert (marked.get_xdata(), marked.get_ydata()) == ([34.75], [1.0])
     (asked,) = [line for line in axes.lines if line.get_label() == "requested"]
     assert asked.get_xydata().tolist() == [[20.0, 0.5]]
-    assert not [
-        line for line in curves_module.rise(path[:2], "apex", 95.0).axes[0].lines if "limit" in str(line.get_label())
-    ]
+    assert not [line for line in curves_module.rise(path[:2], "apex", 95.0).axes[0].lines if "limit" in str(line.get_label())]
 
 
 def test_curves_show_jumps_bifurcations_branches_and_what_a_syringe_skips():
@@ -196,8 +194,7 @@ def test_curves_show_jumps_bifurcations_branches_and_what_a_syringe_skips():
 def test_a_syringe_has_its_pressure_over_the_stroke():
     keys = ("stroke_ml", "pressure_cm", "apex_mm", "added_volume_ml", "requested", "stable_under_supply")
     path = [
-        dict(zip(keys, row, strict=True), limit=0)
-        for row in ((0, 0, 0, 0, 1, 1), (5, 7, 6, 4, 0, 1), (20, 47, 15, 18, 1, 1))
+        dict(zip(keys, row, strict=True), limit=0) for row in ((0, 0, 0, 0, 1, 1), (5, 7, 6, 4, 0, 1), (20, 47, 15, 18, 1, 1))
     ]
     figures = curves_module.curves(PathTable.read(path), StateLabels("apex", driver="bottle"))
     first, *others = (figure.axes[0] for figure in figures)

@@ -172,10 +172,7 @@ def test_a_part_without_air(step_file, tmp_path):
     tips = [sm.Model(device, LAW, force).solve().rises["tip"] for device in (bar, BEAM)]
     assert tips[0] == pytest.approx(tips[1], rel=0.05)  # one corner of the tip, on two meshes
     for face in ("outer", "outer within y > 0 mm", "edge of tip and roof", "roof, outer"):
-        assert (
-            sm.Model(bar, LAW, [sm.Sheet(face, 100.0)] if "edge" not in face else [sm.Clamp(face)]).solve().pressure
-            == 0.0
-        )
+        assert sm.Model(bar, LAW, [sm.Sheet(face, 100.0)] if "edge" not in face else [sm.Clamp(face)]).solve().pressure == 0.0
     for surfaces, sentence in {
         ("tip",): "write a name and its faces",
         ("outer = x = 40 mm",): "the name 'outer' is taken",

@@ -75,9 +75,7 @@ def same(found, exact, tolerance):
 def test_compliance_and_volume_by_a_force(model):
     """Also the reciprocity of volume and tip: what a force adds to the volume, the pressure adds to the tip's place."""
     state, a = model.states[-1], 1e-3
-    low, high = (
-        fresh([state.pressure], parts=[sm.Force(face="tip", direction=way, amount=a)])[-1] for way in ("-z", "z")
-    )
+    low, high = (fresh([state.pressure], parts=[sm.Force(face="tip", direction=way, amount=a)])[-1] for way in ("-z", "z"))
     found = between(low, high, 2 * a)
     same(found, state.compliance[:, 2], 1e-5)
     assert found[6] == pytest.approx(state.rate[2], rel=1e-5)

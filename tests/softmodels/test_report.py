@@ -134,9 +134,7 @@ def test_the_view_holds_the_steps(report):
     states = FolderStates(folder, "slab" if "slab" in folder.name else "disk")
     skin, last = states.skin, len(states.rows) - 1
     cells = numbers(states.cells.size).reshape(states.cells.shape)
-    assert (
-        (cells == states.cells).all() and meta["cells"] == len(cells) and set(edges) == set(skin.nodes[skin.edges].flat)
-    )
+    assert (cells == states.cells).all() and meta["cells"] == len(cells) and set(edges) == set(skin.nodes[skin.edges].flat)
     place, fields = np.zeros(3 * n, dtype=np.uint16), np.zeros((2, n), dtype=np.uint16)
     for _ in meta["steps"]:
         place = place + column(3 * n)
@@ -161,9 +159,7 @@ def test_the_cells_of_the_view_fill_the_silicone(kind, request):
     points = skin.points(states.points)
     if kind == "half_section":
         cells = np.concatenate([cells, cells + len(states.points)], axis=1)
-    nodes = (
-        states.points if kind == "wedge" else np.concatenate([states.points, states.points @ turn(SECTOR_DEGREES).T])
-    )
+    nodes = states.points if kind == "wedge" else np.concatenate([states.points, states.points @ turn(SECTOR_DEGREES).T])
     corners = nodes[cells[:, meta["split"]]].reshape(-1, 4, 3)
     volume = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])).sum() / 6
     a, b, c = points[skin.triangles].transpose(1, 0, 2)
@@ -240,9 +236,7 @@ def test_its_view_shows_the_field_in_a_browser(browser, report):
     ramp = np.array(meta["colours"])
     for number, (name, scale) in enumerate(shown.scales.items()):
         tab.select_option("#viewer-field", str(number))
-        tab.wait_for_function(
-            "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))"
-        )
+        tab.wait_for_function("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))")
         values = np.tile(scale.share(states.field(step, name))[skin.nodes], len(skin.images))
         wanted = seen_from(meta, moved[triangles], values[triangles], places, size)
         on = np.flatnonzero(np.isfinite(wanted))[:10]

@@ -91,9 +91,7 @@ def test_a_report_tells_where_its_numbers_come_from(stretched):
         assert record[word] and html.escape(record[word]) in text
     assert record["libraries"].keys() == {"DOLFINx", "PETSc"} and f"PETSc {record['libraries']['PETSc']}" in text
     assert record["seconds"] > 0.0 and f"{record['seconds']:.1f} s" in text
-    assert (
-        "doi 10.5254/1.3538343" in text and "doi 10.1016/j.ijmecsci.2021.106624" in text
-    )  # Yeoh's law, Liao's silicone
+    assert "doi 10.5254/1.3538343" in text and "doi 10.1016/j.ijmecsci.2021.106624" in text  # Yeoh's law, Liao's silicone
     assert "residual below 1e-09" in page(stretched) and "The mesh error was not estimated" in page(stretched)
 
 

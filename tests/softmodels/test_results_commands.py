@@ -89,12 +89,8 @@ def test_what_differs_and_by_how_much(half_section, thinner):
     assert figures["rise at 50 cm"].values[0] == float(rows[0][2]["apex_mm"])
     assert figures["limit point"].values == (120.0, 120.0) and figures["limit point"].unit == "cm"
     cells = figures["cells"]
-    assert cells.values[1] < cells.values[0] and cells.changes[0] == pytest.approx(
-        cells.values[1] / cells.values[0] - 1
-    )
-    assert re.search(
-        rf"cells +{cells.values[0]:.5g} +{cells.values[1]:.5g} \({100 * cells.changes[0]:+.3g} %\)", str(found)
-    )
+    assert cells.values[1] < cells.values[0] and cells.changes[0] == pytest.approx(cells.values[1] / cells.values[0] - 1)
+    assert re.search(rf"cells +{cells.values[0]:.5g} +{cells.values[1]:.5g} \({100 * cells.changes[0]:+.3g} %\)", str(found))
     line = "<Comparison of half0 and thinner0: 2 fields of the cases differ; rise at 120 cm: 3.2 mm; 3.2 mm (+0 %)>"
     card = found._repr_html_()
     assert repr(found) == line and "geometry.membrane: 6 mm; 5 mm" in card and 'src="data:image/webp;base64,' in card
@@ -111,9 +107,7 @@ def test_between_stored_states_figures_are_interpolated_and_said_to_be(half_sect
     found = compared([dataclasses.replace(one, rows=rows), dataclasses.replace(other, rows=short)])
     rise = found.figures[0]
     assert rise.what == "rise at 50 cm, interpolated" and found.outlines() is None
-    assert rise.values[0] == pytest.approx(4 / 3, rel=0.02) and rise.values[1] == pytest.approx(
-        1.6
-    )  # 0.8 at 25, 2.4 at 100
+    assert rise.values[0] == pytest.approx(4 / 3, rel=0.02) and rise.values[1] == pytest.approx(1.6)  # 0.8 at 25, 2.4 at 100
     assert "interpolated" in found.html()
 
 
@@ -164,13 +158,9 @@ def test_tensors_are_stored_as_asked_or_computed_from_what_is_stored(tensors):
     assert np.allclose(again.cauchy_stress, stored, rtol=0, atol=1e-7 * np.abs(stored).max())
     F = again.deformation_gradient
     on_axis = np.abs(state.points[:, 0]) < 1e-9
-    assert (
-        np.allclose(F[on_axis, 0, 0], F[on_axis, 1, 1], atol=0.02) and not F[:, :, 1][:, [0, 2]].any()
-    )  # x radial, y hoop
+    assert np.allclose(F[on_axis, 0, 0], F[on_axis, 1, 1], atol=0.02) and not F[:, :, 1][:, [0, 2]].any()  # x radial, y hoop
     nominal = np.linalg.det(F)[:, None, None] * stored @ np.swapaxes(np.linalg.inv(F), -1, -2)
-    assert (
-        np.abs(state.nominal_stress - nominal).max() < 0.1 * np.abs(nominal).max()
-    )  # products of means, mean of products
+    assert np.abs(state.nominal_stress - nominal).max() < 0.1 * np.abs(nominal).max()  # products of means, mean of products
     data = tensors.to_xarray("principal_stress_directions").principal_stress_directions
     assert data.dims == ("step", "node", "principal", "component")
     assert np.array_equal(data[-1], state.principal_stress_directions)
@@ -182,9 +172,7 @@ def test_tensors_are_stored_as_asked_or_computed_from_what_is_stored(tensors):
 
 def test_values_along_a_line(ended, tensors, tmp_path):
     state = tensors.at("30 cm")
-    line = state.along(
-        (0.0, 0.005, 0.003), "0, 5, 13 mm", points=41
-    )  # beside the section, through the base and the membrane
+    line = state.along((0.0, 0.005, 0.003), "0, 5, 13 mm", points=41)  # beside the section, through the base and the membrane
     turned = state.along("5, 0, 3 mm", (0.005, 0.0, 0.013), points=41)
     assert line.inside.any() and not line.inside.all()  # air lies between
     swap = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
@@ -196,16 +184,10 @@ def test_values_along_a_line(ended, tensors, tmp_path):
     words = ("line", tensors._source.folder, "--at", "30cm")
     file = tmp_path / "wall.csv"
     status, out, err = ended(softmodels, *words, "--through", "apex", "-o", file)
-    assert (
-        (status, err) == (0, "")
-        and "silicone from 0 to 6 mm" in out
-        and file.with_suffix(".png").stat().st_size > 20_000
-    )
+    assert (status, err) == (0, "") and "silicone from 0 to 6 mm" in out and file.with_suffix(".png").stat().st_size > 20_000
     with file.open() as text:
         rows = list(csv.DictReader(text))
-    assert len(rows) == 201 and float(rows[-1]["normal_stress_kPa"]) == pytest.approx(
-        wall.normal_stress[-1] / 1e3, rel=1e-6
-    )
+    assert len(rows) == 201 and float(rows[-1]["normal_stress_kPa"]) == pytest.approx(wall.normal_stress[-1] / 1e3, rel=1e-6)
     for given, sentence in {
         ("--from", "apex"): "give the line's ends",
         ("--from", "apex", "--to", "apex"): "begins and ends at (0, 0, 16) mm",

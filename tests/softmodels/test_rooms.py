@@ -88,9 +88,7 @@ def graph():
 
 
 def test_every_folder_is_in_a_room(graph):
-    folders = {
-        path.parent.relative_to(TOP).as_posix() for package in PACKAGES for path in (TOP / package).rglob("*.py")
-    }
+    folders = {path.parent.relative_to(TOP).as_posix() for package in PACKAGES for path in (TOP / package).rglob("*.py")}
     assert {room for room in ROOMS if room not in folders} == set()
     assert all(any(f"{folder}/".startswith(f"{room}/") for room in (*ROOMS, "softmodels")) for folder in folders)
     assert all(sum(len(graph[m]) for m in graph if m.startswith(package)) > 60 for package in PACKAGES)  # they are seen

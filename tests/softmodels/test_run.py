@@ -48,11 +48,7 @@ def test_a_solver_kept_from_converging_leaves_its_states(tmp_path):
     volumes = ("--variant", "shadow", "--volume-ml", "0:60", "--poisson", "0.49", "--quiet", *plane)
     done = runs.disk(tmp_path / "disk", *volumes, "--", "-ksp_max_it", "1")
     assert done.status == 1 and done.out == "" and done.err.count("\n") == 1
-    assert (
-        "60 ml was not reached" in done.err
-        and "linear solver failed" in done.err
-        and "first try without them" in done.err
-    )
+    assert "60 ml was not reached" in done.err and "linear solver failed" in done.err and "first try without them" in done.err
     rows = runs.rows(tmp_path / "disk")
     assert len(rows) > 1 and runs.readable(tmp_path / "disk") == len(rows) and f"({len(rows)} states" in done.err
 
@@ -248,9 +244,7 @@ def test_tab_completes_devices_and_prints_no_error(words, completed):
 
 
 def test_every_entry_of_a_load_is_listed():
-    with pytest.raises(
-        CaseError, match=r"unknown entry 'shares'; known are .*share, force_N, travel_mm.* did you mean share"
-    ):
+    with pytest.raises(CaseError, match=r"unknown entry 'shares'; known are .*share, force_N, travel_mm.* did you mean share"):
         Case.from_toml("[geometry]\ndevice = 'Beam'\n[load]\nshares = 1")
 
 

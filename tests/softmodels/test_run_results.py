@@ -69,9 +69,7 @@ def test_table_has_its_columns_and_every_requested_pressure(whole):
     assert set(COLUMNS) <= set(rows[0]) and [row["step"] for row in rows] == list(range(len(rows)))
     asked = [*(5.0 * i for i in range(36)), 177.0]
     assert [row["pressure_cm"] for row in rows if row["requested"]] == asked
-    assert [row["pressure_Pa"] for row in rows] == pytest.approx(
-        [95.124505 * row["pressure_cm"] for row in rows], rel=1e-12
-    )
+    assert [row["pressure_Pa"] for row in rows] == pytest.approx([95.124505 * row["pressure_cm"] for row in rows], rel=1e-12)
     for name in (
         "pressure_cm",
         "added_volume_ml",
@@ -85,9 +83,7 @@ def test_table_has_its_columns_and_every_requested_pressure(whole):
     assert all(row["J_min"] <= 1.0 <= row["J_max"] and row["limit"] == 0 for row in rows)
     assert rows[0]["apex_mm"] == rows[0]["newton_iterations"] == 0 and rows[-1]["newton_iterations"] > 0
     summary = json.loads((folder / "summary.json").read_text())
-    assert (
-        summary["status"] == 0 and summary["steps"] == len(rows) and summary["last"]["apex_mm"] == rows[-1]["apex_mm"]
-    )
+    assert summary["status"] == 0 and summary["steps"] == len(rows) and summary["last"]["apex_mm"] == rows[-1]["apex_mm"]
 
 
 def test_without_a_terminal_every_step_is_a_line(whole):
@@ -126,10 +122,7 @@ def test_paraviews_reader_finds_all_fields_on_one_grid_during_and_after(whole, t
     for found, row in zip(read(folder, 5, 15), (rows[1], rows[3]), strict=True):
         check(found, row, asked[:steps])
     during, after = read(folder, 0)[0], read(whole[0], 0, 177)
-    assert (
-        during["points"] == after[0]["points"] == after[1]["points"] > 500
-        and during["cells"] == after[0]["cells"] > 200
-    )
+    assert during["points"] == after[0]["points"] == after[1]["points"] > 500 and during["cells"] == after[0]["cells"] > 200
     rows = runs.rows(whole[0])
     for found, row in zip(after, (rows[0], rows[36]), strict=True):
         check(found, row, asked)

@@ -29,9 +29,7 @@ def measured(law=LAW, seed=4, count=2000, mode="uniaxial"):
     return TensileCurve("pull.csv", mode, stretch, stress + np.random.default_rng(seed).normal(size=count) * size)
 
 
-@pytest.mark.parametrize(
-    "law", [LAW, NeoHookean(20e3, 0.5), Ogden((15e3, 30.0), (1.4, 5.5), 0.5), Gent(20e3, 60.0, 0.5)]
-)
+@pytest.mark.parametrize("law", [LAW, NeoHookean(20e3, 0.5), Ogden((15e3, 30.0), (1.4, 5.5), 0.5), Gent(20e3, 60.0, 0.5)])
 @pytest.mark.parametrize("mode", ["uniaxial", "equibiaxial"])
 def test_a_material_on_its_own_data(law, mode):
     """Chi squared per value is 1 and the 95 % band holds 95 %, within their scatter."""
@@ -89,9 +87,7 @@ def test_a_fitted_file_brings_its_errors(says, tmp_path):
     other = measured(Yeoh(8.4e3, 95.0, 0.5, 0.5), seed=5, count=90)
     rows = [f"{a:.9g},{b:.9g}" for a, b in zip(other.stretch, other.stress, strict=True)]
     (tmp_path / "other.csv").write_text("\n".join(["stretch,stress (Pa)", *rows]) + "\n")
-    asked = (
-        "score --tensile other.csv --stress-error 2%+0.2kPa --material ecoflex-00-30 --material fit/fitted.toml -o out"
-    )
+    asked = "score --tensile other.csv --stress-error 2%+0.2kPa --material ecoflex-00-30 --material fit/fitted.toml -o out"
     status, out, _ = says(asked)
     assert status == 0 and "of measurement" in out and "of material" in out and "unknown" in out
     with (tmp_path / "out" / "scores.csv").open() as file:

@@ -68,9 +68,7 @@ def test_outlines_of_a_device_that_is_curved_at_rest_are_refused(device):
     made = device(CURVED)
     top = CURVED.membrane_top.height(np.linspace(0.0, 0.75 * CURVED.outer_radius, 1001))
     assert made.silhouette.unevenness == pytest.approx(CURVED.probes["apex"][2] - top.min(), rel=0.02)
-    with pytest.raises(
-        OutlineFitError, match=r"top of the device is 1\.2.* mm from flat.*height_datum apex.*table of heights"
-    ):
+    with pytest.raises(OutlineFitError, match=r"top of the device is 1\.2.* mm from flat.*height_datum apex.*table of heights"):
         OutlineResiduals(made, [])
     source = HeightResiduals(made, [Height("one", 5e3, 1.2e-3), Height("two", 9e3, 2.1e-3)])
     (first, second) = (

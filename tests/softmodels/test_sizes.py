@@ -52,9 +52,7 @@ def _parameters(function):
     """How many a caller sees: ``self`` and ``cls`` are not among them."""
     given = function.args
     names = [
-        argument.arg
-        for argument in (*given.posonlyargs, *given.args, *given.kwonlyargs, given.vararg, given.kwarg)
-        if argument
+        argument.arg for argument in (*given.posonlyargs, *given.args, *given.kwonlyargs, given.vararg, given.kwarg) if argument
     ]
     return len(names) - (names[:1] in (["self"], ["cls"]))
 
@@ -88,9 +86,7 @@ def test_any_stays_rare():
         if file.startswith("softmodels/") and "/common/" not in file
     }
     most = ", ".join(f"{file} {count}" for file, count in found.items() if count)
-    assert sum(found.values()) <= MOST_ANY, (
-        f"Any is said more than {MOST_ANY} times, where object or a type would do: {most}"
-    )
+    assert sum(found.values()) <= MOST_ANY, f"Any is said more than {MOST_ANY} times, where object or a type would do: {most}"
 
 
 def test_parameters_are_counted_as_a_caller_sees_them():

@@ -108,11 +108,7 @@ def test_a_section_of_several_parts_points_outwards_everywhere(device, tmp_path)
     assert len(skin.images) * volume(corners) == pytest.approx(device.solid_volume, rel=0.01)
     whole = skin.device(skin.points(points))[skin.device_triangles(skin.part != CUT_LABEL)]
     up = np.cross(whole[:, 1] - whole[:, 0], whole[:, 2] - whole[:, 0])[:, 2]
-    top = (
-        whole[:, :, 2].min(axis=1) > device.apex - 1e-9
-        if isinstance(device, Membrane)
-        else np.zeros(len(up), dtype=bool)
-    )
+    top = whole[:, :, 2].min(axis=1) > device.apex - 1e-9 if isinstance(device, Membrane) else np.zeros(len(up), dtype=bool)
     assert (up[top] > 0.0).all()
 
 

@@ -85,8 +85,7 @@ def pencil(comm):
         return solve
 
     K, M = (
-        PETSc.Mat().createDense((6, 6), array=matrix, comm=PETSc.COMM_SELF)
-        for matrix in (Q @ np.diag(values) @ Q.T, np.eye(6))
+        PETSc.Mat().createDense((6, 6), array=matrix, comm=PETSc.COMM_SELF) for matrix in (Q @ np.diag(values) @ Q.T, np.eye(6))
     )
     start = M.createVecRight()
     start.set(1.0)

@@ -31,9 +31,7 @@ EXAMPLES = {
     "gent": Gent(30e3, 40.0, 0.5),
 }
 modes = pytest.mark.parametrize("mode", MODES)
-every = pytest.mark.parametrize(
-    ("name", "parameter"), [(name, p) for name, law in EXAMPLES.items() for p in law.parameters]
-)
+every = pytest.mark.parametrize(("name", "parameter"), [(name, p) for name, law in EXAMPLES.items() for p in law.parameters])
 
 
 def test_every_law_is_here():
@@ -110,9 +108,7 @@ def test_slopes_by_hand():
     """Yeoh: dS/dc_i = i k^(i-1) 2 (l - 1/l^2); Ogden: dS/dmu = l^(a-1) - l^(-a/2-1), dS/dalpha by the product rule."""
     k = L**2 + 2 / L - 3
     by_hand = np.column_stack([i * k ** (i - 1) * 2 * (L - L**-2) for i in (1, 2, 3)])
-    assert respond(Yeoh(1e4, 50.0, 3.0, 0.5), L, "uniaxial", ("c1", "c2", "c3")).slopes == pytest.approx(
-        by_hand, abs=1e-9
-    )
+    assert respond(Yeoh(1e4, 50.0, 3.0, 0.5), L, "uniaxial", ("c1", "c2", "c3")).slopes == pytest.approx(by_hand, abs=1e-9)
     a, mu = 1.7, 2e4
     by_mu = L ** (a - 1) - L ** (-a / 2 - 1)
     by_alpha = mu * np.log(L) * (L ** (a - 1) + L ** (-a / 2 - 1) / 2)
@@ -245,9 +241,7 @@ def test_softening_is_what_ogden_and_roxburgh_write():
     rise = W(1.5) - W(2.0)
     above = -rise * (1 - np.exp(-1 / 50.0)) * 50.0 * np.exp(-2.0)
     Wm = W(1.5) + above
-    assert held[3] == pytest.approx(
-        (1 - erf(above / (2e3 + 0.1 * Wm)) / 1.6) * float(nominal_stress(law, 1.5)), rel=1e-12
-    )
+    assert held[3] == pytest.approx((1 - erf(above / (2e3 + 0.1 * Wm)) / 1.6) * float(nominal_stress(law, 1.5)), rel=1e-12)
 
 
 EQUILIBRIUM_LAWS = (

@@ -225,7 +225,5 @@ assert run(case, Path("out"), RunOptions(quiet=True, no_pictures=True)) == 0
 
 
 def test_a_callers_interrupt_lets_go_of_the_folder(tmp_path):
-    done = subprocess.run(
-        [sys.executable, "-c", INTERRUPTED], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
+    done = subprocess.run([sys.executable, "-c", INTERRUPTED], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout.split()[:1]) == (0, ["interrupted"]), done.stderr

@@ -71,9 +71,7 @@ def test_a_case_is_read_back_from_its_own_file():
         "source",
         "valve",
     ]
-    pump = Case.from_toml(
-        CASE.format(load="flow_ml_per_min = [6, 6, 0]\ntime_s = [0, 2, 3]", supply="", kind="reservoir")
-    )
+    pump = Case.from_toml(CASE.format(load="flow_ml_per_min = [6, 6, 0]\ntime_s = [0, 2, 3]", supply="", kind="reservoir"))
     assert Case.from_toml(pump.to_toml()) == pump
 
 
@@ -139,9 +137,7 @@ WRONG_LOAD = {
 @pytest.mark.parametrize(("supply", "sentence"), WRONG_SUPPLY.items())
 def test_a_wrong_supply_is_told(supply, sentence):
     with pytest.raises(CaseError) as told:
-        Case.from_toml(
-            CASE.format(load="source_pressure_cm = [0, 25]\ntime_s = [0, 1]", supply=supply, kind="reservoir")
-        )
+        Case.from_toml(CASE.format(load="source_pressure_cm = [0, 25]\ntime_s = [0, 1]", supply=supply, kind="reservoir"))
     assert sentence in str(told.value)
 
 
@@ -173,9 +169,7 @@ def test_wrong_calls_are_told():
 
 def test_a_pump_delivers_its_rate():
     tight = sm.Reservoir(dead_volume="2 ml")
-    steps = Case.from_toml(
-        CASE.format(load="flow_ml_per_min = [3, 3]\ntime_s = [0, 6]", supply="", kind="reservoir")
-    ).steps
+    steps = Case.from_toml(CASE.format(load="flow_ml_per_min = [3, 3]\ntime_s = [0, 6]", supply="", kind="reservoir")).steps
     path = sm.inflate(DISK, LAW, steps=steps, supply=tight).path
     assert path["gas_ml"] - path["gas_ml"][0] == pytest.approx(3.0 / 60 * path["time_s"], rel=1e-7)
 

@@ -106,6 +106,4 @@ def test_a_point_and_an_angle_of_one_name_do_not_hide_each_other():
 
 def test_an_empty_table():
     table = PathTable()
-    assert (
-        len(table) == 0 and table.names == table.columns == [] and "apex" not in table and not table.get("jump").any()
-    )
+    assert len(table) == 0 and table.names == table.columns == [] and "apex" not in table and not table.get("jump").any()

@@ -10,14 +10,7 @@ import openpyxl
 import pytest
 
 from softmodels.common.errors import spoken
-from softmodels.fitting.curves.curve import (
-    MIN_POINTS_FOR_NOISE,
-    Specimen,
-    TensileError,
-    read_curve,
-    recognise,
-    small_modulus,
-)
+from softmodels.fitting.curves.curve import MIN_POINTS_FOR_NOISE, Specimen, TensileError, read_curve, recognise, small_modulus
 from softmodels.fitting.curves.residuals import StressError, noise
 from softmodels.materials.laws import NeoHookean
 from softmodels.materials.specimens import balloon_pressure, respond
@@ -88,9 +81,7 @@ def test_one_curve_in_many_clothes(name, write):
 TOLD = {
     "strain=1[%],stress=2[kPa]": table(["a", "b"], 100 * (L - 1), S / 1e3),
     "strain=Dehnung[%],stress=Spannung[kPa]": table(["Zeit", "Dehnung", "Spannung"], L, 100 * (L - 1), S / 1e3),
-    "stretch=2,stress=3[kPa]": "\n".join(
-        f"{i},{a:.9g},{b:.9g}" for i, (a, b) in enumerate(zip(L, S / 1e3, strict=True))
-    ),
+    "stretch=2,stress=3[kPa]": "\n".join(f"{i},{a:.9g},{b:.9g}" for i, (a, b) in enumerate(zip(L, S / 1e3, strict=True))),
     "strain=1,stress=2": table(["a", "b"], 100 * (L - 1), S / 1e3).replace("b\n", "b\n%,kPa\n"),
     "strain=1[],stress=2[kPa]": table(["a", "b"], L - 1, S / 1e3).replace("b\n", "b\n%,MPa\n"),
     "strain=strain,stress=stress": table(["strain [%]", "stress [kPa]", "stress (MPa)"], 100 * (L - 1), S / 1e3, S),
@@ -121,9 +112,7 @@ def cells(text):
             for line in text.splitlines()]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "name", ["strain", "percent", "machine", "comments", "two headers", "a row of units in brackets"]
-)
+@pytest.mark.parametrize("name", ["strain", "percent", "machine", "comments", "two headers", "a row of units in brackets"])
 def test_a_workbook_gives_the_curve_of_its_csv(name, write, tmp_path):
     specimen = Specimen(cross_section=SECTION, gauge_length=LENGTH)
     plain = read_curve(write(SAME[name]), specimen=specimen)
@@ -173,9 +162,7 @@ def test_true_stress_of_other_tests(test, write):
 def test_balloon(write):
     """Pressure against radius is the sheet's equibiaxial stress."""
     law, radius, thickness = NeoHookean(MU, 0.5), 0.02, 0.001
-    text = table(
-        ["radius (mm)", "pressure (kPa)"], L * radius * 1e3, balloon_pressure(law, L, thickness / radius) / 1e3
-    )
+    text = table(["radius (mm)", "pressure (kPa)"], L * radius * 1e3, balloon_pressure(law, L, thickness / radius) / 1e3)
     curve = read_curve(write(text), "balloon", specimen=Specimen(radius=radius, thickness=thickness))
     assert curve.mode == "equibiaxial"
     assert curve.stress == pytest.approx(respond(law, L, "equibiaxial").stress, rel=1e-6, abs=1e-3)

@@ -43,9 +43,7 @@ def curves_of(name, noise=0.0, seed=0, top=5.0, modes=MODE_NAMES, count=60):
     for mode in modes:
         stretch = np.linspace(1.02, {"uniaxial": 1.0, "planar": 0.9, "equibiaxial": 0.7}[mode] * top, count)
         stress = respond(material, stretch, mode).stress + rng.normal(0.0, noise, count) if noise else None
-        made.append(
-            TensileCurve(mode, mode, stretch, respond(material, stretch, mode).stress if stress is None else stress)
-        )
+        made.append(TensileCurve(mode, mode, stretch, respond(material, stretch, mode).stress if stress is None else stress))
     return made
 
 
@@ -56,9 +54,7 @@ def fitted(name, curves, error="50Pa", gauge=0.0, **more):
 
 
 def test_every_law_is_here():
-    assert set(TRUTH) == set(all_laws()) and {LawChoice.from_text(name).law for name in all_laws()} == set(
-        LAWS.values()
-    )
+    assert set(TRUTH) == set(all_laws()) and {LawChoice.from_text(name).law for name in all_laws()} == set(LAWS.values())
 
 
 @laws
@@ -89,9 +85,7 @@ def test_the_truth_is_found_again(name):
     pairs = {k: v for k, v in found.values.items() if k.startswith("alpha")}
     if name == "ogden3":  # its terms may come in another order
         assert sorted(pairs.values()) == pytest.approx([-2.0, 1.4, 5.5], rel=1e-4)
-        assert sorted(v for k, v in found.values.items() if k.startswith("mu")) == pytest.approx(
-            [-400.0, 30.0, 15e3], rel=1e-3
-        )
+        assert sorted(v for k, v in found.values.items() if k.startswith("mu")) == pytest.approx([-400.0, 30.0, 15e3], rel=1e-3)
     else:
         assert found.values == pytest.approx(TRUTH[name], rel=1e-4)
 

@@ -100,8 +100,7 @@ def test_a_long_hold_spends_what_a_short_one_does():
     """The silicone comes to rest within minutes; a step of the hold's twelfth would pass over all of it."""
     law = sm.Yeoh(14e3, 60.0).with_memory(branches=[(0.3, 1.0), (0.2, 100.0)])
     spent = [
-        sm.inflate(DISK, law, "0,50 cm", hold=hold).path["dissipated_energy_mJ"][-1]
-        for hold in ("1e4 s", "1e7 s", "1e10 s")
+        sm.inflate(DISK, law, "0,50 cm", hold=hold).path["dissipated_energy_mJ"][-1] for hold in ("1e4 s", "1e7 s", "1e10 s")
     ]
     assert spent[0] > 0.1
     assert spent[1:] == pytest.approx([spent[0]] * 2, rel=1e-3)
@@ -154,9 +153,7 @@ def test_a_cycle_creeps_softens_and_keeps_a_rest(run, tmp_path):
     done = run("pressure_cm = '0:25'\nrate = '5cm/s'\nhold = '10 s'\ncycles = 2\n")
     assert done.status == 0, done.err
     assert "  20 s" in done.err
-    table = {
-        name: np.array([row[name] for row in runs.rows(tmp_path / "out")]) for name in runs.rows(tmp_path / "out")[0]
-    }
+    table = {name: np.array([row[name] for row in runs.rows(tmp_path / "out")]) for name in runs.rows(tmp_path / "out")[0]}
     time, rise, lost = table["time_s"], table["apex_mm"], table["dissipated_energy_mJ"]
     assert (np.diff(time) > 0).all() and time[-1] == 40.0 and (np.diff(lost) > 0).all()
     held = rise[(time >= 5) & (time <= 15)]

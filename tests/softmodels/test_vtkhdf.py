@@ -71,9 +71,7 @@ def read(folder, count, tmp_path):
         whole = {name: file[name] for name in file}
     found = {name.removeprefix("vtkhdf/"): values for name, values in whole.items() if name.startswith("vtkhdf")}
     others = {name.removeprefix("xdmf/"): values for name, values in whole.items() if name.startswith("xdmf")}
-    assert {f"{step}/{name}" for step in range(count) for name in ("displacement", "J", "points", "cells")} <= set(
-        others
-    )
+    assert {f"{step}/{name}" for step in range(count) for name in ("displacement", "J", "points", "cells")} <= set(others)
     for name, values in others.items():
         assert np.array_equal(found[name], values), name
     return found
@@ -130,9 +128,7 @@ def test_the_time_of_a_step_is_its_time_or_its_load(columns, times, tmp_path):
     results.begin(np.column_stack([POINTS, np.arange(9)]), MESHES["Triangle_6"], "Triangle_6")
     for step in range(3):
         results.add(
-            formats.StateRecord(
-                Row({"step": step, **{name: values[step] for name, values in columns.items()}}), fields(0), {}
-            )
+            formats.StateRecord(Row({"step": step, **{name: values[step] for name, values in columns.items()}}), fields(0), {})
         )
     for _ in range(2):
         with h5py.File(results.folder / "disk.vtkhdf") as file:
@@ -150,9 +146,7 @@ def test_nothing_is_stored_twice(tmp_path):
     results.begin(np.zeros((count, 3)), cells, "Triangle_6")
     for step in range(3):
         results.add(
-            formats.StateRecord(
-                Row({"step": step}), {"displacement": np.random.default_rng(step).normal(size=(count, 3))}, {}
-            )
+            formats.StateRecord(Row({"step": step}), {"displacement": np.random.default_rng(step).normal(size=(count, 3))}, {})
         )
     light = results.folder / "disk.vtkhdf"
     assert light.stat().st_size < 0.1 * results.heavy.stat().st_size

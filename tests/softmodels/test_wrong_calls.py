@@ -118,9 +118,7 @@ CASE = {
 }  # fmt: skip
 RUN = {"progress": "function", "folder": "path", "resume": "flag", "branch": "flag"}
 FIT = {"material": "laws", "options": "options"}
-WALL = dict.fromkeys(
-    ("wall", "rim", "clearance", "least_wall", "least_gap", "pin", "pour", "vent", "tube", "chord"), "length"
-)
+WALL = dict.fromkeys(("wall", "rim", "clearance", "least_wall", "least_gap", "pin", "pour", "vent", "tube", "chord"), "length")
 
 
 class Call:
@@ -189,9 +187,7 @@ def calls(loaded):
         sm.Syringe: {}, sm.Reservoir: {}, sm.Fibres: {}, sm.Clamp: {"face": "top"},
     }  # fmt: skip
     for part, right in components.items():
-        yield Call(
-            part, {key: value for key, value in right.items() if key in about(part) or key == "name"}, fields_of(part)
-        )
+        yield Call(part, {key: value for key, value in right.items() if key in about(part) or key == "name"}, fields_of(part))
     yield Call(sm.Region, {"material": LAW, "name": "base"}, {"material": "material", "density": "quantity"})
     yield Call(sm.silicone, {"name": "ecoflex-00-30"}, {"name": "choice"})
     base = {"device": DISK, "material": LAW}
@@ -200,9 +196,7 @@ def calls(loaded):
         more = {"supply": sm.Syringe(syringe=1.0)} if name == "strokes" else {}
         yield Call(sm.inflate, {**base, **more, name: "0:1 ml" if name != "pressures" else "0:30 cm"}, {name: "values"})
     right = {**base, "pressures": "0:30 cm"}
-    yield Call(
-        sm.inflate, right, {"device": "device", "material": "material", **CASE, **RUN, "name": "path"}, takes=[None]
-    )
+    yield Call(sm.inflate, right, {"device": "device", "material": "material", **CASE, **RUN, "name": "path"}, takes=[None])
     yield Call(
         sm.limit, base,
         {"device": "device", "material": "material", "components": "components",
@@ -346,9 +340,7 @@ def test_texts_names_and_single_values_are_taken(nothing_starts):
         water_density="0.97 g/ml",
     )
     assert case.material == sm.silicone("ecoflex-00-30") and case.components == (sm.Gravity("-z"),)
-    assert [value.number for value in case.values] == [10.0, 20.0] and case.water_density == pytest.approx(
-        970.0, rel=1e-12
-    )
+    assert [value.number for value in case.values] == [10.0, 20.0] and case.water_density == pytest.approx(970.0, rel=1e-12)
     assert sm.Region("dragon-skin-30", name="base").material == sm.silicone("dragon-skin-30")
     curve = sm.TensileCurve("pull", "uniaxial", [1.1, 1.2], ["4 kPa", 8e3])
     assert curve.stress.tolist() == [4e3, 8e3]
@@ -471,9 +463,7 @@ def test_every_public_name_is_called_wrongly(loaded):
     """A new public name gets a right call above, or stands here."""
     made = {call.does.__qualname__.partition(".")[0] for call in calls(loaded)}
     public = {name for name in sm.__all__ if callable(getattr(sm, name))}
-    errors = {
-        name for name in public if isinstance(getattr(sm, name), type) and issubclass(getattr(sm, name), Exception)
-    }
+    errors = {name for name in public if isinstance(getattr(sm, name), type) and issubclass(getattr(sm, name), Exception)}
     results = {
         "Comparison",
         "Leak",

@@ -74,9 +74,7 @@ class BentTube:
 
     def __init__(self, section, constants, bulk, n=3):
         self.constants, self.bulk = constants, bulk
-        ys = np.concatenate(
-            [np.linspace(0, section.hole, 2 * n + 1), np.linspace(section.hole, section.half, 2 * n + 1)[1:]]
-        )
+        ys = np.concatenate([np.linspace(0, section.hole, 2 * n + 1), np.linspace(section.hole, section.half, 2 * n + 1)[1:]])
         zs = np.concatenate(
             [
                 np.linspace(*pair, 2 * n + 1)[(k > 0) :]

@@ -204,9 +204,7 @@ class Tube(Plain):
             for curve, name in ((bottom, "plane2"), (outside, "outer"), (top, "top"), (inside, "cavity")):
                 _group(1, [curve], name)
             return
-        whole, hole = (
-            occ.addCylinder(0, 0, 0, 0, 0, self.height, r, angle=math.pi / 2) for r in (self.outer, self.inner)
-        )
+        whole, hole = (occ.addCylinder(0, 0, 0, 0, 0, self.height, r, angle=math.pi / 2) for r in (self.outer, self.inner))
         cut, _ = occ.cut([(3, whole)], [(3, hole)])
         occ.synchronize()
         _group(3, [tag for _, tag in cut], "solid")
@@ -373,9 +371,7 @@ class LayeredSphere(Sphere):
                      ([(r, 0, 0) for r in radii], [(0, r, 0) for r in radii]))  # fmt: skip
         arcs = [geo.addCircleArc(a, centre, b) for a, b in zip(low, high, strict=True)]
         equator, axis = ([geo.addLine(ends[i], ends[i + 1]) for i in range(2)] for ends in (low, high))
-        faces = [
-            geo.addPlaneSurface([geo.addCurveLoop([equator[i], arcs[i + 1], -axis[i], -arcs[i]])]) for i in range(2)
-        ]
+        faces = [geo.addPlaneSurface([geo.addCurveLoop([equator[i], arcs[i + 1], -axis[i], -arcs[i]])]) for i in range(2)]
         for curve in (*equator, *axis):
             mesh.setTransfiniteCurve(curve, round(self.through) + 1)
         for curve in arcs:

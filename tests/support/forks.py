@@ -39,12 +39,8 @@ for line in sys.stdin:
 @contextlib.contextmanager
 def forks():
     """Provide a function that runs Python with these words in a folder: ``status``, ``out`` and ``err``."""
-    top = Path(__file__).parents[
-        2
-    ]  # where ``python -m`` finds the packages, as the page's reader does by installing them
-    process = subprocess.Popen(
-        [sys.executable, "-c", AHEAD], cwd=top, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
+    top = Path(__file__).parents[2]  # where ``python -m`` finds the packages, as the page's reader does by installing them
+    process = subprocess.Popen([sys.executable, "-c", AHEAD], cwd=top, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
     def run(words, folder):
         print(json.dumps([list(map(str, words)), str(folder)]), file=process.stdin, flush=True)

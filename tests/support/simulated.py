@@ -134,9 +134,7 @@ class Creeping:
                 curves.append(silhouette.curve(point.state))
         if hung:
             apex = float(curves.pop(0).nodes[0, 0, 1])
-        return cls(
-            tuple(levels), rise, tuple(holds), tuple(QuadraticCurve(curve.nodes - [0.0, apex]) for curve in curves)
-        )
+        return cls(tuple(levels), rise, tuple(holds), tuple(QuadraticCurve(curve.nodes - [0.0, apex]) for curve in curves))
 
     def outlines(self, camera: SimulatedCamera, rng: np.random.Generator | None = None) -> list[Outline]:
         """Return the outlines with their histories of readings; each level is read once."""
@@ -151,9 +149,7 @@ class Creeping:
         return found
 
 
-def _corners(
-    levels: Sequence[float], rise: float, holds: Sequence[float]
-) -> tuple[list[tuple[float, float]], list[int]]:
+def _corners(levels: Sequence[float], rise: float, holds: Sequence[float]) -> tuple[list[tuple[float, float]], list[int]]:
     """Return the corners of the pressure's history, and which of them are photographs."""
     corners, looks = [(0.0, 0.0)], []
     for level in levels:

@@ -118,9 +118,7 @@ def draw(found: Sequence[Predicted]) -> Figure:
             axes.set(title=group, xlabel=one.of.given_label, ylabel=one.of.label)
         for axes in panels[len(groups) :]:
             axes.set_visible(False)
-        figure.suptitle(
-            "measured (circles), predicted (lines), span of the silicone's published sources (grey)", fontsize=10
-        )
+        figure.suptitle("measured (circles), predicted (lines), span of the silicone's published sources (grey)", fontsize=10)
     return figure
 
 

@@ -52,9 +52,7 @@ def drops(one: Measured, material: NeoHookean, mesh: Path) -> np.ndarray:
     }
     weight = fem.SolidBodyForce(field)
     tip, top = device.length, device.thickness / 2
-    forces, nodes = edge_forces(
-        quadratic.points, np.flatnonzero((x > tip - 1e-9) & (z > top - 1e-9)), one.given[-1] / 2
-    )
+    forces, nodes = edge_forces(quadratic.points, np.flatnonzero((x > tip - 1e-9) & (z > top - 1e-9)), one.given[-1] / 2)
     pull = fem.PointLoad(field, nodes)
     ramps = np.linspace(1 / STEPS, 1.0, STEPS)
     loads = np.unique(np.r_[np.linspace(0.0, one.given[-1], STEPS + 1), one.given])

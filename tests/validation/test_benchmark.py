@@ -42,7 +42,5 @@ def test_cases_are_files_that_others_can_take(tmp_path):
     one = next(membranes())
     case = one.case(one.material)
     coarse = dataclasses.replace(case, actuator=dataclasses.replace(case.actuator, thickness=0.01, cell_size=0.01))
-    write_cases(
-        [dataclasses.replace(one, case=lambda material: dataclasses.replace(coarse, material=material))], tmp_path
-    )
+    write_cases([dataclasses.replace(one, case=lambda material: dataclasses.replace(coarse, material=material))], tmp_path)
     assert {file.name for file in tmp_path.iterdir()} == {"plain-15N.toml", "plain-15N.inp"}

@@ -53,18 +53,14 @@ def test_flows_are_those_of_their_formulas():
     assert orifice.flow(p1, between)[0] == pytest.approx(both)
 
 
-@pytest.mark.parametrize(
-    "one", [Tube(2.0, 1e-3), Orifice(C, 0.3), InSeries(Orifice(C, 0.3), Tube(2.0, 1e-3))], ids=repr
-)
+@pytest.mark.parametrize("one", [Tube(2.0, 1e-3), Orifice(C, 0.3), InSeries(Orifice(C, 0.3), Tube(2.0, 1e-3))], ids=repr)
 @pytest.mark.parametrize("pressures", [*itertools.permutations((101325.0, 101360.0, 120e3, 600e3), 2)], ids=repr)
 def test_flows_have_their_derivatives(one, pressures):
     p1, p2 = pressures
     _, upstream, downstream = one.flow(p1, p2)
     h = 0.01
     assert (one.flow(p1 + h, p2)[0] - one.flow(p1 - h, p2)[0]) / (2 * h) == pytest.approx(upstream, rel=1e-4, abs=1e-12)
-    assert (one.flow(p1, p2 + h)[0] - one.flow(p1, p2 - h)[0]) / (2 * h) == pytest.approx(
-        downstream, rel=1e-4, abs=1e-12
-    )
+    assert (one.flow(p1, p2 + h)[0] - one.flow(p1, p2 - h)[0]) / (2 * h) == pytest.approx(downstream, rel=1e-4, abs=1e-12)
 
 
 def test_the_weight_of_a_steps_end_makes_a_decay_exact():
@@ -102,9 +98,7 @@ def filled(body_of):
                 for place, point in supply(solver, program, gas, Settings(tolerance=tolerance)):
                     state = point.state
                     amount = gas.value(state.V, state.P) * system.volume_unit
-                    rows.append(
-                        (time_at(program, place), state.P * system.stress_unit, state.V * system.volume_unit, amount)
-                    )
+                    rows.append((time_at(program, place), state.P * system.stress_unit, state.V * system.volume_unit, amount))
             except PathEnd as met:
                 end = met
         return np.array(rows).T, end, np.array(come)

@@ -113,9 +113,7 @@ def test_a_neck_keeps_its_energy_balance_and_has_a_limit(equilibrium, solved, fi
     most = sphere_pressure(LAW, balloon.radius, balloon.radius + balloon.wall, stretches).max()
     found = Fields(equations).figures(end.limit.state)
     assert found.device["width_mm"] == pytest.approx(2.7 * (balloon.radius + balloon.wall) * 1e3, rel=0.1)
-    figure(
-        SPHERE, "limit pressure of the default, on a neck of a quarter of its radius", found.pressure / most - 1, 0.05
-    )
+    figure(SPHERE, "limit pressure of the default, on a neck of a quarter of its radius", found.pressure / most - 1, 0.05)
 
 
 def test_a_rod_lets_the_far_pole_rise_less(equilibrium, solved):

@@ -98,9 +98,7 @@ def test_work_is_stored(name, inflated, figure):
 def test_two_sides(inflated, figure):
     """Alike pressures bend nothing, for the cells are mirrored too; a side alone bends away from itself."""
     finger = dataclasses.replace(DEVICES["PneuNet"][0], sides=2)
-    ((_, (alone,)), (_, (both,))) = (
-        inflated(dataclasses.replace(finger, opposite=o), SILICONE, 400.0) for o in (0.0, 1.0)
-    )
+    ((_, (alone,)), (_, (both,))) = (inflated(dataclasses.replace(finger, opposite=o), SILICONE, 400.0) for o in (0.0, 1.0))
     assert alone.device["bend_angle_deg"] > 2.0
     figure(MIRRORED, "bend angle under alike pressures, degrees", both.device["bend_angle_deg"], 1e-9)
     assert both.device["tip_x_mm"] > 1e3 * finger.length  # it grows long

@@ -74,9 +74,7 @@ def test_bulging_mode_is_a_half_wave(tube, bulged, figure):
 @pytest.mark.parametrize("longest", [0.3, 1.5])
 def test_step_sizes_do_not_move_a_bifurcation(tube, bulged, solved, longest, figure):
     first = bifurcations(bulged[1])[0]
-    _, points, _ = solved(
-        tube, [6 * tube.system.rest().V], "volume", "volume", largest_step=longest * tube.system.rest().V
-    )
+    _, points, _ = solved(tube, [6 * tube.system.rest().V], "volume", "volume", largest_step=longest * tube.system.rest().V)
     (again,) = bifurcations(points)
     against = "the bulge met by other steps"
     figure(against, "volume", again.state.V / first.state.V - 1, 4e-6)

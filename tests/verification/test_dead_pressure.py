@@ -84,9 +84,7 @@ def test_a_balloon_let_go_at_its_limit_point_rests_where_the_curve_leads(balloon
     path = Continuation(balloon)
     path.begin()
     edge = points[limit]
-    pushed = (
-        edge.state.w + (1 if way == "up" else -1) * NUDGE_DISPLACEMENT / np.abs(edge.tangent.w).max() * edge.tangent.w
-    )
+    pushed = edge.state.w + (1 if way == "up" else -1) * NUDGE_DISPLACEMENT / np.abs(edge.tangent.w).max() * edge.tangent.w
     state = creep(path, pressure_control(edge.state.P), dataclasses.replace(edge.state, w=pushed))
     assert balloon.system.potential.motion is None
     figure(SHELL, "volume where it comes to rest", state.V / points[limit + 1].state.V - 1, 1e-8)

@@ -96,9 +96,7 @@ def test_volume_of_the_undeformed_cavity(device, equilibrium):
     equations = equilibrium(device(), LAWS["neo-hookean"])
     actuator = equations.system.body.actuator
     rest = equations.system.rest().V * equations.system.volume_unit
-    assert rest == pytest.approx(
-        actuator.cavity_volume, rel=3e-3 if equations.system.body.actuator.dimension == 3 else 1e-4
-    )
+    assert rest == pytest.approx(actuator.cavity_volume, rel=3e-3 if equations.system.body.actuator.dimension == 3 else 1e-4)
 
 
 @laws
@@ -137,12 +135,8 @@ def test_derivatives_follow_the_potential(law, section, shell, equilibrium, figu
         equations.system.w.x.array[:] = w + step * direction
         left.append(potential() - Pi - step * first)
         left2.append(left[-1] - step**2 / 2 * second)
-    figure(
-        TAYLOR, "distance of the force's order from 2", np.log2(np.abs(left[:-1]) / np.abs(left[1:]))[-1] - 2.0, 0.003
-    )
-    figure(
-        TAYLOR, "distance of the tangent's order from 3", np.log2(np.abs(left2[:-1]) / np.abs(left2[1:]))[-1] - 3.0, 0.2
-    )
+    figure(TAYLOR, "distance of the force's order from 2", np.log2(np.abs(left[:-1]) / np.abs(left[1:]))[-1] - 2.0, 0.003)
+    figure(TAYLOR, "distance of the tangent's order from 3", np.log2(np.abs(left2[:-1]) / np.abs(left2[1:]))[-1] - 3.0, 0.2)
 
 
 @pytest.mark.parametrize("formulation", ["mixed", "displacement"])

@@ -119,9 +119,7 @@ def test_slip_on_cut_planes_is_exact(azimuth, inflated, wedge, figure):
     for plane in disk.cut_planes:
         on_plane = np.abs(points @ np.array(plane.normal)) < 1e-9
         assert on_plane.sum() > 100
-        figure(
-            "slip on oblique cut planes", "normal displacement over size", u[on_plane] @ plane.normal / disk.size, 1e-12
-        )
+        figure("slip on oblique cut planes", "normal displacement over size", u[on_plane] @ plane.normal / disk.size, 1e-12)
     apex = int(np.argmin(np.linalg.norm(points - np.array(disk.probes["apex"]), axis=1)))
     assert np.abs(u[apex, :2]).max() < 1e-12 * disk.size
     assert u[apex, 2] == pytest.approx(result.apex[-1], rel=1e-12)
@@ -151,9 +149,7 @@ def test_formulations_agree_where_both_may_be_used(inflated, figure):
         disk = HollowDisk(section="axisymmetric", cell_size=size)
         mixed, plain = (inflated(disk, (130.0,), law, formulation).apex[0] for formulation in ("mixed", "displacement"))
         apart.append(abs(plain / mixed - 1))
-    figure(
-        "displacements and pressure as unknowns, Poisson's ratio 0.3", "apex by displacements alone", apart[0], 1.9e-4
-    )
+    figure("displacements and pressure as unknowns, Poisson's ratio 0.3", "apex by displacements alone", apart[0], 1.9e-4)
     assert apart[1] < 0.5 * apart[0]
 
 

@@ -86,9 +86,7 @@ def test_vertices_have_the_volume_of_p(equilibrium, solved, section, poisson, fi
     bulk = law.bulk / law.shear_modulus_0
     ratio = 1 + p * (0.0 if math.isinf(bulk) else 1 / bulk)
     dx = body.measures()[0]
-    above, below = (
-        fem.assemble_vector(fem.form(form)).array for form in (ratio * q * body.hoop * dx, q * body.hoop * dx)
-    )
+    above, below = (fem.assemble_vector(fem.form(form)).array for form in (ratio * q * body.hoop * dx, q * body.hoop * dx))
     means = above / below
     wanted = np.array([means.min(), means.max()])
     figure("1 + p over the bulk modulus", "J in rows", np.subtract(figures.extremes["J"], wanted), 4e-10)

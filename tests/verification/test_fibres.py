@@ -25,9 +25,7 @@ from tests.support.campaigns import sampled
 
 LAW = sm.NeoHookean(30e3, 0.5)
 TUBE = sm.Cylinder(length=0.12, fillet=0.0, base="sliding")
-THICK = sm.Cylinder(
-    section="whole", inner_radius=0.004, wall=0.004, length=0.04, fillet=0.0, base="sliding", cell_size=0.004
-)
+THICK = sm.Cylinder(section="whole", inner_radius=0.004, wall=0.004, length=0.04, fillet=0.0, base="sliding", cell_size=0.004)
 BRAID = Fibres(on="wall", angle=40.0, modulus=1e6, name="braid")
 AXIAL = Fibres(on="wall", angle=0.0, helices=1, modulus=1.0, law="exponential", exponent=20.0, slack=True, name="axial")
 NET = Fibres(on="outer", angle=45.0, stiffness=1.0, slack=True, name="net")
@@ -135,9 +133,7 @@ CASES = {
     "fabric": with_all(
         dataclasses.replace(BRAID, modulus=1.0), dataclasses.replace(SKIN, along=40.0, across=120.0, poisson=0.3)
     ),
-    "a net that hardly stretches": with_all(
-        dataclasses.replace(BRAID, modulus=1.0), dataclasses.replace(NET, stiffness=60e3)
-    ),
+    "a net that hardly stretches": with_all(dataclasses.replace(BRAID, modulus=1.0), dataclasses.replace(NET, stiffness=60e3)),
 }
 
 
@@ -161,9 +157,7 @@ def test_the_neutral_angle(wound, figure):
         return figures(wound, follow(wound, components(angle), [250.0])[-1])[1] - 1
 
     neutral = brentq(stretch, 53.5, 56.0, xtol=0.003)
-    figure(
-        "arctan sqrt 2", "neutral angle at a small pressure", neutral - np.degrees(np.arctan(2**0.5)), 0.1, unit="deg"
-    )
+    figure("arctan sqrt 2", "neutral angle at a small pressure", neutral - np.degrees(np.arctan(2**0.5)), 0.1, unit="deg")
     exact = brentq(lambda angle: Wound(TUBE, components(angle)).at(250.0)[1] - 1, 53.5, 56.0)
     figure(CLOSED, "neutral angle", neutral - exact, 0.02, unit="deg")
 
@@ -232,9 +226,7 @@ def test_one_helix_twists_the_tube(body_of, figure):
     turned = np.angle((x[:, 0] + 1j * x[:, 1]) / (X[:, 0] + 1j * X[:, 1]))
     figure(CLOSED, "twist per length, whole tube", np.polyfit(X[middle, 2], turned[middle], 1)[0] / twist - 1, 0.03)
     figure(CLOSED, "stretch along, whole tube", np.polyfit(X[middle, 2], x[middle, 2], 1)[0] / stretch - 1, 3e-3)
-    figure(
-        CLOSED, "outer radius, whole tube", np.hypot(*x[middle, :2].T).mean() / THICK.outer_radius / radius - 1, 3e-3
-    )
+    figure(CLOSED, "outer radius, whole tube", np.hypot(*x[middle, :2].T).mean() / THICK.outer_radius / radius - 1, 3e-3)
     figures_now = fields.figures(last.state).device
     assert np.sign(figures_now["twist_deg"]) == np.sign(twist) and abs(figures_now["bend_angle_deg"]) < 0.1
 

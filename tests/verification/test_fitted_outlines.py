@@ -25,9 +25,7 @@ BENCH = ("centre", "pressure_offset", "zero")
 """A leak or a unit of length would take up what the models differ by."""
 MEMBRANE = Membrane(radius=0.02, thickness=0.3e-3, cell_size=0.002, section="axisymmetric", through=1)
 WALL = 0.3e-3
-BALLOON = Balloon(
-    radius=0.02 - WALL / 2, wall=WALL, neck_radius=0.0, cell_size=0.004, section="axisymmetric", through=1
-)
+BALLOON = Balloon(radius=0.02 - WALL / 2, wall=WALL, neck_radius=0.0, cell_size=0.004, section="axisymmetric", through=1)
 BELLOWS = Bellows(section="axisymmetric", cell_size=0.0015, through=1)
 
 

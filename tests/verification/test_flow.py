@@ -167,9 +167,7 @@ def test_the_stiffness_of_a_spring_is_the_derivative_of_its_stress(x, figure):
     predicted = [memory.contracted(row, entries(change)) for row in whole]
     moved = memory.step_stress(entries(C + 1e-30j * change), H, b, spring, shift)
     size = np.abs(memory.step_stress(entries(C), H, b, spring, shift)).max()
-    figure(
-        "derivative of its stress", "stiffness of a branch's spring", (np.imag(moved) / 1e-30 - predicted) / size, 1e-12
-    )
+    figure("derivative of its stress", "stiffness of a branch's spring", (np.imag(moved) / 1e-30 - predicted) / size, 1e-12)
 
 
 # -- devices ----------------------------------------------------------------------------------------------------------
@@ -299,9 +297,7 @@ def test_published_branches_as_published(rate, figure):
         errors.append(np.abs(stress - found).max() / found.max())
     against = "implicit Euler of Stewart and Anand's law of VHB 4910"
     figure(against, f"nominal stress in 100 steps of theirs, {rate:g} /s", errors[0], 1.1e-2)
-    figure(
-        against, "their error over that in half as many steps, less 1/2", np.array(errors[1:]) / errors[:-1] - 0.5, 0.06
-    )
+    figure(against, "their error over that in half as many steps, less 1/2", np.array(errors[1:]) / errors[:-1] - 0.5, 0.06)
 
 
 def measured_at(rate, folder):

@@ -11,14 +11,7 @@ import pytest
 import softmodels as sm
 from softmodels.case.load import steps_of
 from softmodels.components.contact import RigidShape
-from softmodels.components.pressing import (
-    FrictionHistory,
-    HardeningPenalty,
-    PressedByDistance,
-    Rubbed,
-    Rubbing,
-    Surface,
-)
+from softmodels.components.pressing import FrictionHistory, HardeningPenalty, PressedByDistance, Rubbed, Rubbing, Surface
 from softmodels.components.shapes import slopes
 from softmodels.fitting.outlines.device import MeasuredDevice
 from softmodels.fitting.problem import FitError
@@ -137,9 +130,7 @@ def test_a_strip_around_a_rod_holds_as_euler_and_eytelwein_have_it(figure):
     thin = h / path["max_stretch"][-1] ** 0.5
     wanted = mu * math.pi / 2 * R / (R + thin / 2)
     found = math.log(path["rod_force_z_N"][-1] / path["rod_force_x_N"][-1])
-    figure(
-        "Euler and Eytelwein's rope", "logarithm of the ratio of pulls, a strip around a rod", found / wanted - 1, 0.04
-    )
+    figure("Euler and Eytelwein's rope", "logarithm of the ratio of pulls, a strip around a rod", found / wanted - 1, 0.04)
 
 
 @pytest.fixture(scope="module")

@@ -72,9 +72,7 @@ def test_pull_in(figure):
         sm.Membrane(clamp_width=0.003), law, pressures="0,10 cm", components=[Clamp("clamp, clamp_top", along="z")]
     )
     held = sm.inflate(sm.Membrane(clamp_width=0.003), law, pressures="0,10 cm")
-    figure(
-        "the membrane's own clamp without friction", "the same by [hold]: apex", grip.apex[-1] / own.apex[-1] - 1, 1e-9
-    )
+    figure("the membrane's own clamp without friction", "the same by [hold]: apex", grip.apex[-1] / own.apex[-1] - 1, 1e-9)
     assert grip.apex[-1] > 1.01 * held.apex[-1]
 
 

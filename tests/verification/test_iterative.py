@@ -103,10 +103,7 @@ def test_model_that_does_not_fit(body_of, monkeypatch):
             solver_module.select_solver(system, method)
     monkeypatch.setattr(Multigrid, "memory", lambda system: 0.1 * min(direct, iterative))
     switched = solver_module.select_solver(system, "auto")
-    assert (
-        switched.name == "iterative"
-        and f"a factorisation would take about {direct / 1e9:.2g} GB" in switched.description
-    )
+    assert switched.name == "iterative" and f"a factorisation would take about {direct / 1e9:.2g} GB" in switched.description
     with pytest.raises(TooLargeError, match='or solver="iterative"'):
         solver_module.select_solver(system, "direct")
 

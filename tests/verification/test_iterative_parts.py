@@ -218,9 +218,7 @@ def test_other_parts(name, figure):
     case = Case.from_toml(CASES[name])
     runs = [sm.run(dataclasses.replace(case, solver=method)) for method in METHODS]
     tables = [[row for row in one.rows if row["requested"]] for one in runs]
-    one, other = (
-        {key: np.array([row[key] for row in rows], float) for key in rows[0] if key not in UNLIKE} for rows in tables
-    )
+    one, other = ({key: np.array([row[key] for row in rows], float) for key in rows[0] if key not in UNLIKE} for rows in tables)
     apart = max(np.abs(other[key] - one[key]).max() / max(np.abs(one[key]).max(), 1e-12) for key in one)
     figure(DIRECT, f"all of path.csv by iterations, {name}", apart, 1e-8)
     low = [np.array([row["lowest_eigenvalue_Pa_per_mm2"] for row in rows]) for rows in tables]

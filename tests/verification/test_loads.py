@@ -217,9 +217,7 @@ def test_energies_balance(hanging, figure):
         stored.append(system.stored_energy() * unit)
         sags.append(moved(solver, point.state)[0])
     places = np.array([point.state.V for point in points])
-    force, slope = (
-        np.array(found) for found in zip(*((p.state.P, p.tangent.P / p.tangent.V) for p in points), strict=True)
-    )
+    force, slope = (np.array(found) for found in zip(*((p.state.P, p.tangent.P / p.tangent.V) for p in points), strict=True))
     step = np.diff(places)
     work = np.sum(step * (force[:-1] + force[1:]) / 2 + step**2 * (slope[:-1] - slope[1:]) / 12) * unit
     given = work + weight * (sags[1] - sags[0])
@@ -270,9 +268,7 @@ def nominal(law, x):
 def test_a_force_past_its_limit_point(body_of, figure):
     """A law that softens and stiffens again: the force ends there, and a travel passes it."""
     solver = solver_of(body_of, BLOCK, SOFTENING, PULL)
-    most = minimize_scalar(
-        lambda x: -nominal(SOFTENING, x), bounds=(1.2, 3.0), method="bounded", options={"xatol": 1e-10}
-    )
+    most = minimize_scalar(lambda x: -nominal(SOFTENING, x), bounds=(1.2, 3.0), method="bounded", options={"xatol": 1e-10})
     top = nominal(SOFTENING, most.x) * BLOCK.area
     unit = solver.system.dead.units[0]
 
@@ -282,9 +278,7 @@ def test_a_force_past_its_limit_point(body_of, figure):
     with pytest.raises(PathEnd) as end:
         list(trace(path("force"), [1.2 * top / unit]))
     assert end.value.limit is not None
-    figure(
-        "the largest nominal stress of the law", "force at its limit", end.value.limit.state.P * unit / top - 1, 1e-9
-    )
+    figure("the largest nominal stress of the law", "force at its limit", end.value.limit.state.P * unit / top - 1, 1e-9)
     points = list(trace(path("travel"), [(1.4 * most.x - 1) * BLOCK.length / solver.system.length_unit]))
     assert [point.limit for point in points].count(True) == 1
     held = nominal(SOFTENING, 1.4 * most.x) * BLOCK.area
@@ -314,9 +308,7 @@ def test_a_weight_on_a_disk(body_of, figure):
     together = apply_preload(solver, [("all", pressure + weight)], lambda text: None)
     system.load(last.state)
     wanted = system.driven()
-    figure(
-        "weight first, then pressure", "volume and sag", np.array([other.driven, together.driven]) / wanted - 1, 1e-8
-    )
+    figure("weight first, then pressure", "volume and sag", np.array([other.driven, together.driven]) / wanted - 1, 1e-8)
 
 
 def test_several_masses_on_one_face(body_of):
@@ -348,9 +340,7 @@ def test_a_cantilever_in_large_deflection(body_of, figure):
         device = fields.figures(hung.state).device
         wanted = elastica(weight, loads.get("tip", 0.0))
         apart = np.array([device["tip_x_mm"], device["tip_z_mm"]]) * 1e-3 - wanted
-        figure(
-            "a geometrically exact beam", f"place of the tip by its {name}, in deflections", apart / -wanted[1], 5e-3
-        )
+        figure("a geometrically exact beam", f"place of the tip by its {name}, in deflections", apart / -wanted[1], 5e-3)
         assert -wanted[1] > 0.75 * BEAM.length
     hung = apply_preload(solver, [("a moment", magnitudes(solver, end=moment))], lambda text: None)
     device = fields.figures(hung.state).device

@@ -36,9 +36,7 @@ def test_intervals_hold_the_truth(comm, tmp_path, figure):
     for module, words in examples.demo_commands(tmp_path, truth):
         command = {"measurement": measurement, "softmodels": fit_material}[module]
         words = words[1:] if module == "softmodels" else words
-        more = {"photos": ["--jobs", "1", "--no-pictures"], "setup": []}.get(
-            words[0], ["--no-profiles", "--no-pictures"]
-        )
+        more = {"photos": ["--jobs", "1", "--no-pictures"], "setup": []}.get(words[0], ["--no-profiles", "--no-pictures"])
         done = runner.invoke(command, [*words, *more])
         assert done.exit_code == 0, done.output
     lines, good = examples.compared(tmp_path, truth)

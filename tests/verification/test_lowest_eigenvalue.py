@@ -150,9 +150,7 @@ def test_a_section_and_a_wedge_agree_far_past_the_limit_point(equilibrium, solve
         _, points, _ = solved(equations, [45e-6 / equations.system.volume_unit], quantity="volume")
         values.append(points[-1].signature.lowest * equations.system.stress_unit)
     assert values[0] < 0
-    figure(
-        "a section's lowest eigenvalue far past the limit", "the wedge's, coarse cells", values[1] / values[0] - 1, 6e-3
-    )
+    figure("a section's lowest eigenvalue far past the limit", "the wedge's, coarse cells", values[1] / values[0] - 1, 6e-3)
 
 
 def test_what_is_not_found_is_not_a_number(ballooned, monkeypatch):
@@ -167,9 +165,7 @@ def test_what_is_not_found_is_not_a_number(ballooned, monkeypatch):
     equations.bordered.solve(watched.sense, start[0])
     for negatives in (1, 3):
         with pytest.raises(NoConvergence):
-            nearest(
-                Pencil(equations.bordered.K.mult, watched.M, equations.bordered.solve), start, [1e-7], 50, negatives
-            )
+            nearest(Pencil(equations.bordered.K.mult, watched.M, equations.bordered.solve), start, [1e-7], 50, negatives)
 
 
 def test_a_nan_has_the_next_point_factorised(ballooned, monkeypatch):

@@ -60,19 +60,14 @@ def test_yeoh_on_ecoflex(ecoflex, figure):
         text = f"Yeoh's {name}, stretch 1.02 to 6, against {value:g} Pa"
         figure(MARECHAL, text, found.values[name] - value, {"c1": 0.5, "c2": 0.016, "c3": 0.05}[name], unit="Pa")
     figure(MARECHAL, "rms of Yeoh's fit, against 346 Pa", rms(found)[0] - 346.0, 0.9, unit="Pa")
-    assert (
-        judge(LawChoice.from_text("yeoh").material(found.values), largest_strain([ecoflex.within(1.02, 6.0)])).flags
-        == ()
-    )
+    assert judge(LawChoice.from_text("yeoh").material(found.values), largest_strain([ecoflex.within(1.02, 6.0)])).flags == ()
 
 
 def test_yeoh_on_liao(liao, figure):
     found = unweighted("yeoh", liao)
     wanted = {"c1": 13892.0, "c2": 61.2, "c3": 29.5}
     against = "least squares done elsewhere, Ecoflex 00-30 (Liao et al. 2021)"
-    figure(
-        against, "Yeoh: 13.892, 0.0612, 0.0295 kPa", [found.values[name] / wanted[name] - 1 for name in wanted], 1e-3
-    )
+    figure(against, "Yeoh: 13.892, 0.0612, 0.0295 kPa", [found.values[name] / wanted[name] - 1 for name in wanted], 1e-3)
 
 
 def test_two_curves_of_one_product_disagree_beyond_their_errors(ecoflex, liao):

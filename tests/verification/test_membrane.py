@@ -69,9 +69,7 @@ def test_the_equations_balance_their_energy(figure):
     for plate, weight in ((0.0, 0.0), (0.008, 0.1)):
         membrane = shooting.CircularMembrane(RADIUS, 1e-3, shooting.Yeoh(15e3, 300.0), plate, weight)
         path = membrane.path(np.linspace(5e-3, 20e-3, 31))
-        V, P, h, W = (
-            np.array([getattr(state, name) for state in path]) for name in ("volume", "pressure", "height", "energy")
-        )
+        V, P, h, W = (np.array([getattr(state, name) for state in path]) for name in ("volume", "pressure", "height", "energy"))
         work = CubicSpline(V, P).integrate(V[0], V[-1]) - weight * (h[-1] - h[0])
         figure("work of pressure and weight", "energy stored by shooting", work / (W[-1] - W[0]) - 1, 1e-5)
 

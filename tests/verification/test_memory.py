@@ -74,9 +74,9 @@ def in_steps(count, end=8.0):
 
 
 def test_a_branch_converges_with_the_square_of_the_step(figure):
-    exact = solve_ivp(
-        lambda t, y: entries(rate(strain(t), tensor(y))), (0.0, 8.0), memory.IDENTITY, rtol=1e-12, atol=1e-13
-    ).y[:, -1]
+    exact = solve_ivp(lambda t, y: entries(rate(strain(t), tensor(y))), (0.0, 8.0), memory.IDENTITY, rtol=1e-12, atol=1e-13).y[
+        :, -1
+    ]
     found = [np.abs(in_steps(count) - exact).max() for count in (20, 40, 80, 160)]
     figure(ODE, "Cv after 160 steps of 0.05 tau", found[-1], 3e-5)
     orders = np.log2(np.array(found[:-1]) / found[1:])
@@ -283,12 +283,8 @@ def test_a_thick_sphere_filled_held_and_emptied(tolerance, bound, body_of, figur
     tables = {"cavity1": {"volume_ml": [large * 1e6, large * 1e6, small * 1e6]}, "time_s": [3.0, 10.0, 11.0]}
     (times, pressures, *_), end = followed(body_of(SPHERE), law, tables, tolerance)
     assert end is None and times[-1] == 11.0
-    exact = wall_pressure(
-        lambda t: np.interp(t, [0, 3, 10, 11], [0, large, large, small]), times, (0.0, 3.0, 10.0, 11.0)
-    )
-    figure(
-        WALL, f"pressure in time over the largest, tolerance {tolerance:g}", (pressures - exact) / exact.max(), bound
-    )
+    exact = wall_pressure(lambda t: np.interp(t, [0, 3, 10, 11], [0, large, large, small]), times, (0.0, 3.0, 10.0, 11.0))
+    figure(WALL, f"pressure in time over the largest, tolerance {tolerance:g}", (pressures - exact) / exact.max(), bound)
 
 
 def wall_volume(pressure, times, corners, branches=BRANCHES, fluidity=lambda J2: 1.0):
@@ -408,9 +404,7 @@ def test_the_area_of_the_loop_is_what_the_law_dissipates(law, body_of, figure):
     (_, P, V, stored, lost), _ = followed(body_of(bodies.Sphere(through=2, along=6)), law, tables, 1e-5)
     work = np.concatenate([[0.0], np.cumsum((P[1:] + P[:-1]) / 2 * np.diff(V))])
     assert lost[-1] > 0.02 * work.max()
-    figure(
-        "work of the air on a cycled sphere", "stored and dissipated energy", (stored + lost - work) / work.max(), 1e-3
-    )
+    figure("work of the air on a cycled sphere", "stored and dissipated energy", (stored + lost - work) / work.max(), 1e-3)
     assert (np.diff(lost) > -1e-12 * lost[-1]).all()
 
 

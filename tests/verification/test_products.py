@@ -39,9 +39,7 @@ def apart(system, seed):
 def system_of(body_of):
     from softmodels.mechanics.system import System
 
-    return lambda actuator, formulation, components=(): System(
-        body_of(actuator), LAW, formulation, components=components
-    )
+    return lambda actuator, formulation, components=(): System(body_of(actuator), LAW, formulation, components=components)
 
 
 @pytest.mark.parametrize("formulation", ["mixed", "displacement"])

@@ -157,9 +157,7 @@ def test_a_pressure_held_past_its_limit_is_unstable(run, alone, solved, limits):
     added = 2.0 * limits["inner"][1]
     points, _ = run({"volume_ml": (added * ML,)}, {"pressure_cm": (0.0,)})
     assert all(point.stable_under_volume for _, point, _ in points)
-    assert (
-        points[-1][1].signature.negative_eigenvalues == 1 and [point.limit for _, point, _ in points].count(True) == 1
-    )
+    assert points[-1][1].signature.negative_eigenvalues == 1 and [point.limit for _, point, _ in points].count(True) == 1
     eq = alone("inner")
     _, single, _ = solved(eq, [added / eq.system.volume_unit], "auto", "volume")
     assert single[-1].signature.negative_eigenvalues == 1

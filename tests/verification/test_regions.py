@@ -170,9 +170,7 @@ def test_derivatives(formulation, layered, body_of, solved, figure):
         where, _, number = name.rpartition(".")
         step, ends = 1e-4 * getattr(laws[where], number), []
         for sign in (1, -1):
-            moved = laws | {
-                where: dataclasses.replace(laws[where], **{number: getattr(laws[where], number) + sign * step})
-            }
+            moved = laws | {where: dataclasses.replace(laws[where], **{number: getattr(laws[where], number) + sign * step})}
             eq.potential.regions[1].material = moved["shell"]
             eq.set_material(moved[""])
             ends.append((found := equations.solve(volume_control(state.V), state.w, state.P)).P * eq.stress_unit)
@@ -191,9 +189,7 @@ def test_a_stiff_ring_is_a_rigid_one(figure):
     soft = sm.inflate(sm.Membrane(rings=radii, ring_thickness=0.001), law, pressures="0,20 cm", components=[stiff])
     rigid = sm.inflate(sm.Membrane(rings=radii), law, pressures="0,20 cm", components=[sm.Rigid("ring1")])
     assert soft.limit is rigid.limit is None
-    figure(
-        "rigid ring on a membrane at 20 cm", "ring 10,000 times stiffer: apex", soft.apex[-1] / rigid.apex[-1] - 1, 2e-3
-    )
+    figure("rigid ring on a membrane at 20 cm", "ring 10,000 times stiffer: apex", soft.apex[-1] / rigid.apex[-1] - 1, 2e-3)
     volumes = soft.added_volume[-1] / rigid.added_volume[-1]
     figure("rigid ring on a membrane at 20 cm", "ring 10,000 times stiffer: added volume", volumes - 1, 2e-3)
 
@@ -206,9 +202,7 @@ def test_a_region_and_its_face_may_bear_one_name(body_of):
 
 
 def test_what_is_no_region(layered, body_of):
-    with pytest.raises(
-        ComponentError, match=r"\[region.core\]: LayeredSphere has no region 'core'; its regions are shell"
-    ):
+    with pytest.raises(ComponentError, match=r"\[region.core\]: LayeredSphere has no region 'core'; its regions are shell"):
         Region(SOFT, name="core").check_on(layered["sphere"])
     with pytest.raises(ComponentError, match="no cells of this name; it has"):
         System(body_of(layered["sphere"]), SOFT, components=[Region(HARD, name="core")])

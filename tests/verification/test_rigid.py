@@ -77,9 +77,7 @@ def test_the_face_moves_as_one_and_its_forces_cancel(plated, figure):
     assert np.ptp(rises, axis=0).max() == 0.0 and not rises[:, 0].any() and abs(rises[0, 1]) > 1e-3
     residual, scale = system.residual(), np.abs(system.residual()).max()
     assert scale > 0.01  # on single dofs of the plate
-    figure(
-        FREE, "force left on a free dof or on a rigid plate", np.abs(selection(system).T @ residual).max() / scale, 1e-9
-    )
+    figure(FREE, "force left on a free dof or on a rigid plate", np.abs(selection(system).T @ residual).max() / scale, 1e-9)
 
 
 @pytest.mark.campaign
@@ -125,9 +123,7 @@ def test_direction_of_the_path(plated, figure):
 @pytest.mark.campaign
 def test_a_case_of_its_own():
     """A plate in a case file: its columns, and the force with which a held one is pushed as a free one is not."""
-    text = (
-        '[geometry]\ndevice = "HollowDisk"\nsection = "axisymmetric"\ncell_size = "2mm"\n[load]\npressure_cm = [20]\n'
-    )
+    text = '[geometry]\ndevice = "HollowDisk"\nsection = "axisymmetric"\ncell_size = "2mm"\n[load]\npressure_cm = [20]\n'
     moved = {}
     for kind in ("free", "held"):
         case = Case.from_toml(text + f'[rigid.plate]\nface = "top"\nkind = "{kind}"\n')
@@ -325,9 +321,7 @@ def test_a_half_beam_is_the_half_of_a_whole_one(body_of, figure):
             )
         )
         system = solver.system
-        system.load(
-            apply_preload(solver, [("the force", np.array([0.02]) / system.dead.units)], lambda text: None).state
-        )
+        system.load(apply_preload(solver, [("the force", np.array([0.02]) / system.dead.units)], lambda text: None).state)
         motion = system.unknowns.moving["plate"]
         assert motion.freedom.count == (3 if half == "yes" else 6)
         found[half] = np.concatenate([motion.translation, rotation_vector(motion.rotation)])

@@ -53,9 +53,7 @@ class Plated:
         self.exact, self.limit = [path[k] for k in AT], shooting.limit(path)
         plate = Rigid("plate", name="plate", mass=self.weight / G)
         self.solver = Solver(
-            System(
-                body_of(membrane), law, components=[plate, Gravity("-z", density=0.0), Force("plate", "z", name="cell")]
-            )
+            System(body_of(membrane), law, components=[plate, Gravity("-z", density=0.0), Force("plate", "z", name="cell")])
         )
         self.system = self.solver.system
 

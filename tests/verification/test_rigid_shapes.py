@@ -84,9 +84,7 @@ class Ground(HollowDisk):
         face = occ.addRectangle(0, 0, 0, self.extent, self.extent)
         occ.synchronize()
         names = ("plane2", "cavity", "top", "axis")
-        for tag, ((_, curve), name) in enumerate(
-            zip(gmsh.model.getBoundary([(2, face)], oriented=False), names, strict=True)
-        ):
+        for tag, ((_, curve), name) in enumerate(zip(gmsh.model.getBoundary([(2, face)], oriented=False), names, strict=True)):
             gmsh.model.addPhysicalGroup(1, [curve], 4 if name == "cavity" else 10 + tag, name)
         gmsh.model.addPhysicalGroup(2, [face], 20, "solid")
         mesh.setSizeCallback(

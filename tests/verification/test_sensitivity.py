@@ -53,9 +53,7 @@ def changed(material, name, by):
     value = getattr(material, field)
     if not isinstance(value, tuple):
         return dataclasses.replace(material, **{field: value + by})
-    return dataclasses.replace(
-        material, **{field: tuple(v + by * (i == int(name[-1]) - 1) for i, v in enumerate(value))}
-    )
+    return dataclasses.replace(material, **{field: tuple(v + by * (i == int(name[-1]) - 1) for i, v in enumerate(value))})
 
 
 def size_of(equations, name):
@@ -240,9 +238,7 @@ def test_a_modulus_alone_moves_no_shape(equilibrium, solved, sensitivity):
     state = at(solved, equations, PAST).state
     _, rates = sensitivity(equations).rates(state, volume_control(state.V), ["shear_modulus"])
     assert np.abs(rates["shear_modulus"].w).max() * law.shear_modulus < 1e-14
-    assert rates["shear_modulus"].P * law.shear_modulus == pytest.approx(
-        state.P * equations.system.stress_unit, rel=1e-14
-    )
+    assert rates["shear_modulus"].P * law.shear_modulus == pytest.approx(state.P * equations.system.stress_unit, rel=1e-14)
 
 
 def test_moved_mesh_is_the_other_disk(equilibrium, solved, figure):

@@ -41,11 +41,7 @@ def through(solver, kind="pressure", by=0.0, in_time=None):
     for number, time in enumerate(TIMES.tolist()):
         level = float(np.interp(time, CORNERS, LEVELS[kind]))
         value = level * (1.0 + by)
-        line = (
-            pressure_control(value / eq.stress_unit)
-            if kind == "pressure"
-            else volume_control(rest + value / eq.volume_unit)
-        )
+        line = pressure_control(value / eq.stress_unit) if kind == "pressure" else volume_control(rest + value / eq.volume_unit)
         eq.potential.pass_time(time - last)
         state, last = solver.solve(line, state.w, state.P), time
         rates = in_time.step(state, line, {"level": level})[1] if in_time else {}
@@ -113,9 +109,7 @@ def orders(solver, law, names, states, kind, figure):
 def test_rates_through_a_hundred_steps(law, kind, body_of, figure):
     law = LAWS[law]
     solver = Solver(System(body_of(DISK), law, creeping=True))
-    names = [
-        name for name in (*known_parameters(law), *memory_parameters(law)) if name != "poisson" or law.poisson < 0.5
-    ]
+    names = [name for name in (*known_parameters(law), *memory_parameters(law)) if name != "poisson" or law.poisson < 0.5]
     in_time = InTime(Sensitivity(solver), names, ["level"])
     states = through(solver, kind, in_time=in_time)
     # The law, its memory and the level apart, so that large rates do not hide an error of small ones.
@@ -158,9 +152,7 @@ def test_two_silicones(body_of, figure):
         eq.potential.regions[1].material = laws["shell"]
         eq.set_material(laws[""])
         apart = (ends[0] - ends[1]) / (2 * step) / rates[name].V - 1
-        figure(
-            "central differences of a creeping sphere of two layers", "volume, by numbers of both laws", apart, 1.7e-5
-        )
+        figure("central differences of a creeping sphere of two layers", "volume, by numbers of both laws", apart, 1.7e-5)
 
 
 @pytest.mark.campaign
@@ -174,6 +166,4 @@ def test_a_parameter_costs_one_linear_solve_a_step(body_of, monkeypatch):
     monkeypatch.setattr(solver, "linear_response", lambda *words: (solved.append(1), respond(*words))[1])
     names = [*known_parameters(law), *memory_parameters(law)]
     through(solver, in_time=InTime(sensitivity, names, ["level"]))
-    assert len(made) == len(TIMES) and len(solved) == len(TIMES) * (
-        len(names) + 2
-    )  # the level's, and the path's tangent
+    assert len(made) == len(TIMES) and len(solved) == len(TIMES) * (len(names) + 2)  # the level's, and the path's tangent

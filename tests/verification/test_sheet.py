@@ -74,9 +74,7 @@ def test_sphere_in_a_sheet_octant(stiffness, body_of, solved, figure):
     h = np.diff(V)
     work = np.sum(h * (P[1:] + P[:-1]) / 2 - h**2 * np.diff(slopes) / 12)  # trapezia with their end slopes
     equations.system.load(points[-1].state)
-    figure(
-        "work of the pressure, sphere with a sheet", "stored energy", equations.system.stored_energy() / work - 1, 6e-4
-    )
+    figure("work of the pressure, sphere with a sheet", "stored energy", equations.system.stored_energy() / work - 1, 6e-4)
 
 
 def test_another_material_leaves_the_sheet_as_it_is(body_of, solved, figure):

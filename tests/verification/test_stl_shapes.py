@@ -92,9 +92,7 @@ def plane():
 @pytest.mark.campaign
 @pytest.mark.parametrize("hollow", sampled([False, True]))
 def test_a_side_of_a_box_is_a_plane(hollow, plane, tmp_path):
-    low, high = (
-        ((-0.06, -0.06, CEILING), (0.06, 0.06, 0.03)) if not hollow else ((-0.06, -0.06, -0.03), (0.06, 0.06, CEILING))
-    )
+    low, high = ((-0.06, -0.06, CEILING), (0.06, 0.06, 0.03)) if not hollow else ((-0.06, -0.06, -0.03), (0.06, 0.06, CEILING))
     file = stl_files.write_stl(tmp_path / "box.stl", *stl_files.box(low, high))
     lid = sm.RigidShape("stl", "top", (0.0, 0.0, 0.0), file=str(file), hollow=hollow, rounding=0.002, name="lid")
     run = sm.inflate(EIGHTH, LAW, "0,40 cm", components=[lid])
@@ -107,15 +105,11 @@ def test_what_cannot_be_meant_is_refused(tmp_path):
     file = str(stl_files.write_stl(tmp_path / "ball.stl", *stl_files.ball(RADIUS)))
     points, triangles = stl_files.ball(RADIUS)
     broken = str(stl_files.write_stl(tmp_path / "open.stl", points, triangles[1:]))
-    turned = str(
-        stl_files.write_stl(tmp_path / "turned.stl", points, np.concatenate([triangles[:1, ::-1], triangles[1:]]))
-    )
+    turned = str(stl_files.write_stl(tmp_path / "turned.stl", points, np.concatenate([triangles[:1, ::-1], triangles[1:]])))
 
     def refused(match, device=DISK, **fields):
         with pytest.raises((ComponentError, FieldError, sm.CaseError), match=match):
-            sm.inflate(
-                device, LAW, "0,5 cm", components=[sm.RigidShape("stl", "top", **{"at": AT, "file": file, **fields})]
-            )
+            sm.inflate(device, LAW, "0,5 cm", components=[sm.RigidShape("stl", "top", **{"at": AT, "file": file, **fields})])
 
     refused("needs its file", file="")
     refused("leave out radius", radius=0.01)

@@ -63,14 +63,10 @@ def test_the_seal_moves_outwards_and_opens(run, figure):
     assert last["plane_depth_mm"] < 1e-4
     told = run.limit.why
     assert "the seal of [contact.plane] opens" in told and "leak" in told and "radius" in told
-    assert (
-        run._source.main == len(run.rows) - 1
-    )  # what pictures show of a path that was asked for one value, and has none
+    assert run._source.main == len(run.rows) - 1  # what pictures show of a path that was asked for one value, and has none
     by_force = pulled(SuctionCup(), 200e3, "force_N", (0.0, 5.0)).rows[-1]
     found = [by_force[name] / last[name] - 1 for name in ("force_pull_N", "travel_pull_mm", "plane_sealed_mm2")]
-    figure(
-        "the leak found by pulling with a travel", "force, travel and sealed area at the leak, by a force", found, 1e-7
-    )
+    figure("the leak found by pulling with a travel", "force, travel and sealed area at the leak, by a force", found, 1e-7)
 
 
 @pytest.mark.campaign

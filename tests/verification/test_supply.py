@@ -59,9 +59,7 @@ def test_stroke_pressure_and_volume_obey_the_gas_law(disk, drive, gas, figure):
 
 def test_a_liquid_is_volume_control(disk, drive, solved, figure):
     _, points = drive([10, 35], Syringe(syringe=60 * ML, gas="liquid"))
-    _, expected, _ = solved(
-        disk, [10 * ML / disk.system.volume_unit, 35 * ML / disk.system.volume_unit], quantity="volume"
-    )
+    _, expected, _ = solved(disk, [10 * ML / disk.system.volume_unit, 35 * ML / disk.system.volume_unit], quantity="volume")
     found, wanted = ([p.state.P for p in points if p.requested] for points in (points, expected))
     figure("volume control", "a syringe with a liquid, pressure", np.divide(found, wanted) - 1, 1e-12)
 
@@ -74,9 +72,7 @@ def test_an_endless_dead_volume_is_pressure_control(disk, drive, solved, figure)
     stroke = 1e4 * (1 - huge.ambient / (huge.ambient + pressure))
     _, points = drive([stroke / ML], huge)
     against = "pressure control"
-    figure(
-        against, "an endless dead volume, pressure", points[-1].state.P * disk.system.stress_unit / pressure - 1, 1.4e-7
-    )
+    figure(against, "an endless dead volume, pressure", points[-1].state.P * disk.system.stress_unit / pressure - 1, 1.4e-7)
     _, expected, _ = solved(disk, [pressure / disk.system.stress_unit])
     figure(against, "an endless dead volume, volume", points[-1].state.V / expected[-1].state.V - 1, 1.4e-7)
 
@@ -94,9 +90,7 @@ def test_pistons_work_is_in_rubber_and_gas(disk, drive, gas, figure):
     disk.system.load(points[-1].state)
     rubber = disk.system.stored_energy() * disk.system.stress_unit * disk.system.volume_unit
     last, cavity = points[-1].state, path.history.V0 * disk.system.volume_unit
-    gas_took = syringe.gas_energy(
-        45 * ML, last.V * disk.system.volume_unit - cavity, last.P * disk.system.stress_unit, cavity
-    )
+    gas_took = syringe.gas_energy(45 * ML, last.V * disk.system.volume_unit - cavity, last.P * disk.system.stress_unit, cavity)
     assert gas_took > 0.005 * rubber
     figure("work of a syringe's piston", "energy in rubber and gas", (rubber + gas_took) / work - 1, 4.5e-7)
 
@@ -115,9 +109,7 @@ def test_a_leak_lowers_the_pressure_by_the_mass_it_takes(disk, drive, figure):
 def test_a_stroke_has_a_limit_point_where_the_gas_goes_on_by_itself(disk, solved, figure):
     """Twenty litres in the tubes: at the largest stroke of a path under volume the device jumps to where that comes again."""
     syringe = Syringe(syringe=2000 * ML, dead_volume=20000 * ML)
-    supply = syringe.control(
-        disk.system.rest().V * disk.system.volume_unit, disk.system.stress_unit, disk.system.volume_unit
-    )
+    supply = syringe.control(disk.system.rest().V * disk.system.volume_unit, disk.system.stress_unit, disk.system.volume_unit)
     path, points, end = solved(disk, [1000 * ML / disk.system.volume_unit], quantity=supply)
     assert end is not None and "grown 60-fold" in str(end)
     _, known, _ = solved(
@@ -129,14 +121,10 @@ def test_a_stroke_has_a_limit_point_where_the_gas_goes_on_by_itself(disk, solved
     curve = CubicSpline(V, stroke)
     peak = max(curve(V) for V in curve.derivative().roots(extrapolate=False))
     against = "largest stroke of a path under volume"
-    figure(
-        against, "the stroke's limit point", path.value(end.limit.state) * disk.system.volume_unit / peak - 1, 2.5e-8
-    )
+    figure(against, "the stroke's limit point", path.value(end.limit.state) * disk.system.volume_unit / peak - 1, 2.5e-8)
     assert end.limit.tangent.P < 0  # the pressure's own limit lies before it
     landed = [point for point in points if point.jump]
-    assert [path.value(point.state) * disk.system.volume_unit for point in landed] == pytest.approx(
-        [float(peak)], rel=1e-5
-    )
+    assert [path.value(point.state) * disk.system.volume_unit for point in landed] == pytest.approx([float(peak)], rel=1e-5)
     between = points[points.index(end.limit) + 1 : points.index(landed[0])]
     assert len(between) > 2 and landed[0].stable_under(supply.line(landed[0].state.V, landed[0].state.P))
     assert not any(point.stable_under(supply.line(point.state.V, point.state.P)) for point in between[:2])
@@ -181,9 +169,7 @@ def test_a_syringe_holds_a_balloon_where_its_gas_is_stiff_enough(balloon, solved
     for point in points:
         V, P = point.state.V, point.state.P
         assert point.stable_under_volume and point.stable_under(supply_of(balloon, little).line(V, P))
-        middle = (
-            1 - THICKNESS / 2
-        ) ** -3  # what the wall's middle encloses at rest; the silicone between keeps its volume
+        middle = (1 - THICKNESS / 2) ** -3  # what the wall's middle encloses at rest; the silicone between keeps its volume
         stretch = ((V / V0 - 1) / middle + 1) ** (1 / 3)
         if abs(expected := margin(much, stretch)) > 0.02:
             found = point.stable_under(supply_of(balloon, much).line(V, P))

@@ -91,9 +91,7 @@ def test_a_corner_closes_onto_itself(angle):
     rest = Pressed(pairs, PENALTY, nodes)
     assert rest.energy == 0.0 and np.isinf(rest.gaps).all()
     size, turn = upright[:, 1], math.radians(angle)
-    closed = Pressed(
-        pairs, PENALTY, np.vstack([wall[0], np.column_stack([math.cos(turn) * size, math.sin(turn) * size])])
-    )
+    closed = Pressed(pairs, PENALTY, np.vstack([wall[0], np.column_stack([math.cos(turn) * size, math.sin(turn) * size])]))
     along = surface.places(np.concatenate([wall[0][:, 0], size])[:, None] * [1.0, 0.0])[:, 0]
     radius = pairs.radius[0]
     near = (along > 2.0 * radius) & (along * abs(math.sin(turn)) < 0.3 * radius)
@@ -253,9 +251,7 @@ def test_a_patch(body_of, figure):
     even = "even stretch of two cylinders with other cells"
     figure(even, "force", force / (0.3 * system.stress_unit * math.pi * 0.01**2) - 1, 1e-6)
     figure(even, "mean error", stretch.std() / (1 - stretch.mean()), 0.01)
-    figure(
-        even, "largest error, at the contact", np.abs(stretch / stretch.mean() - 1).max() / (1 - stretch.mean()), 0.1
-    )
+    figure(even, "largest error, at the contact", np.abs(stretch / stretch.mean() - 1).max() / (1 - stretch.mean()), 0.1)
 
 
 def test_every_step_ends_in_the_same_state(pair_of_shells, body_of, solved, figure):

@@ -71,9 +71,7 @@ class TensileCurve:
                 f"{self.name}: {len(self.stretch)} stretches but {len(self.stress)} stresses; give equal numbers"
             )
         if self.time is not None and (len(self.time) != len(self.stretch) or (np.diff(self.time) < 0.0).any()):
-            raise TensileError(
-                f"{self.name}: the times must be as many as the stretches ({len(self.stretch)}) and not fall"
-            )
+            raise TensileError(f"{self.name}: the times must be as many as the stretches ({len(self.stretch)}) and not fall")
         if not len(self.stretch):
             raise TensileError(f"{self.name}: the curve is empty; give stretches and stresses")
         names.keep_arrays(self)
@@ -354,12 +352,8 @@ def _ramp(stretch: Array, stress: Array) -> tuple[Array, Array, list[str], slice
     if fallen.any():
         end = int(np.argmax((way * stretch)[: np.argmax(fallen) + 1])) + 1
         if stretch[:end].max() - stretch[:end].min() < 0.5 * span or end < LEAST_POINTS:
-            raise TensileError(
-                "the stretches are not in order; sort the rows, or cut one loading ramp out of the cycles"
-            )
-        remarks.append(
-            f"{len(stretch) - end} points after the reversal of the stretch at {stretch[end - 1]:.4g} are left out"
-        )
+            raise TensileError("the stretches are not in order; sort the rows, or cut one loading ramp out of the cycles")
+        remarks.append(f"{len(stretch) - end} points after the reversal of the stretch at {stretch[end - 1]:.4g} are left out")
         stretch, stress = stretch[:end], stress[:end]
     load = way * stress
     peak = int(np.argmax(load))
@@ -484,11 +478,7 @@ def recognise(header: str, place: int) -> CurveColumn | None:
             return CurveColumn(kind, _unit(unit), place, header, _sign(kind, header))
     if re.match(r"compression\b", words):  # of the height, or as a share of it
         length = CurveColumn("extension", _unit(unit), place, header, -1)
-        return (
-            length
-            if unit and _unit_factor(length.unit, length) is not None
-            else dataclasses.replace(length, kind="strain")
-        )
+        return length if unit and _unit_factor(length.unit, length) is not None else dataclasses.replace(length, kind="strain")
     return None
 
 
@@ -609,9 +599,7 @@ def _told_header(rows: Sequence[tables.Line], told: Mapping[str, tuple[str, str 
             sign = _sign(kind, " ".join(told_over))
             made[kind] = CurveColumn(kind, unit, place, row[place].strip(), sign)
         else:
-            if numbers and not all(
-                _is_number(row[made_column.place]) for kind, made_column in made.items() if kind != "time"
-            ):
+            if numbers and not all(_is_number(row[made_column.place]) for kind, made_column in made.items() if kind != "time"):
                 continue
             columns = tuple(made[kind] for kind in (*DEFORMATIONS, *LOADS, "time") if kind in made)
             if not numbers:
@@ -621,9 +609,7 @@ def _told_header(rows: Sequence[tables.Line], told: Mapping[str, tuple[str, str 
     return None
 
 
-def _numbers(
-    sheet: tables.Worksheet, after: int, columns: tuple[CurveColumn, ...], sure: Collection[str]
-) -> CurveTable:
+def _numbers(sheet: tables.Worksheet, after: int, columns: tuple[CurveColumn, ...], sure: Collection[str]) -> CurveTable:
     """Return the numbers below a header; units of the kinds in ``sure`` are given and override the file."""
     x: list[float] = []
     y: list[float] = []
@@ -656,9 +642,7 @@ def _numbers(
     return dataclasses.replace(made, **_times(times, columns[2], sheet, lines)) if times else made  # type: ignore[arg-type]
 
 
-def _times(
-    cells: Sequence[str], column: CurveColumn, sheet: tables.Worksheet, lines: Sequence[int]
-) -> dict[str, object]:
+def _times(cells: Sequence[str], column: CurveColumn, sheet: tables.Worksheet, lines: Sequence[int]) -> dict[str, object]:
     """Return the times of `CurveTable`, or why they cannot be used: curves without a memory do not need them."""
     values: list[float] = []
     for cell, number in zip(cells, lines, strict=True):
@@ -701,9 +685,7 @@ def _row_of_units(columns: Sequence[CurveColumn], cells: Sequence[str]) -> tuple
     bare = [re.sub(r"^[\[(](.*)[\])]$", r"\1", cell) for cell in cells]
     if not any(unit != cell or _is_unit(unit, column) for unit, cell, column in zip(bare, cells, columns, strict=True)):
         return None
-    return tuple(
-        "" if _unit(unit) == NONE and KINDS[c.kind] else _unit(unit) for unit, c in zip(bare, columns, strict=True)
-    )
+    return tuple("" if _unit(unit) == NONE and KINDS[c.kind] else _unit(unit) for unit, c in zip(bare, columns, strict=True))
 
 
 def _is_unit(text: str, column: CurveColumn) -> bool:
@@ -1152,9 +1134,7 @@ def _start(x: Array, y: Array) -> _Start | None:
     both = nearer[:2]
     off = min(abs(float(y[0])), *(abs(place.zero) for place in both))
     agree = min(place.zero * float(y[0]) for place in both) > 0.0
-    if agree and off > max(
-        MIN_ZERO_ERRORS * both[1].error, NOTICED_STRAIN * both[0].slope, abs(both[0].zero - both[1].zero)
-    ):
+    if agree and off > max(MIN_ZERO_ERRORS * both[1].error, NOTICED_STRAIN * both[0].slope, abs(both[0].zero - both[1].zero)):
         return both[1]
     return None
 
@@ -1197,14 +1177,9 @@ def _level_and_parabola(x: Array, y: Array, reach: float) -> _Start:
     off = rest - np.polynomial.polynomial.polyval(x[before], line)
     noise = math.sqrt(max(float(off @ off) / max(count - 2, 1), squares / max(len(x) - 4, 1)))
     doubt = noise * math.sqrt(12.0 / count) / slack  # standard error of the line's slope
-    if (
-        abs(line[1]) > MAX_LEVEL_SLOPE * coefficients[1] + doubt
-        or coefficients[1] - abs(line[1]) < MIN_STEEPER_ERRORS * doubt
-    ):
+    if abs(line[1]) > MAX_LEVEL_SLOPE * coefficients[1] + doubt or coefficients[1] - abs(line[1]) < MIN_STEEPER_ERRORS * doubt:
         return plain
-    return _Start(
-        slack, float(rest.mean()), max(noise / math.sqrt(count), 1e-3 * abs(float(y.max()))), float(coefficients[1])
-    )
+    return _Start(slack, float(rest.mean()), max(noise / math.sqrt(count), 1e-3 * abs(float(y.max()))), float(coefficients[1]))
 
 
 def small_modulus(curve: TensileCurve) -> float:

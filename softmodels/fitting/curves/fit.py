@@ -78,9 +78,7 @@ class _Task:
         judged = [residuals.on_yardstick(fit, fit.problem.sources) for fit in fits] if len(fits) > 1 else None  # type: ignore[arg-type]
         comparison = compare(fits, judged)
         laws = self._laws(fits, comparison, known)
-        report = FitReport(
-            laws, comparison, tuple(self.curves), _fit_options(self.options), notes=tuple(self._notes(laws))
-        )
+        report = FitReport(laws, comparison, tuple(self.curves), _fit_options(self.options), notes=tuple(self._notes(laws)))
         report = self._compared(report, scale)
         return dataclasses.replace(report, curves=tuple(residuals.counted_from(self.curves, report.chosen.fit.values)))
 
@@ -99,14 +97,10 @@ class _Task:
         for i, choice in enumerate(self.choices, 1):
             if len(self.choices) > 1:
                 self.progress(f"fitting {choice.name}, law {i} of {len(self.choices)}")
-            sources, extra = residuals.residuals_of(
-                self.curves, choice, self.error, self.options.gauge_error, level=True
-            )
+            sources, extra = residuals.residuals_of(self.curves, choice, self.error, self.options.gauge_error, level=True)
             names = (*choice.names, *(p.name for p in extra.parameters))
             changes = self.options.changes_of(names)
-            fits.append(
-                fit_law_to_curves(choice, sources, extra, changes=changes, errors=self.errors, loss=loss, scale=scale)
-            )
+            fits.append(fit_law_to_curves(choice, sources, extra, changes=changes, errors=self.errors, loss=loss, scale=scale))
         return fits
 
     def _laws(
@@ -118,9 +112,7 @@ class _Task:
             if self.options.profiles and len(ranked.fit.free) > 2:
                 self.progress(f"intervals of {choice.name}")
             profiles = {
-                p.name: least_squares.profile(ranked.fit, p.name)
-                for p in ranked.fit.free
-                if self._profiled(ranked.fit, p.name)
+                p.name: least_squares.profile(ranked.fit, p.name) for p in ranked.fit.free if self._profiled(ranked.fit, p.name)
             }
             material = self._material(choice, ranked.fit)
             judgement = least_squares.Judgement(
@@ -214,9 +206,7 @@ class _MemoryTask(_Task):
                 extra: problem.Extra = extra,
             ) -> least_squares.LeastSquaresFit:  # fmt: skip
                 own = [dataclasses.replace(source, further=further) for source in sources]
-                return fit_law_to_curves(
-                    choice, own, extra, changes=changes, loss=loss, errors=self.errors, scale=scale
-                )
+                return fit_law_to_curves(choice, own, extra, changes=changes, loss=loss, errors=self.errors, scale=scale)
 
             asked = [name for name in specimens.SOFTENING if name in self.options.changes]
             if asked and not self.softens:
@@ -227,9 +217,7 @@ class _MemoryTask(_Task):
             if self.softens:
                 softer = fitted(self.options.changes, *self.softens, *flow)
                 lead = next(rank.aicc for rank in compare([fit, softer]).ranked if rank.fit is fit)
-                if asked or (
-                    softer.converged and lead > DECISIVE_AICC and softer.interval(specimens.SOFTENING[0])[0] > 0.0
-                ):
+                if asked or (softer.converged and lead > DECISIVE_AICC and softer.interval(specimens.SOFTENING[0])[0] > 0.0):
                     self.stiffer[choice.name] = math.sqrt(fit.deviance / softer.deviance)
                     fit = softer
             fits.append(fit)
@@ -266,9 +254,7 @@ class _MemoryTask(_Task):
     def _notes(self, laws: Sequence[FittedLaw]) -> list[str]:
         said = [self.spectrum.sentence]
         if not self.softens:
-            said.append(
-                "no softening is fitted: only a second loading, or a hold after an unloading, tells it from relaxation"
-            )
+            said.append("no softening is fitted: only a second loading, or a hold after an unloading, tells it from relaxation")
         elif not self.stiffer:
             said.append("no softening: relaxation follows the later loadings as well")
         said += [
@@ -293,9 +279,7 @@ def starts_for(choice: problem.LawChoice, sources: Sequence[residuals.TensileRes
     curves = [source.curve for source in sources]
     target = np.concatenate([s.curve.stress / s.errors for s in sources])
     # Standardised stresses of all branches over their G, shape (n, k).
-    relaxing = [
-        residuals.branch_stresses(s.curve, s.spectrum) / s.errors[:, None] for s in sources if s.spectrum is not None
-    ]
+    relaxing = [residuals.branch_stresses(s.curve, s.spectrum) / s.errors[:, None] for s in sources if s.spectrum is not None]
     branches = np.vstack(relaxing) if relaxing else None
     Q = None if branches is None else np.linalg.qr(branches)[0]
 
@@ -304,9 +288,7 @@ def starts_for(choice: problem.LawChoice, sources: Sequence[residuals.TensileRes
 
     def design(material: Material, names: Sequence[str]) -> Array:
         responses = [specimens.respond(material, s.curve.stretch, s.curve.mode, names) for s in sources]
-        return left(
-            np.vstack([response.slopes / s.errors[:, None] for response, s in zip(responses, sources, strict=True)])
-        )
+        return left(np.vstack([response.slopes / s.errors[:, None] for response, s in zip(responses, sources, strict=True)]))
 
     modulus, strain = _modulus(curves), residuals.largest_strain(curves)
     starts = problem.closed_starts(choice, design, left(target), modulus, strain)
@@ -337,9 +319,7 @@ def _weighted_starts(
             material = choice.material(start)
         except MaterialError:
             continue
-        law = np.concatenate(
-            [specimens.respond(material, s.curve.stretch, s.curve.mode).stress / s.errors for s in sources]
-        )
+        law = np.concatenate([specimens.respond(material, s.curve.stretch, s.curve.mode).stress / s.errors for s in sources])
         A = np.column_stack([law, material.shear_modulus_0 * branches])
         if not np.isfinite(A).all():
             continue
@@ -393,9 +373,7 @@ def fit_law_to_curves(
         fitted = [*sources, *extra.sources]
         try:
             fits.append(
-                least_squares.fit_parameters(
-                    fitted, parameters, loss=loss, starts=starts, errors=errors, label=choice.name
-                )
+                least_squares.fit_parameters(fitted, parameters, loss=loss, starts=starts, errors=errors, label=choice.name)
             )
         except FitError as error:
             trouble = error
@@ -459,9 +437,7 @@ def prepared(curves: Curves, stretch: tuple[float, float] | None = None, history
     """
     given = [curves] if isinstance(curves, TensileCurve | Path | str) else curves
     read = [
-        without_jumps(given_curve)
-        if isinstance(given_curve, TensileCurve)
-        else read_curve(Path(given_curve), history=history)
+        without_jumps(given_curve) if isinstance(given_curve, TensileCurve) else read_curve(Path(given_curve), history=history)
         for given_curve in given
     ]
     read = [taut((given_curve if history else given_curve.ramp()).check()) for given_curve in read]

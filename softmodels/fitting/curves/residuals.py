@@ -390,9 +390,7 @@ def several_amplitudes(curves: Sequence[TensileCurve]) -> bool:
 # A law with a fitted memory.
 
 
-def remembering(
-    material: Material, spectrum: Spectrum, values: Mapping[str, float], least: float = LEAST_SHARE
-) -> Material:
+def remembering(material: Material, spectrum: Spectrum, values: Mapping[str, float], least: float = LEAST_SHARE) -> Material:
     """Return a law with its fitted memory, weights below ``least`` left out."""
     pairs = ((values[name], time) for name, time in zip(spectrum.names, spectrum.times, strict=True))
     onset, exponent = (values.get(name, getattr(memory.Branch, name)) for name in specimens.FLOW)
@@ -477,9 +475,7 @@ class StressError:
         if relative < 0.0 or absolute < 0.0 or relative + absolute == 0.0:
             raise TensileError(f"stress error {text!r} must be above zero")
         if absolute == 0.0:
-            raise TensileError(
-                f"stress error {text!r} is zero without stress; add an absolute part, such as {text}+0.1kPa"
-            )
+            raise TensileError(f"stress error {text!r} is zero without stress; add an absolute part, such as {text}+0.1kPa")
         return cls(relative, absolute, True)
 
     def of(self, curve: TensileCurve) -> Array:
@@ -579,9 +575,7 @@ def thinned(curve: TensileCurve, most: int = MOST_POINTS) -> TensileCurve:
         f"of the readings {scatter / 1e3:.2g} kPa rms, averaging error at most {missed / 1e3:.2g} kPa"
     )
     remarks, readings = (*curve.remarks, remark), len(curve.stretch) / len(stretch)
-    return dataclasses.replace(
-        curve, stretch=stretch, stress=stress, remarks=remarks, noise=noise(curve), readings=readings
-    )
+    return dataclasses.replace(curve, stretch=stretch, stress=stress, remarks=remarks, noise=noise(curve), readings=readings)
 
 
 def _history_thinned(curve: TensileCurve, most: int) -> TensileCurve:
@@ -646,9 +640,7 @@ COMMON_RELATIVE_ERROR, COMMON_RESOLUTION = 0.01, 0.005
 """Common error of tensile tests: relative to the stress, and relative to the largest stress."""
 
 
-def on_yardstick(
-    fitted: least_squares.LeastSquaresFit, sources: Sequence[TensileResiduals]
-) -> least_squares.LeastSquaresFit:
+def on_yardstick(fitted: least_squares.LeastSquaresFit, sources: Sequence[TensileResiduals]) -> least_squares.LeastSquaresFit:
     """Return a law refitted to the curves of `evened`, with the common errors of tensile tests.
 
     Laws are compared by these fits, so that the choice of errors does not choose the law. Nor does the sampling: 37,512, 375

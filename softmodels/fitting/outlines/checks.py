@@ -275,9 +275,7 @@ def series_of_shapes(model: device.DeviceModel, shapes: Sequence[Shape]) -> list
 def _check_widths(shapes: Sequence[Shape], curves: Sequence[grid.QuadraticCurve], device: str) -> None:
     measured = np.array([_width(shape.points, shape.height / 2) for shape in shapes])
     halves = [half_outline(shadow_of(curve).curve, OUTLINE_SPACING)[0] for curve in curves]
-    simulated = 2.0 * np.array(
-        [half[half[:, 1] > s.height / 2, 0].max() for half, s in zip(halves, shapes, strict=True)]
-    )
+    simulated = 2.0 * np.array([half[half[:, 1] > s.height / 2, 0].max() for half, s in zip(halves, shapes, strict=True)])
     share = measured / simulated
     if MIN_WIDTH_RATIO <= float(np.median(share)) <= MAX_WIDTH_RATIO:
         return
@@ -314,9 +312,7 @@ def _share(what: str) -> Callable[[float], str]:
 
 def _zero(value: float) -> str:
     where = (
-        "below the undeformed top, so that heights are too large"
-        if value > 0.0
-        else "above the undeformed top: it has sunk"
+        "below the undeformed top, so that heights are too large" if value > 0.0 else "above the undeformed top: it has sunk"
     )
     return f"the zero plane {abs(value) * 1e3:.3g} mm {where}"
 
@@ -399,9 +395,7 @@ def exact_lengths(source: OutlineResiduals | HeightResiduals, fit: least_squares
         moved = comparison.shifted(fit, choice, {name: value + off})
         share = 100 * abs(choice.material(moved).shear_modulus_0 / modulus - 1) if moved else math.nan
         much = f" changes the shear modulus by {share:.2g} %, and" if math.isfinite(share) else " changes the law;"
-        option = (
-            f"measure it (--fix {p.name}={value * 1e3:.4g}mm)" if model.spectrum else f"--free {p.name} fits it too"
-        )
+        option = f"measure it (--fix {p.name}={value * 1e3:.4g}mm)" if model.spectrum else f"--free {p.name} fits it too"
         said.append(
             f"{p.name} is taken as {value * 1e3:.4g} mm exactly: an error of {off * 1e3:.2g} mm{much} no interval contains "
             f"that; {option}"
@@ -541,9 +535,7 @@ def _photograph_error(name: str, rows: Sequence[HeightRow]) -> str:
 
 
 def _sentence(wrong_reading: WrongReading) -> str:
-    known = next(
-        (words for factor, words in FACTORS if abs(wrong_reading.factor / factor - 1.0) < FACTOR_TOLERANCE), ""
-    )
+    known = next((words for factor, words in FACTORS if abs(wrong_reading.factor / factor - 1.0) < FACTOR_TOLERANCE), "")
     if wrong_reading.factor < 0.0:
         known = "its sign is wrong" if abs(wrong_reading.factor + 1.0) < FACTOR_TOLERANCE else "it is negative"
     share = known or f"{wrong_reading.factor:.3g} times as much"
@@ -632,9 +624,7 @@ def _large_misfits(source: OutlineResiduals, fit: least_squares.LeastSquaresFit)
     """Return the misfits beyond any law's and mesh's error."""
     matches = source.matches(fit.values)
     away = [float(np.sqrt(np.mean(match.distances**2))) for match in matches]
-    limits = [
-        MODEL_SHAPE * match.shape.height + MIN_MISFIT_ERRORS * float(np.median(match.shape.error)) for match in matches
-    ]
+    limits = [MODEL_SHAPE * match.shape.height + MIN_MISFIT_ERRORS * float(np.median(match.shape.error)) for match in matches]
     shapes = [i for i in range(len(matches)) if away[i] > limits[i]]
     if shapes:
         i = max(shapes, key=lambda k: away[k] / limits[k])

@@ -68,22 +68,16 @@ class Creep:
         for number, leg in enumerate(test):
             rise = (leg.pressure(1.0, values) - leg.pressure(0.0, values)) / unit
             if not leg.duration:
-                places_and_weights += [
-                    (number, share) for share in np.linspace(0.0, 1.0, FEWEST_STEPS + 1)[1:].tolist()
-                ]
+                places_and_weights += [(number, share) for share in np.linspace(0.0, 1.0, FEWEST_STEPS + 1)[1:].tolist()]
                 start = self._jumped(start, rise)
                 continue
             path = Continuation(model.solver, stability.Pressure(), start=start)
             try:
-                for share, point in schedule.march(
-                    path, schedule.Ramp(rise, leg.duration, FEWEST_STEPS), STEP_TOLERANCE
-                ):
+                for share, point in schedule.march(path, schedule.Ramp(rise, leg.duration, FEWEST_STEPS), STEP_TOLERANCE):
                     start = point.state
                     places_and_weights += [(number, share)] if share else []
             except (stability.PathEnd, newton.NoConvergence) as end:
-                raise problem.CannotEvaluate(
-                    f"the device cannot follow the pressures of its photographs: {end}"
-                ) from None
+                raise problem.CannotEvaluate(f"the device cannot follow the pressures of its photographs: {end}") from None
         return places_and_weights
 
     def _state_at_rest(self, in_time: sensitivity.InTime | None = None) -> State:
@@ -132,8 +126,7 @@ class Creep:
             w = state.w if along is None else state.w + (line.target - state.P) * along.w
             if base is not None:
                 moves = [
-                    (rate, values.get(name, 0.0) - base.values.get(name, 0.0))
-                    for name, rate in base.rates[number].items()
+                    (rate, values.get(name, 0.0) - base.values.get(name, 0.0)) for name, rate in base.rates[number].items()
                 ]
                 w = base.states[number].w + sum(by * rate.w for rate, by in moves)
             try:
@@ -142,9 +135,7 @@ class Creep:
                     raise newton.NoConvergence("a cavity would collapse")
                 along, rates = in_time.step(state, line, test[leg].rises(share))
             except newton.NoConvergence as failure:
-                raise problem.CannotEvaluate(
-                    f"the device cannot follow the pressures of its photographs: {failure}"
-                ) from None
+                raise problem.CannotEvaluate(f"the device cannot follow the pressures of its photographs: {failure}") from None
             potential.commit(state.w)
             walk.states.append(state)
             walk.rates.append({back.get(name, name): rate for name, rate in rates.items()})

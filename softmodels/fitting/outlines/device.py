@@ -154,9 +154,7 @@ class DeviceModel:
         self.set_parameters(values)
         return self.hanging.told(self._present)
 
-    def states(
-        self, values: Mapping[str, float], requested: Sequence[float] | Array, quantity: str = "volume"
-    ) -> list[State]:
+    def states(self, values: Mapping[str, float], requested: Sequence[float] | Array, quantity: str = "volume") -> list[State]:
         """Return the states with added volumes in m3, or at pressures in Pa, in any order, on one path; `CannotEvaluate`
         if one of them is not on it."""
         eq = self.system
@@ -212,11 +210,7 @@ class DeviceModel:
             moves = [(rate, values.get(name, 0.0) - base.values.get(name, 0.0)) for name, rate in rates.items()]
             w = state.w + ahead * along.w + sum(by * rate.w for rate, by in moves)
             P = state.P * stress + ahead * along.P + sum(by * rate.P for rate, by in moves)
-            line = (
-                controls.volume_control(goal + self.rest_volume)
-                if quantity == "volume"
-                else controls.pressure_control(goal)
-            )
+            line = controls.volume_control(goal + self.rest_volume) if quantity == "volume" else controls.pressure_control(goal)
             closest = near(self.solver, state, line, w, P / eq.stress_unit)
             if closest is None:
                 return []
@@ -239,19 +233,13 @@ class DeviceModel:
         pressure; `CannotEvaluate` if the linear solver failed."""
         eq = self.system
         levels = self.hanging.level_rates(self._present, names)
-        control: Control = (
-            controls.volume_control(state.V) if quantity == "volume" else controls.pressure_control(state.P)
-        )
+        control: Control = controls.volume_control(state.V) if quantity == "volume" else controls.pressure_control(state.P)
         unit = eq.volume_unit if quantity == "volume" else eq.stress_unit
         try:
             along, rates = self.sensitivity.rates(state, control, names)
         except newton.NoConvergence as failure:
             raise problem.CannotEvaluate(f"a state has no derivatives: {failure}") from None
-        answers = (
-            self._asked.answers
-            if self._asked and any(state is asked_state for asked_state in self._asked.states)
-            else {}
-        )
+        answers = self._asked.answers if self._asked and any(state is asked_state for asked_state in self._asked.states) else {}
         answers[id(state)] = (
             sensitivity.Rate(along.w / unit, along.P * eq.stress_unit / unit, along.V),
             rates,
@@ -339,9 +327,7 @@ class UnpressurisedShape:
         """Scale the loads to the system's current shear modulus."""
         if self.loaded:
             dead = self.system.dead
-            self.system.coupling = controls.Coupling.proportional(
-                self.system.body.actuator.ratios, dead.amounts / dead.units
-            )
+            self.system.coupling = controls.Coupling.proportional(self.system.body.actuator.ratios, dead.amounts / dead.units)
 
     def state(self, values: Mapping[str, float]) -> State:
         """Return the state at zero pressure of these parameters, which the system has; `CannotEvaluate` for no equilibrium
@@ -373,9 +359,7 @@ class UnpressurisedShape:
         unpressurised = self._found(values)
         if left := [name for name in names if name not in unpressurised.rates]:
             try:
-                unpressurised.rates.update(
-                    self.sensitivity.rates(unpressurised.state, controls.pressure_control(0.0), left)[1]
-                )
+                unpressurised.rates.update(self.sensitivity.rates(unpressurised.state, controls.pressure_control(0.0), left)[1])
             except newton.NoConvergence as failure:
                 raise problem.CannotEvaluate(f"the state at zero pressure has no derivatives: {failure}") from None
         return unpressurised.rates
@@ -484,9 +468,7 @@ class ModelSlopes:
 # Dead loads of a measured device: constant in every photograph, that at zero pressure included.
 
 
-def measured_parts(
-    components: Sequence[Component], actuator: Actuator, material: Material | None
-) -> tuple[Component, ...]:
+def measured_parts(components: Sequence[Component], actuator: Actuator, material: Material | None) -> tuple[Component, ...]:
     """Return a case's parts for a fit, with the density of the case's silicone, if that is known, for any fitted law;
     `FitError` for a load that tilts the outline, or one without a given size."""
     for load in (part for part in components if isinstance(part, controls.LoadPart)):
@@ -564,9 +546,7 @@ class MeasuredDevice:
         """Return the device with another zero of heights; see `height_datum`; empty to keep it."""
         return dataclasses.replace(self, height_datum=height_datum or self.height_datum)
 
-    def model(
-        self, choice: problem.LawChoice, comm: MPI.Comm, spectrum: residuals.Spectrum | None = None
-    ) -> DeviceModel:
+    def model(self, choice: problem.LawChoice, comm: MPI.Comm, spectrum: residuals.Spectrum | None = None) -> DeviceModel:
         """Return the device under a law, perhaps with relaxing branches, meshed and compiled; `FitError` if it cannot be,
         or ``height_datum`` makes no difference to it."""
         folder = mpi.on_root(comm, lambda: Path(tempfile.mkdtemp(prefix="softmodels-")))

@@ -69,9 +69,7 @@ class _Task:
 
     @property
     def known(self) -> Expected:
-        return expected(
-            self.options.silicone, next((device.material for device in self.devices if device.material), None)
-        )
+        return expected(self.options.silicone, next((device.material for device in self.devices if device.material), None))
 
     def notes(self, more: Sequence[str] = ()) -> list[str]:
         """Return the warnings, and the excluded photographs."""
@@ -118,9 +116,7 @@ class _Task:
                 notes += [note for note in more if note not in notes]
                 kind = OutlineResiduals if branches is None else creeping.CreepingResiduals
                 devices.append(kind(model, shapes, device=device.name if len(self.devices) > 1 else ""))
-            sources, extra = residuals.residuals_of(
-                self.curves, choice, error, self.options.gauge_error, spectrum=branches
-            )
+            sources, extra = residuals.residuals_of(self.curves, choice, error, self.options.gauge_error, spectrum=branches)
             extra = dataclasses.replace(extra, sources=sources)
             trial = try_outlines(devices, free, extra, self.changes(choice), self.options.loss, rows)
             trials[choice.name], rows = trial, trial.rows
@@ -151,9 +147,7 @@ class _Task:
             return None
         for name in self.options.free:
             if any(name.rpartition(".")[2] in device.actuator.variable for device in self.devices):
-                raise OutlineFitError(
-                    f"{name} cannot be fitted together with a memory; measure it, or fit without --memory"
-                )
+                raise OutlineFitError(f"{name} cannot be fitted together with a memory; measure it, or fit without --memory")
         try:
             return residuals.spectrum(self.curves, holds)
         except TensileError:
@@ -169,9 +163,7 @@ class _Task:
         for choice in self.choices:
             model = self.devices[0].model(choice, comm)
             usable = check_heights(heights, model.silhouette.width)
-            columns = [
-                (height.height, height.pressure, height.pressure_error, height.height_error) for height in usable
-            ]
+            columns = [(height.height, height.pressure, height.pressure_error, height.height_error) for height in usable]
             rows, _ = checks.series_of(model, [height.source for height in usable], *np.array(columns).T)
             if wrong := checks.by_course(rows):
                 raise problem.UnsoundError(wrong.whole)
@@ -203,9 +195,7 @@ class _Task:
         notes += loop_notes(curves, report.chosen.material) if self.options.memory else []
         return dataclasses.replace(report, curves=tuple(curves), notes=tuple(map(spoken, notes)))
 
-    def _law[Source: (OutlineResiduals, HeightResiduals)](
-        self, trial: LawTrial[Source], fit: LeastSquaresFit
-    ) -> FittedLaw:
+    def _law[Source: (OutlineResiduals, HeightResiduals)](self, trial: LawTrial[Source], fit: LeastSquaresFit) -> FittedLaw:
         first = trial.sources[0].model
         choice: problem.LawChoice = first.choice
         stretch = max(_largest_stretch(source, fit) for source in trial.sources)
@@ -219,9 +209,7 @@ class _Task:
             of_loops = loop_objections(residuals.counted_from(self.curves, fit.values), material)
             judgement = dataclasses.replace(judgement, objections=judgement.objections + tuple(of_loops))
         judgement = hold_against(material, stretch_of(strain), self.known, with_rubber(choice, fit, judgement))
-        law = FittedLaw(
-            choice, fit, material, specimens.judge(material, strain), {}, judgement, self._misfits(trial, fit)
-        )
+        law = FittedLaw(choice, fit, material, specimens.judge(material, strain), {}, judgement, self._misfits(trial, fit))
         wanted = [p.name for p in fit.free if p.name in first.common and self.options.profiles]
         if first.spectrum is not None:  # many states in time: only where the covariance's interval is not above 0
             wanted = [p.name for p in fit.free if p.name in first.spectrum.names and not fit.interval(p.name)[0] > 0.0]
@@ -320,9 +308,7 @@ def _pairs(device: object, outlines: Outlines) -> list[tuple[Device, Outlines]]:
     """Return the devices, each with its outlines; `FitError` for pairs that are none, or outlines beside them."""
     if not isinstance(device, Sequence) or isinstance(device, str):
         return [(device, outlines)]  # type: ignore[list-item]
-    if not device or not all(
-        isinstance(part, Sequence) and not isinstance(part, str) and len(part) == 2 for part in device
-    ):
+    if not device or not all(isinstance(part, Sequence) and not isinstance(part, str) and len(part) == 2 for part in device):
         raise FitError(
             "several devices are given as pairs of a device and its outlines, such as [(disk, 'outlines_a'), (membrane, "
             "'outlines_b')]"
@@ -478,11 +464,7 @@ def fit_law_to_outlines(
     hidden: list[problem.Parameter] = []
     for source in sources:
         measured = [
-            (
-                shape.height,
-                shape.pressure,
-                shape.pressure_error * (IGNORED_ERROR_FACTOR if shape.source in doubted else 1.0),
-            )
+            (shape.height, shape.pressure, shape.pressure_error * (IGNORED_ERROR_FACTOR if shape.source in doubted else 1.0))
             for shape in source.shapes
         ]
         heights, pressures, errors = np.array(measured).T
@@ -539,8 +521,7 @@ def try_outlines(
     """
     all_nuisances(sources, free)  # unknown names, before anything is solved
     series = tuple(
-        tuple(heights)
-        for heights in rows or [checks.series_of_shapes(heights.model, heights.shapes) for heights in sources]
+        tuple(heights) for heights in rows or [checks.series_of_shapes(heights.model, heights.shapes) for heights in sources]
     )
     if sources[0].model.spectrum is not None:  # at one pressure the heights differ with the time
         series = ((),) * len(sources)
@@ -548,9 +529,7 @@ def try_outlines(
     doubted = [name for wrong_of_device in wrong for name in wrong_of_device.names]
     said = "; ".join(wrong_of_device.whole for wrong_of_device in wrong)
 
-    def fitted(
-        without: Sequence[str] = (), doubted: Sequence[str] = ()
-    ) -> tuple[list[OutlineResiduals], LeastSquaresFit]:
+    def fitted(without: Sequence[str] = (), doubted: Sequence[str] = ()) -> tuple[list[OutlineResiduals], LeastSquaresFit]:
         chosen = []
         for source in sources:
             shapes = [shape for shape in source.shapes if shape.source not in without]
@@ -570,9 +549,7 @@ def try_outlines(
             wrong_of_device.gross for wrong_of_device in wrong
         ):  # a fit distorted by such a row takes a minute and is meaningless
             chosen, fit = fitted(doubted)
-            return LawTrial(
-                tuple(chosen), fit, Judgement((f"{said} (the reported numbers are of such a fit)",)), series
-            )
+            return LawTrial(tuple(chosen), fit, Judgement((f"{said} (the reported numbers are of such a fit)",)), series)
         chosen, fit = fitted((), doubted)
     except FitError as error:
         if wrong:

@@ -113,9 +113,7 @@ class OutlineResiduals:
         """Return the state of the largest volume at parameter values."""
         return max((fitting.state for fitting in self.matches(values)), key=lambda state: state.V)
 
-    def evaluate(
-        self, values: Mapping[str, float], derivatives: bool
-    ) -> tuple[Array, Array | None, npt.NDArray[np.str_]]:
+    def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, npt.NDArray[np.str_]]:
         """See `softmodels.fitting.problem.Residuals`."""
         matches = self.matches(values)
         residuals = np.concatenate([*(f.residuals for f in matches), [matches[i].reading for i in self.read]])
@@ -326,9 +324,7 @@ def all_nuisances(sources: Sequence[OutlineResiduals], free: Sequence[str]) -> l
     nuisance_by_name: dict[str, problem.Parameter] = {}
     known = [(*problem.BENCH, "poisson", *source.model.lengths, problem.LENGTHS) for source in sources]
     for name in free:
-        if not any(
-            name in (own, source.named(own)) for source, names in zip(sources, known, strict=True) for own in names
-        ):
+        if not any(name in (own, source.named(own)) for source, names in zip(sources, known, strict=True) for own in names):
             nuisances(sources[0], (name,))
     for source, names in zip(sources, known, strict=True):
         for p in nuisances(source, [name for name in names if {name, source.named(name)} & set(free)]):
@@ -624,14 +620,10 @@ def read_heights(path: Path, untrusted: bool = False, exclude: Sequence[str] = (
             )
         try:
             pressure, height = units.number(row["pressure_Pa"]), units.number(row["height_m"])
-            errors = [
-                units.number(row[key]) if row.get(key) else 0.0 for key in ("pressure_error_Pa", "height_error_m")
-            ]
+            errors = [units.number(row[key]) if row.get(key) else 0.0 for key in ("pressure_error_Pa", "height_error_m")]
         except units.UnitError as error:
             raise OutlineFitError(f"{path}, {where}: pressure or height is not a number ({error})") from None
-        known = {
-            name: value for name, value in zip(("pressure_error", "height_error"), errors, strict=True) if value > 0.0
-        }
+        known = {name: value for name, value in zip(("pressure_error", "height_error"), errors, strict=True) if value > 0.0}
         heights.append(Height(row.get("file") or where, pressure, height, **known))
     return sorted(heights, key=lambda height_row: height_row.pressure)
 
@@ -686,9 +678,7 @@ def least_squares_of_heights(
         parameters = [p.changed(changes.get(p.name, {})) for p in (*choice.parameters(stiffer), *known)]
         source.fixed = frozenset(p.name for p in parameters if p.fixed)
         try:
-            height_fit = least_squares.fit_parameters(
-                [source], parameters, loss=loss, errors="unknown", label=choice.name
-            )
+            height_fit = least_squares.fit_parameters([source], parameters, loss=loss, errors="unknown", label=choice.name)
             return dataclasses.replace(height_fit, shared=source.shared(height_fit.values, considered))
         except (FitError, problem.CannotEvaluate) as error:
             troubles.append(str(error))

@@ -247,8 +247,7 @@ def _check_pressures(outlines: Sequence[Outline]) -> None:
         if (
             same
             and earlier.history == two.history
-            and abs(two.height - earlier.height)
-            <= HEIGHT_TOLERANCE * max(abs(two.height), abs(earlier.height), MIN_HEIGHT)
+            and abs(two.height - earlier.height) <= HEIGHT_TOLERANCE * max(abs(two.height), abs(earlier.height), MIN_HEIGHT)
         ):
             raise OutlineFitError(
                 f"{earlier.source} and {two.source} have the same pressure, {two.pressure:.5g} Pa, and the same height: the "

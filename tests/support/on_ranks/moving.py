@@ -29,6 +29,4 @@ def figures(comm, folder) -> dict[str, list[float]]:
             time_tolerance=5e-4,
         ).path,
     }  # fmt: skip
-    return {
-        f"{column}, {name}": paths[name][column].tolist() for name, columns in COLUMNS.items() for column in columns
-    }
+    return {f"{column}, {name}": paths[name][column].tolist() for name, columns in COLUMNS.items() for column in columns}

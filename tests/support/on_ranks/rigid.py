@@ -34,9 +34,7 @@ def inflated(system, pressures, method):
     stability = Stability.of(solver)
     system.load(state)
     residual = system.residual()
-    moved = [
-        value for motion in system.unknowns.moving.values() for value in (*motion.values, *motion.wrench(residual)[0])
-    ]
+    moved = [value for motion in system.unknowns.moving.values() for value in (*motion.values, *motion.wrench(residual)[0])]
     return [state.V, stability.negative_eigenvalues(), stability.lowest(), *moved]
 
 

@@ -189,9 +189,7 @@ def shaken(target: Target, rng: np.random.Generator) -> Change:
         spot = np.rint(length + part * length * np.array([np.sin(angle), np.cos(angle)])).astype(int)
         kernel[spot[0], spot[1]] += 1.0
     kernel /= kernel.sum()
-    return Change(
-        f"{length} px, {np.degrees(angle):.0f} degrees", fault=lambda light, truth: cv2.filter2D(light, -1, kernel)
-    )
+    return Change(f"{length} px, {np.degrees(angle):.0f} degrees", fault=lambda light, truth: cv2.filter2D(light, -1, kernel))
 
 
 def place(target: Target, where: int) -> str:

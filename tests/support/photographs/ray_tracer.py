@@ -278,9 +278,7 @@ class Sensor:
         return np.ascontiguousarray(cv2.imdecode(packed, cv2.IMREAD_COLOR)[..., ::-1])
 
 
-def photograph(
-    bench: Bench, sensor: Sensor, body: Body | None, seed: int = 0, things: tuple[Thing, ...] = ()
-) -> np.ndarray:
+def photograph(bench: Bench, sensor: Sensor, body: Body | None, seed: int = 0, things: tuple[Thing, ...] = ()) -> np.ndarray:
     """The picture (h, w, 3) of the shadow of a body and of second things; of the grid alone without a body."""
     width, height = bench.size
     columns, rows = np.meshgrid(np.arange(width, dtype=float), np.arange(height, dtype=float))
@@ -410,9 +408,7 @@ class _Shadow:
         bench = self.bench
         return (bench.screen_distance + thing.nearer) / (bench.lamp_distance + bench.screen_distance)
 
-    def seen_past(
-        self, thing: Thing, x: np.ndarray, z: np.ndarray, centre: bool = False
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def seen_past(self, thing: Thing, x: np.ndarray, z: np.ndarray, centre: bool = False) -> tuple[np.ndarray, np.ndarray]:
         """Places in a thing's plane through which places on the screen see this point, or the lamp's centre."""
         lamp = self.lamp - self.spot if centre else self.lamp
         share = self.share_at(thing)
