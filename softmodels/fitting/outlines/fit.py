@@ -476,10 +476,8 @@ def fit_law_to_outlines(
     for begin in begins:
         law = {n: v / stiffer if choice.unit(n) == "Pa" and n not in held else v for n, v in begin.items()}
         silicone = [*choice.parameters(law), *(spectrum.parameters(weights) if spectrum else ())]
-        parameters = [
-            p.changed({**changes.get(p.own_name, {}), **changes.get(p.name, {})})
-            for p in (*silicone, *known, *extra.parameters)
-        ] + hidden
+        stated = (*silicone, *known, *extra.parameters)
+        parameters = [*(p.changed({**changes.get(p.own_name, {}), **changes.get(p.name, {})}) for p in stated), *hidden]
         for source in sources:
             source.fixed = frozenset(p.name for p in parameters if p.fixed)
         try:
