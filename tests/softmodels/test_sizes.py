@@ -27,7 +27,7 @@ MANY_PARAMETERS: set[str] = {
 }  # fmt: skip
 """Public calls, whose arguments are real ones so that Tab completes them."""
 LONG_FUNCTIONS: set[str] = {
-    "softmodels/cli/material_commands.py: fit_material", "softmodels/api/calls.py: inflate",
+    "softmodels/cli/material_commands.py: fit_material",
 }  # fmt: skip
 """Sequences of steps, and public calls with a line and a sentence for each argument."""
 
