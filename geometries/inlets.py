@@ -290,9 +290,8 @@ class _Wall:
         runs, _ = scipy.ndimage.label(whole)
         start_bin = min(np.flatnonzero(whole), key=lambda i: abs(i + low))
         own = np.flatnonzero(runs == runs[start_bin])
-        start, stop = (own[0] + low + 1) * step, (own[-1] + low) * step
-        if stop - start < step:
-            start, stop = (own[0] + low) * step, (own[-1] + low + 1) * step
+        inside = along[near][(bins >= own[0] + low) & (bins <= own[-1] + low)]
+        start, stop = float(inside.min()), float(inside.max())
         part = (along[near] >= start) & (along[near] <= min(stop, start + PLUG_LENGTH * radius))
         return start, stop, float(away[near][part].max(initial=radius))
 

@@ -1,6 +1,7 @@
 """Openings of imported parts: found without being named, closed by plugs, or named, or left open."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -45,8 +46,10 @@ def test_a_finger_with_an_inlet_is_closed(open_finger):
     assert plug.place[1:] == pytest.approx((8e-3, 4.5e-3), abs=1e-5) and 0.0 < plug.place[0] < 6e-4
     assert plug.axis == pytest.approx((1.0, 0.0, 0.0), abs=2e-3) and plug.radius == pytest.approx(1.5e-3, rel=0.01)
     assert part.cavity_volume == pytest.approx(behind(volume, [plug]), rel=1e-3)
-    assert part.remarks == (
-        "the opening of 1.5 mm radius at (0.4, 8, 4.5) mm is closed by a plug 3 mm long; --inlets none leaves it open",
+    (remark,) = part.remarks
+    assert re.fullmatch(
+        r"the opening of 1.5 mm radius at \(0.[1-5], 8, 4.5\) mm is closed by a plug 3 mm long; --inlets none leaves it open",
+        remark,
     )
     named = ImportedActuator(file=str(file), support="x = 0 mm", inlets=("at 0, 8, 4.5 mm",))
     assert named.cavity_volume == pytest.approx(part.cavity_volume, rel=1e-12)
@@ -58,7 +61,7 @@ def test_what_cannot_be_closed_is_said(open_finger):
     with pytest.raises(GeometryError, match="no closed inner shell"):
         ImportedActuator(file=file, support="x = 0 mm", inlets=("none",))
     with pytest.raises(
-        GeometryError, match=r"there is no opening\. The openings found: of 1.5 mm radius at \(0.4, 8, 4.5\) mm"
+        GeometryError, match=r"there is no opening\. The openings found: of 1.5 mm radius at \(0.[1-5], 8, 4.5\) mm"
     ):
         ImportedActuator(file=file, support="x = 0 mm", inlets=("at 30, 0, 0 mm",))
     with pytest.raises(GeometryError, match="inlets"):
