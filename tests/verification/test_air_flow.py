@@ -19,9 +19,9 @@ from softmodels.materials.specimens import sphere_pressure
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path import schedule
-from softmodels.path.schedule import TOLERANCE, Filling, Settings, source_at, supply
+from softmodels.path.schedule import Filling, Settings, source_at, supply
 from softmodels.path.stability import PathEnd
-from softmodels.path.steps import last_number, time_at
+from softmodels.path.steps import STRESS_TOLERANCE, last_number, time_at
 from softmodels.path.supply import Gas, InSeries, Orifice, Reservoir, Tube, end_weight
 from tests.support import bodies
 from tests.support.campaigns import sampled
@@ -79,7 +79,7 @@ def filled(body_of):
     """Return a function that follows a device: times in s, pressures in Pa, volumes in m3 and the gas in m3 at ambient
     pressure, of every state; the end; and the gas that has come, by every state but the first."""
 
-    def follow(device, law, reservoir, tables, tolerance=TOLERANCE):
+    def follow(device, law, reservoir, tables, tolerance=STRESS_TOLERANCE):
         solver = Solver(System(body_of(device), law))
         system, rows, come, end = solver.system, [], [], None
         gas, program = (
