@@ -100,4 +100,4 @@ def test_pictures_of_a_program(program, tmp_path):
     assert (tmp_path / "out" / "tip.png").stat().st_size > 20_000
     page = (tmp_path / "out" / "report.html").read_text()
     assert "At step 2: 20 and 30 cm, 0.97 g/ml the tip has risen" in page and "added volume of cavity2 (ml)" in page
-    assert '<th scope="row">cavity2</th><td>0, 30 cm</td>' in page
+    assert '<th scope="row">cavity2</th><td>0 cm, 30 cm</td>' in page
