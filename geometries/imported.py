@@ -166,16 +166,13 @@ class ImportedPart(Actuator):
             for plug in self.reading.plugs
         )
 
-    @property
-    def may_be_open(self) -> bool:
-        """Whether openings are looked for: a part that is cut is open where it is cut."""
-        return not (self.airless or self.planes or self.inlets == (NONE,))
-
     def to_close(self, inner: int, surface: Callable[[], Surface]) -> list[Inlet]:
         """Return the openings to close in a part with a number of closed inner shells, whose closed surface (corners in m, and
         triangles) is made only where it is needed; those of its air, or those that ``inlets`` names. GeometryError for one that
         is not there."""
-        if not self.may_be_open or (inner >= self.cavity_count and not self.inlets):
+        if self.airless or self.planes or self.inlets == (NONE,):  # a part that is cut is open where it is cut
+            return []
+        if inner >= self.cavity_count and not self.inlets:
             return []
         spaces = air_spaces(*surface())
         points = [point("cavities", text) for text in self.cavities if re.match(r"\s*at\b", text)]
@@ -809,7 +806,8 @@ def glued(part: ImportedActuator, plugs: Sequence[tuple[int, int]] = ()) -> Soli
         raise GeometryError(f"file {part.file} holds no solid, but {len(gmsh.model.getEntities(2))} faces")
     names = _names(part.file, volumes) if len(volumes) > 1 else [MAIN]
     names += [names[0]] * len(plugs)
-    surfaces = [surface for surface in gmsh.model.getEntities(2) if surface not in _skin(plugs)]
+    own = set(gmsh.model.getBoundary(list(plugs), combined=False, oriented=False)) if plugs else set()
+    surfaces = [surface for surface in gmsh.model.getEntities(2) if surface not in own]
     volumes = [*volumes, *plugs]
     _, made = gmsh.model.occ.fragment(volumes, surfaces)
     gmsh.model.occ.synchronize()
@@ -825,10 +823,6 @@ def glued(part: ImportedActuator, plugs: Sequence[tuple[int, int]] = ()) -> Soli
     solids = Solids(part, dict(regions), pieces)
     _check_touching(part, solids, owner)
     return solids
-
-
-def _skin(volumes: Sequence[tuple[int, int]]) -> set[tuple[int, int]]:
-    return set(gmsh.model.getBoundary(list(volumes), combined=False, oriented=False)) if volumes else set()
 
 
 def _names(file: str, volumes: list[tuple[int, int]]) -> list[str]:
@@ -918,7 +912,8 @@ def build_part(part: ImportedActuator) -> None:
 
 
 def open_part(part: ImportedActuator, unit: str = "M") -> Solids:
-    """Read the file in metres, or another of the CAD kernel's units, whatever its own; its solids are glued."""
+    """Read the file in metres, or another of the CAD kernel's units, whatever its own; its solids are glued, and its openings
+    closed."""
     gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
     try:
         with meshing.drawn_in(unit):
@@ -928,22 +923,26 @@ def open_part(part: ImportedActuator, unit: str = "M") -> Solids:
         raise GeometryError(f"file {part.file} cannot be read as STEP ({str(error).strip() or 'no reason given'})") from None
     metre = {"M": 1.0, "MM": 1e3}[unit]
     whole = glued(part)
-    openings = part.to_close(len(whole.pieces(whole.every)) - 1, lambda: _surface(metre))
-    if not openings:
+    plugs = tuple(part.to_close(len(whole.pieces(whole.every)) - 1, lambda: _surface(metre)))
+    if not plugs:
         return whole
-    plugs = [_plug(whole, opening, metre) for opening in openings]
+    volumes = [_plug_volume(whole, plug, metre) for plug in plugs]
     gmsh.model.occ.synchronize()
-    closed = glued(part, plugs)
-    closed.plugs = tuple(openings)
+    closed = glued(part, volumes)
+    closed.plugs = plugs
     return closed
 
 
 def _surface(metre: float) -> Surface:
     """Return corners in m and triangles of the current model's surfaces, of which a metre has so many of its units."""
     low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
-    gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", CELLS_PER_CIRCLE)
-    gmsh.option.setNumber("Mesh.MeshSizeMax", float(np.linalg.norm(high - low)) / 20.0)
+    sizes = {"Mesh.MeshSizeFromCurvature": CELLS_PER_CIRCLE, "Mesh.MeshSizeMax": float(np.linalg.norm(high - low)) / 20.0}
+    before = {name: gmsh.option.getNumber(name) for name in sizes}
+    for name, size in sizes.items():
+        gmsh.option.setNumber(name, size)
     gmsh.model.mesh.generate(2)
+    for name, size in before.items():
+        gmsh.option.setNumber(name, size)
     tags, places, _ = gmsh.model.mesh.getNodes()
     number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
     number[tags.astype(np.int64)] = np.arange(len(tags))
@@ -952,7 +951,7 @@ def _surface(metre: float) -> Surface:
     return places.reshape(-1, 3) / metre, corners
 
 
-def _plug(solids: Solids, opening: Inlet, metre: float) -> tuple[int, int]:
+def _plug_volume(solids: Solids, opening: Inlet, metre: float) -> tuple[int, int]:
     """Return a volume of the current model that fills an opening: what a somewhat wider cylinder has of the air there."""
     occ = gmsh.model.occ
     place, way = metre * np.array(opening.place), metre * opening.length * np.array(opening.axis)
@@ -1044,8 +1043,13 @@ class ImportedActuator(ImportedPart):
             raise GeometryError(
                 f"file {self.file} draws one of {self.copies} equal pieces, cut on its planes; draw the whole part"
             )
-        if len(open_part(self, "MM").tags) > 1:
+        solids = open_part(self, unit="MM")
+        first, *others = ((3, tag) for tag in solids.tags)
+        if len(others) > len(solids.plugs):
             raise GeometryError(f"file {self.file} has several solids; a mould needs a part of a single solid")
+        if others:  # plugs, of the part's own silicone
+            gmsh.model.occ.fuse([first], others)
+            gmsh.model.occ.synchronize()
 
     def build(self) -> None:
         build_part(self)

@@ -63,8 +63,7 @@ class Inlet:
     @property
     def middle(self) -> Vector:
         """Middle of the plug."""
-        x, y, z = np.asarray(self.place) + 0.5 * self.length * np.asarray(self.axis)
-        return float(x), float(y), float(z)
+        return _vector(np.asarray(self.place) + 0.5 * self.length * np.asarray(self.axis))
 
 
 def plugged(surface: tuple[Array, NDArray[np.int64]], plugs: Sequence[Inlet]) -> tuple[Array, NDArray[np.int64]]:
@@ -185,6 +184,7 @@ def _pockets(grid: Grid, away: Array, radius: float) -> list[_Pocket]:
     reached = grid.air & (scipy.ndimage.distance_transform_edt(cores != cores[0, 0, 0]) * grid.step <= radius)
     hidden, count = label(grid.air & ~reached)
     sizes = np.bincount(hidden.ravel(), minlength=count + 1)
+    sizes[0] = 0  # what is no pocket
     # Where a voxel of a pocket has a reached one beside it, and how many faces they share.
     touching = np.zeros(grid.air.shape, dtype=np.int8)
     for axis in range(3):
@@ -196,8 +196,6 @@ def _pockets(grid: Grid, away: Array, radius: float) -> list[_Pocket]:
     share = shared / 1.5 / np.maximum(sizes, 1) ** (2.0 / 3.0)
     pockets = []
     for number in np.flatnonzero((sizes >= MIN_VOXELS_IN_POCKET) & (share < MAX_MOUTH_SHARE) & (shared > 0)):
-        if number == 0:
-            continue
         voxels = hidden == number
         places, mouths = label(voxels & (touching > 0), structure=np.ones((3, 3, 3)))
         areas = np.bincount(places.ravel(), touching.ravel())[1:] / 1.5 * grid.step**2

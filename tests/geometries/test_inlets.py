@@ -3,11 +3,12 @@
 import math
 import re
 
+import gmsh
 import numpy as np
 import pytest
 
-from geometries import inlets
-from geometries.imported import ImportedActuator, ImportedMesh
+from geometries import inlets, meshing
+from geometries.imported import ImportedActuator, ImportedMesh, open_part
 from softmodels.common.errors import GeometryError
 from tests.benchmarks.random_inlets import wrong
 from tests.support.open_parts import Bore, OpenPart, finger, random_part
@@ -66,6 +67,17 @@ def test_what_cannot_be_closed_is_said(open_finger):
         ImportedActuator(file=file, support="x = 0 mm", inlets=("at 30, 0, 0 mm",))
     with pytest.raises(GeometryError, match="inlets"):
         ImportedActuator(file=file, support="x = 0 mm", inlets=("somewhere",))
+
+
+def test_the_search_leaves_the_cells_as_asked(open_finger):
+    """Its own mesh of the surface is a tool: sizes of cells are those of the session before."""
+    part = ImportedActuator(file=str(open_finger[0]), support="x = 0 mm")
+    with meshing.private_model():
+        sizes = ("Mesh.MeshSizeMax", "Mesh.MeshSizeFromCurvature")
+        before = [gmsh.option.getNumber(name) for name in sizes]
+        assert len(open_part(part).plugs) == 1
+        assert [gmsh.option.getNumber(name) for name in sizes] == before
+        assert not len(gmsh.model.mesh.getNodes()[0])
 
 
 @pytest.mark.campaign
