@@ -16,7 +16,7 @@ from measurement.screen.setup import SetupError, magnification as factor_of
 from softmodels.common import commands, errors, files, units
 from softmodels.common.lazy import consoles, progress
 
-EXIT_DONE, EXIT_SOME_REJECTED = 0, 3
+EXIT_SOME_REJECTED = 3
 """Beside `commands.EXIT_FAILED` (nothing could be measured) and `EXIT_BAD_INPUT` (bad input): some photographs are left out."""
 
 

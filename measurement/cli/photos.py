@@ -92,7 +92,7 @@ def photos(listing: Path, setup_file: Path, output: Path | None, **given: Any) -
     for result in made.results:
         if isinstance(result.outcome, Refusal):
             processes.say(f"{result.photograph.file.name}: refused, {result.outcome.reason}", err=True)
-    sys.exit(cli.EXIT_DONE if not made.refused else cli.EXIT_SOME_REJECTED if made.outlines else commands.EXIT_FAILED)
+    sys.exit(commands.EXIT_DONE if not made.refused else cli.EXIT_SOME_REJECTED if made.outlines else commands.EXIT_FAILED)
 
 
 def _stamp(file: Path) -> tuple[int, int]:

@@ -207,7 +207,7 @@ def calibrate(photographs: tuple[Path, ...], pattern: str, pitch: str, output: P
         processes.say(f"{path}: refused, {why}", err=True)
     if not quiet:
         _report_camera(made, output)
-    sys.exit(texts.EXIT_SOME_REJECTED if made.refused else texts.EXIT_DONE)
+    sys.exit(texts.EXIT_SOME_REJECTED if made.refused else commands.EXIT_DONE)
 
 
 def _report_camera(made: Calibration, output: Path) -> None:

@@ -14,7 +14,7 @@ from softmodels.case import materials
 from softmodels.case.case import Case, RequestOptions, SolveOptions, case_of, listed_options
 from softmodels.case.entries import CaseError
 from softmodels.case.load import Values, prescribed
-from softmodels.common import errors, files, names, units
+from softmodels.common import commands, errors, files, names, units
 from softmodels.common.lazy import MPI
 from softmodels.common.names import checked
 from softmodels.common.processes import one_at_a_time
@@ -322,7 +322,7 @@ def solve_in_folder(
     if ended.error is not None:
         # The end of a path is no error where there are states up to it.
         end = isinstance(ended.error, RunError) and not isinstance(ended.error, outcomes.UnwrittenError)
-        if not end or not loaded or ended.status == outcomes.EXIT_BAD_INPUT:
+        if not end or not loaded or ended.status == commands.EXIT_BAD_INPUT:
             raise ended.error
     assert folder is not None
     return run_of(folder, ended, comm)

@@ -21,7 +21,7 @@ import numpy.typing as npt
 from softmodels.case import case, entries, materials
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
-from softmodels.common import cards, errors, files, schema, units
+from softmodels.common import cards, commands, errors, files, schema, units
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import MPI, pyvista
 from softmodels.common.names import checked, keep_arrays, one_of, place, read_only, several
@@ -139,12 +139,12 @@ class Run(cards.ResultCard):
         ``why`` is the sentence of the command line, with arguments instead of its options.
         """
         status = self._ended.status
-        if status == outcomes.EXIT_DONE:
+        if status == commands.EXIT_DONE:
             return None
         marks = self.table.where("stroke_limit")[-1:] if self.case.supply else ()
         marks = marks or self.table.where("limit")
-        row = marks[0] if status == outcomes.EXIT_NO_EQUILIBRIUM and marks else self.table[-1]
-        kind = {outcomes.EXIT_NO_EQUILIBRIUM: "limit", outcomes.EXIT_STOPPED: "stopped"}.get(status, "lost")
+        row = marks[0] if status == commands.EXIT_NO_EQUILIBRIUM and marks else self.table[-1]
+        kind = {commands.EXIT_NO_EQUILIBRIUM: "limit", commands.EXIT_STOPPED: "stopped"}.get(status, "lost")
         return Limit(
             kind, row["pressure"], row["added_volume"], {name: row[name] for name in self.case.actuator.probes},
             row["max_stretch"], (row["max_stretch_x"], row["max_stretch_y"], row["max_stretch_z"]),

@@ -20,8 +20,7 @@ from typing import Any
 from nicegui import Event
 
 from softmodels.casting import settings
-from softmodels.common import errors, files, processes
-from softmodels.runs import outcomes
+from softmodels.common import commands, errors, files, processes
 
 WAITING, RUNNING, DONE, STOPPED, FAILED = "waiting", "running", "done", "stopped", "failed"
 
@@ -224,7 +223,7 @@ class WarmWorker:
 
 
 FOLDER = "jobs"
-JOB_STATES = {outcomes.EXIT_DONE: DONE, outcomes.EXIT_NO_EQUILIBRIUM: DONE, outcomes.EXIT_STOPPED: STOPPED}
+JOB_STATES = {commands.EXIT_DONE: DONE, commands.EXIT_NO_EQUILIBRIUM: DONE, commands.EXIT_STOPPED: STOPPED}
 """States by exit status; some photographs refused has that of a limit point. All others are `FAILED`."""
 RECORDED_ELSEWHERE = "recorded elsewhere, not run"
 """State of a job that another machine, or anyone without this one's `machine_key`, recorded as waiting or running."""

@@ -114,16 +114,16 @@ def _design(
     except DesignError as error:
         options.fail(str(error))
     except (MeshingError, MeshFileError) as error:
-        options.fail(str(error), outcomes.EXIT_FAILED)
+        options.fail(str(error), commands.EXIT_FAILED)
     except PETSc.Error as error:
         options.fail(
             f"PETSc stopped ({mpi.petsc_reason(error)}); the evaluated designs are kept; continue with --resume",
-            outcomes.EXIT_FAILED,
+            commands.EXIT_FAILED,
         )
     except MemoryError as error:
-        options.fail(outcomes.no_memory(error), outcomes.EXIT_FAILED)
+        options.fail(outcomes.no_memory(error), commands.EXIT_FAILED)
     except (OwnFolderError, OSError) as error:
-        options.fail(f"the designs cannot be written ({error}); continue with --resume", outcomes.EXIT_FAILED)
+        options.fail(f"the designs cannot be written ({error}); continue with --resume", commands.EXIT_FAILED)
     return _close(result, folder, comm, quiet, None if how.no_pictures else how.colormap)
 
 
@@ -137,11 +137,11 @@ def _close(result: DesignResult, folder: model.DesignFolder | None, comm: MPI.Co
     status = (
         commands.EXIT_STOPPED
         if result.stopped
-        else outcomes.EXIT_FAILED
+        else commands.EXIT_FAILED
         if result.trouble
-        else outcomes.EXIT_DONE
+        else commands.EXIT_DONE
         if result.feasible
-        else outcomes.EXIT_NO_EQUILIBRIUM
+        else commands.EXIT_NO_EQUILIBRIUM
     )
     if not mpi.is_root(comm) or folder is None:
         return status
@@ -176,7 +176,7 @@ def _drawn(result: DesignResult, folder: model.DesignFolder | None, comm: MPI.Co
             commands.RunOptions(quiet=True, no_pictures=True),
             interrupts=options.rank_asked_to_stop,
         )
-        if status not in (outcomes.EXIT_DONE, outcomes.EXIT_NO_EQUILIBRIUM):
+        if status not in (commands.EXIT_DONE, commands.EXIT_NO_EQUILIBRIUM):
             return False
     words = "softmodels.pictures.draw_design", str(result.folder), "--colormap", colormap
     return mpi.on_root(comm, lambda: run.drawn_aside(result.problem.case, "the design is complete", *words))
@@ -249,7 +249,7 @@ def study_command(file: Path, how: StudyOptions) -> None:
         processes.say(
             f"{folder}: {study.DATASET} has all results" + ("" if how.no_pictures else f", {study.PAGE} the pictures")
         )
-    sys.exit(outcomes.EXIT_DONE)
+    sys.exit(commands.EXIT_DONE)
 
 
 def _solved(kept: study.StudyFolder, plan: study.StudyPlan, how: StudyOptions, folder: Path) -> Study:
@@ -266,7 +266,7 @@ def _solved(kept: study.StudyFolder, plan: study.StudyPlan, how: StudyOptions, f
     try:
         return study.solve_into(kept, plan, how.jobs or 0, how.scheduler, None if how.quiet else progress)
     except OSError as error:
-        options.fail(f"a sample cannot be written ({errors.reason(error)}); continue with --resume", outcomes.EXIT_FAILED)
+        options.fail(f"a sample cannot be written ({errors.reason(error)}); continue with --resume", commands.EXIT_FAILED)
     except KeyboardInterrupt:
         options.fail("stopped by the user; continue with --resume", commands.EXIT_STOPPED)
 

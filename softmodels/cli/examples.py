@@ -41,7 +41,6 @@ from softmodels.fitting.outlines.residuals import readings_of
 from softmodels.materials import laws, specimens
 from softmodels.materials.laws import Material
 from softmodels.mechanics import mpi
-from softmodels.runs import outcomes
 
 WRITTEN = ("case.toml", "photographs/", "setup.toml", "setup.png", "outlines/", "fit/", "compared.json")
 """Files that the demonstration writes into its folder."""
@@ -200,16 +199,16 @@ def demo(output: Path | None, megapixels: float) -> None:
         click.echo(f"$ python -m {module} {' '.join(words)}")
         line, environment = processes.python(module, *words)
         status = subprocess.run(line, env=environment, check=False).returncode
-        if status != outcomes.EXIT_DONE:
+        if status != commands.EXIT_DONE:
             options.fail(
                 f"{module} {words[0]} ended with exit status {status}; the files so far are in {place}",
-                outcomes.EXIT_FAILED,
+                commands.EXIT_FAILED,
             )
     lines, good = compared(place, TRUTH)
     click.echo("\n".join(["compared with the truth:", *lines]))
     report = {"good": good, "lines": lines}
     (place / "compared.json").write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
-    sys.exit(outcomes.EXIT_DONE if good else outcomes.EXIT_FAILED)
+    sys.exit(commands.EXIT_DONE if good else commands.EXIT_FAILED)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

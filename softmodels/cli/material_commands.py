@@ -399,9 +399,9 @@ def fit_material(files: tuple[Path, ...], how: FitGiven) -> None:
         if folder is not None:  # the files of an earlier fit are not mistaken for this one's
             with contextlib.suppress(OSError):
                 comparison.retire(folder.path)
-        options.fail(str(error), outcomes.EXIT_FAILED)
+        options.fail(str(error), commands.EXIT_FAILED)
     if folder is None:
-        sys.exit(outcomes.EXIT_DONE if report.chosen.sound else outcomes.EXIT_FAILED)
+        sys.exit(commands.EXIT_DONE if report.chosen.sound else commands.EXIT_FAILED)
     options.write_into(folder, lambda place: _write_fit(report, folder.path, place, how), "the results")
     if not how.quiet:
         processes.say(comparison.as_text(report))
@@ -412,7 +412,7 @@ def fit_material(files: tuple[Path, ...], how: FitGiven) -> None:
             processes.say(text)
     if not report.chosen.sound:
         processes.say(f"softmodels: {report.chosen.choice.name}: {report.chosen.warnings[0]}", err=True)
-    sys.exit(outcomes.EXIT_DONE if report.chosen.sound else outcomes.EXIT_FAILED)
+    sys.exit(commands.EXIT_DONE if report.chosen.sound else commands.EXIT_FAILED)
 
 
 def _closing(report: comparison.FitReport, folder: Path) -> str:
@@ -671,7 +671,7 @@ def score(files: tuple[Path, ...], how: ScoreOptions) -> None:
         try:
             scores += scoring.against_outlines(materials, device, outlines, comm, errors)
         except FitError as trouble:
-            options.fail(str(trouble), outcomes.EXIT_FAILED)
+            options.fail(str(trouble), commands.EXIT_FAILED)
     if folder is None:
         return
 

@@ -154,7 +154,7 @@ class Command(click.Command):
         try:
             return super().invoke(ctx)
         except MemoryError as error:
-            fail(outcomes.no_memory(error), outcomes.EXIT_FAILED)
+            fail(outcomes.no_memory(error), commands.EXIT_FAILED)
         except (StartError, materials.OwnModuleError) as error:
             fail(str(error), getattr(error, "status", 2))
         except Exception as error:

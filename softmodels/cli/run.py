@@ -76,7 +76,7 @@ class Reporter(recording.Observer):
         how: commands.RunOptions,
     ):
         self.case, self.progress, self.drawing, self.ranks = case, progress, drawing, ranks
-        self.quiet, self.petsc, self.status = how.quiet, bool(how.petsc), outcomes.EXIT_DONE
+        self.quiet, self.petsc, self.status = how.quiet, bool(how.petsc), commands.EXIT_DONE
 
     def opened(self, results: store.Results) -> None:
         self.progress.say(f"writing results to {results.own.path}")
@@ -92,7 +92,7 @@ class Reporter(recording.Observer):
         if results is None:
             processes.say(f"softmodels: {commands.bounded(message)}", err=True)
             return
-        good = bool(results.stored) and self.status != outcomes.EXIT_BAD_INPUT
+        good = bool(results.stored) and self.status != commands.EXIT_BAD_INPUT
         took = self._drawn(results) if good else None
         drawn = "" if self.drawing is None or took is None else f"{self.drawing.made(results.own.path)}, in {took:.1f} s"
         if message:
@@ -112,13 +112,13 @@ class Reporter(recording.Observer):
         if not isinstance(cause, PETSc.Error):
             return ended.status, spoken(ended.message)
         if self.petsc and not (results and results.stored):
-            return outcomes.EXIT_BAD_INPUT, f"PETSc stopped ({mpi.petsc_reason(cause)}); check the options after --"
+            return commands.EXIT_BAD_INPUT, f"PETSc stopped ({mpi.petsc_reason(cause)}); check the options after --"
         more = "rerun with -- -snes_monitor -ksp_error_if_not_converged for details"
-        return outcomes.EXIT_FAILED, f"PETSc stopped ({mpi.petsc_reason(cause)}); {more}"
+        return commands.EXIT_FAILED, f"PETSc stopped ({mpi.petsc_reason(cause)}); {more}"
 
     def _drawn(self, results: store.Results) -> float | None:
         """Draw a run that has not failed; the seconds it took, None where there are no pictures."""
-        if self.drawing is None or self.status not in (outcomes.EXIT_DONE, outcomes.EXIT_NO_EQUILIBRIUM):
+        if self.drawing is None or self.status not in (commands.EXIT_DONE, commands.EXIT_NO_EQUILIBRIUM):
             return None
         if not self.quiet:
             processes.say(self.drawing.begins, err=True)

@@ -31,7 +31,7 @@ from softmodels.common.folders import InUseError, OwnFolderError
 # End commands cleanly when stopped or if the output fails: one sentence and a status, no traceback.
 
 
-EXIT_FAILED, EXIT_STOPPED = 1, 130
+EXIT_DONE, EXIT_FAILED, EXIT_BAD_INPUT, EXIT_NO_EQUILIBRIUM, EXIT_STOPPED = 0, 1, 2, 3, 130
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 BLOCKED = (
     f"softmodels: stopped by the user; the step under way had not ended {processes.GRACE_SECONDS} s after the signal, "
@@ -538,7 +538,6 @@ def check_output_file(path: Path, inputs: Iterable[Path], is_own: Callable[[Path
 
 DISK_FULL_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Errors of a disk without room: the run failed, its input was good."""
-EXIT_BAD_INPUT = 2
 
 
 def trouble(folder: Path) -> str:

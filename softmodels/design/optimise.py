@@ -16,7 +16,7 @@ from scipy.optimize import least_squares, linprog, minimize
 from scipy.stats import qmc
 
 from softmodels.case import case, entries
-from softmodels.common import files, names, units
+from softmodels.common import commands, files, names, units
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import MPI
 from softmodels.common.names import checked
@@ -36,7 +36,6 @@ from softmodels.design.problem import (
 from softmodels.design.result import ACTIVE_TOLERANCE, DesignResult, StartEnd, case_text, holding
 from softmodels.design.trials import Trial
 from softmodels.mechanics import mpi
-from softmodels.runs import outcomes
 from softmodels.runs.outcomes import RunError
 
 
@@ -169,7 +168,7 @@ def _run(under_way: model.Evaluator) -> DesignResult:
         stopped = True
     judged = [end for end in ends if end.best is not None]
     if not judged:
-        raise RunError("stopped by the user before any design was evaluated", outcomes.EXIT_STOPPED)
+        raise RunError("stopped by the user before any design was evaluated", commands.EXIT_STOPPED)
     end = min(judged, key=StartEnd.order)
     best, folder = end.best, under_way.folder
     assert best is not None
@@ -190,7 +189,7 @@ def _starts(under_way: model.Evaluator) -> Iterator[Array]:
         raise RunError(
             f"the given device cannot be evaluated: {trial.failure}; start from one that reaches the requested "
             f"pressures, such as with thicker walls",
-            outcomes.EXIT_NO_EQUILIBRIUM,
+            commands.EXIT_NO_EQUILIBRIUM,
         )
     yield theta
     assert under_way.form is not None
@@ -657,7 +656,7 @@ def run_variants(
         try:
             variants.append(Variant(words, choice, run_in(choice, own, comm, **how)))
         except RunError as error:
-            if error.status == outcomes.EXIT_STOPPED:
+            if error.status == commands.EXIT_STOPPED:
                 raise
             variants.append(Variant(words, choice, None, str(error)))
         finally:

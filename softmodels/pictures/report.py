@@ -23,7 +23,7 @@ from PIL import Image
 
 from geometries import registry as geometry_table
 from softmodels.case import materials
-from softmodels.common import files, pages, schema, units
+from softmodels.common import commands, files, pages, schema, units
 from softmodels.common.arrays import Array
 from softmodels.common.pages import Page
 from softmodels.components import contact
@@ -32,7 +32,7 @@ from softmodels.materials.laws import parameter_fields
 from softmodels.mechanics import newton
 from softmodels.path import steps
 from softmodels.pictures import curves, offscreen, style
-from softmodels.runs import columns, grid, labels, outcomes, table
+from softmodels.runs import columns, grid, labels, table
 from softmodels.runs.notes import ending, left_out, notes_of, stability_text
 from softmodels.runs.states import StoredStates
 
@@ -294,7 +294,7 @@ def _limit(states: StoredStates, told: dict[str, object]) -> pages.Fact:
     if states.case.program:
         name = "Limit point of the loads"
     if limit_points := curves.limits(rows):
-        beyond = told.get("status") == outcomes.EXIT_NO_EQUILIBRIUM
+        beyond = told.get("status") == commands.EXIT_NO_EQUILIBRIUM
         note = "there is no equilibrium at what was requested beyond it" if beyond else ""
         if not beyond and not states.case.program and row["requested"] and row[raised]:
             note = f"{limit_points[0][raised] / row[raised]:.3g} times the last requested {words.kept[0]}"

@@ -20,7 +20,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from softmodels.case.case import Case
-from softmodels.common import errors, units
+from softmodels.common import commands, errors, units
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import scipy
 from softmodels.components import contact, shapes
@@ -30,7 +30,7 @@ from softmodels.mechanics import assembly, component, controls, mpi, newton
 from softmodels.mechanics.component import Component
 from softmodels.mechanics.system import State
 from softmodels.path.steps import PRESSURE
-from softmodels.runs import outcomes, simulation
+from softmodels.runs import simulation
 from softmodels.runs.outcomes import RunError
 from softmodels.runs.simulation import Model
 
@@ -362,7 +362,7 @@ def grasp(
             raise RunError(
                 f"the fingers do not close to {units.written(pressure)}: the object is no longer in equilibrium beyond "
                 f"{here.pressure / case.cm:.4g} cm; lower the pressure, or use more fingers or friction",
-                outcomes.EXIT_NO_EQUILIBRIUM,
+                commands.EXIT_NO_EQUILIBRIUM,
             )
         states.append(here)
     if load:

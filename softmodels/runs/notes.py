@@ -695,9 +695,9 @@ def ending(rows: table.PathTable, row: table.Row, words: labels.StateLabels, tol
             reached += f"; the {columns.term(row.column(name)).name} is {row.told(name)}"
     if not told:
         return f"The run was interrupted; {len(rows)} states are stored. {reached}."
-    if told.get("status") == outcomes.EXIT_DONE:
+    if told.get("status") == commands.EXIT_DONE:
         return f"All requested values were reached in {len(rows)} states. {reached}."
-    start = "The run stopped at a limit point" if told.get("status") == outcomes.EXIT_NO_EQUILIBRIUM else "The run failed"
+    start = "The run stopped at a limit point" if told.get("status") == commands.EXIT_NO_EQUILIBRIUM else "The run failed"
     return f"{start}: {told.get('message', '')}. {reached}."
 
 

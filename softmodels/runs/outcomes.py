@@ -9,7 +9,7 @@ import time
 from html import escape
 from typing import TYPE_CHECKING
 
-from softmodels.common import errors, processes
+from softmodels.common import commands, errors, processes
 from softmodels.common.errors import MeshingError
 from softmodels.common.lazy import consoles, progress
 from softmodels.mechanics import body, compiling, mpi
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     from softmodels.runs import labels, table
 
-
-EXIT_DONE, EXIT_FAILED, EXIT_BAD_INPUT, EXIT_NO_EQUILIBRIUM, EXIT_STOPPED = 0, 1, 2, 3, 130
 
 INTERRUPTED = "stopped by the user; continue with --resume"
 
@@ -37,7 +35,7 @@ def no_memory(error: MemoryError) -> str:
 class RunError(errors.OptionMessage, RuntimeError):
     """A run failed; ``status`` is the exit status, the message is for the user."""
 
-    def __init__(self, message: str, status: int = EXIT_FAILED):
+    def __init__(self, message: str, status: int = commands.EXIT_FAILED):
         super().__init__(message)
         self.status = status
 
@@ -57,15 +55,15 @@ class Ended:
     The sentence has options as the command line has them; see `softmodels.common.errors.spoken`.
     """
 
-    status: int = EXIT_DONE
+    status: int = commands.EXIT_DONE
     message: str = ""
     error: Exception | None = dataclasses.field(default=None, compare=False)
 
     @classmethod
     def by(cls, error: Exception) -> Ended:
         """The end by an error whose message is a sentence for the user; all but runs and meshers were given bad input."""
-        failed = EXIT_FAILED if isinstance(error, MeshingError | body.BodyError | compiling.CompilingError) else EXIT_BAD_INPUT
-        status = error.status if isinstance(error, RunError) else failed
+        is_run = isinstance(error, MeshingError | body.BodyError | compiling.CompilingError)
+        status = error.status if isinstance(error, RunError) else commands.EXIT_FAILED if is_run else commands.EXIT_BAD_INPUT
         return cls(status, errors.written(error), error)
 
 

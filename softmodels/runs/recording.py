@@ -54,7 +54,7 @@ def check_same(case: Case, old: Case, known: Mapping[str, str], wanted: Mapping[
         other = f"requested {old.quantity}s; resume with the same"
     else:
         return
-    raise RunError(f"{folder} holds a run with {other}, or run without --resume", outcomes.EXIT_BAD_INPUT)
+    raise RunError(f"{folder} holds a run with {other}, or run without --resume", commands.EXIT_BAD_INPUT)
 
 
 def set_back(case: Case, results: store.Results) -> None:
@@ -77,7 +77,7 @@ def check_values(case: Case, results: store.Results) -> None:
     for value in case.values:
         if 0.0 < value < reached * (1 - 1e-9) and not stopped_at(case, results, value):
             text = f"{results.folder} holds a run that passed {case.load.told(value, 'g')} without stopping there"
-            raise RunError(f"{text}; resume with the run's own values, or run without --resume", outcomes.EXIT_BAD_INPUT)
+            raise RunError(f"{text}; resume with the run's own values, or run without --resume", commands.EXIT_BAD_INPUT)
 
 
 def last_stop(case: Case, results: store.Results, fields: Fields, comm: MPI.Comm) -> LoadedState:
@@ -185,7 +185,7 @@ def begin(case: Case, place: ResultsPlace) -> tuple[store.Results, bool]:
             raise
         return results, resumed
     except OSError as error:
-        status = outcomes.EXIT_FAILED if error.errno in commands.DISK_FULL_ERRORS else outcomes.EXIT_BAD_INPUT
+        status = commands.EXIT_FAILED if error.errno in commands.DISK_FULL_ERRORS else commands.EXIT_BAD_INPUT
         raise RunError(f"the folder {place.folder or base} cannot be written ({error.strerror})", status) from None
 
 
@@ -211,9 +211,9 @@ def _folder_to_resume(base: Path, case: Case, wanted: Mapping[str, str]) -> Path
         return fitting[0]
     if fitting:
         several = " and ".join(map(str, fitting))
-        raise RunError(f"{several} hold runs that this case can resume; choose one with --output", outcomes.EXIT_BAD_INPUT)
+        raise RunError(f"{several} hold runs that this case can resume; choose one with --output", commands.EXIT_BAD_INPUT)
     what = f"none of the folders {base}, {base.name}-2 and so on holds a run of this case to resume"
-    raise RunError(f"{what}; give its folder (--output), or run without --resume", outcomes.EXIT_BAD_INPUT)
+    raise RunError(f"{what}; give its folder (--output), or run without --resume", commands.EXIT_BAD_INPUT)
 
 
 def _go_on(case: Case, wanted: Mapping[str, str], results: store.Results) -> bool:
@@ -225,7 +225,7 @@ def _go_on(case: Case, wanted: Mapping[str, str], results: store.Results) -> boo
     file = folder / "case.toml"
     if not file.exists():
         text = f"{file} is missing, the case of the states in that folder; restore it, or run without --resume"
-        raise RunError(f"{text}, which replaces them", outcomes.EXIT_BAD_INPUT)
+        raise RunError(f"{text}, which replaces them", commands.EXIT_BAD_INPUT)
     _check_unchanged(results)
     results.load(go_on=True)  # first: how a case is identified changes between versions too
     check_same(case, Case.from_file(file), about.get("inputs", {}), wanted, folder)
@@ -259,7 +259,7 @@ def _check_unchanged(results: store.Results) -> None:
     file, known = results.own.path / "case.toml", results.own.about.get("case_file")
     if known is not None and file.exists() and files.file_digest(file) != known:
         fix = "move it out of the results folder and run it from there, or use another folder (--output)"
-        raise RunError(f"{file} has changed since its run wrote it; {fix}", outcomes.EXIT_BAD_INPUT)
+        raise RunError(f"{file} has changed since its run wrote it; {fix}", commands.EXIT_BAD_INPUT)
 
 
 def _digest(text: str) -> str:
@@ -291,7 +291,7 @@ class Summary(TypedDict, total=False):
 
 def gather(case: Case, results: store.Results, ended: outcomes.Ended) -> Summary:
     """Bring all steps into one file, and write and return the summary; on rank 0. `OSError` if there is no room."""
-    if ended.status in (outcomes.EXIT_DONE, outcomes.EXIT_NO_EQUILIBRIUM):
+    if ended.status in (commands.EXIT_DONE, commands.EXIT_NO_EQUILIBRIUM):
         results.later.clear()  # the path has ended before them
     results.finish()
     words = labels.state_labels(case)
@@ -374,12 +374,12 @@ def solved_into(
 def _complete(case: Case, results: store.Results | None, ended: outcomes.Ended, observer: Observer) -> tuple[str, bool]:
     """Gather the states of a run that has ended, on rank 0; return why only that failed, else "", and whether it is loaded."""
     failure, summary = "", Summary()
-    if results is not None and results.stored and ended.status != outcomes.EXIT_BAD_INPUT:
+    if results is not None and results.stored and ended.status != commands.EXIT_BAD_INPUT:
         try:
             summary = gather(case, results, ended)
             results.own.forget_unwritten()
         except (OSError, OwnFolderError) as error:
-            if ended.status == outcomes.EXIT_DONE:
+            if ended.status == commands.EXIT_DONE:
                 failure = f"the steps could not be gathered in one file ({errors.reason(error)})"
                 ended = outcomes.Ended.by(
                     outcomes.UnwrittenError(failure := f"{failure}; make room and run again with --resume")

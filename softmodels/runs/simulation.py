@@ -19,7 +19,7 @@ from geometries import Actuator, MeshingStopped, meshing
 from softmodels.case import load, materials
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
-from softmodels.common import cards, errors, names, units
+from softmodels.common import cards, commands, errors, names, units
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import MPI, PETSc
 from softmodels.common.names import checked
@@ -96,7 +96,7 @@ class Simulation:
         try:
             mpi.on_root(self.comm, lambda: device.write(file, self.stopped))
         except MeshingStopped:
-            raise RunError("stopped by the user during meshing; nothing was solved", outcomes.EXIT_STOPPED) from None
+            raise RunError("stopped by the user during meshing; nothing was solved", commands.EXIT_STOPPED) from None
 
     def prepare(self, file: Path) -> None:
         """Read the mesh and set up the equations, compiling them on the first run; `RunError` or `MeshFileError` as
@@ -179,7 +179,7 @@ class Simulation:
                 yield step
         except stability.PathEnd as end:
             text = notes.explain(case, end, self.fields, path, _own_words())
-            raise outcomes.PathEnded(text, outcomes.EXIT_NO_EQUILIBRIUM if end.physical else outcomes.EXIT_FAILED) from end
+            raise outcomes.PathEnded(text, commands.EXIT_NO_EQUILIBRIUM if end.physical else commands.EXIT_FAILED) from end
         except newton.NoConvergence as failure:
             raise RunError(notes.explain_failure(case, failure, last, _own_words())) from failure
 
@@ -196,7 +196,7 @@ class Simulation:
             raise RunError(
                 f"{units.written(passed[0])} are not on this path: the preload has already added "
                 f"{taken * 1e6:.4g} ml to the undeformed cavity; request more than that, or 0 for the preloaded state",
-                outcomes.EXIT_NO_EQUILIBRIUM,
+                commands.EXIT_NO_EQUILIBRIUM,
             )
 
     def _goals(self) -> list[float]:
@@ -243,7 +243,7 @@ class Simulation:
                 yield step
         except stability.PathEnd as end:
             text = notes.explain_step(case, end, rows, reached, _own_words())
-            raise outcomes.PathEnded(text, outcomes.EXIT_NO_EQUILIBRIUM if end.physical else outcomes.EXIT_FAILED) from end
+            raise outcomes.PathEnded(text, commands.EXIT_NO_EQUILIBRIUM if end.physical else commands.EXIT_FAILED) from end
         except newton.NoConvergence as failure:
             raise RunError(notes.explain_failure(case, failure, rows[-1] if rows else None, _own_words())) from failure
 
@@ -275,12 +275,12 @@ class Simulation:
 
     def _stop_if_asked(self) -> None:
         if mpi.any_rank(self.comm, self.stopped()):
-            raise RunError(outcomes.INTERRUPTED, outcomes.EXIT_STOPPED)
+            raise RunError(outcomes.INTERRUPTED, commands.EXIT_STOPPED)
 
     def _stop_here(self) -> None:
         """As `_stop_if_asked`, on this rank only."""
         if self.stopped():
-            raise RunError(outcomes.INTERRUPTED, outcomes.EXIT_STOPPED)
+            raise RunError(outcomes.INTERRUPTED, commands.EXIT_STOPPED)
 
     def step_of(self, point: stability.Point, number: int, reached: float = 0.0) -> formats.StateRecord:
         """Return a point of the path in SI units; ``reached`` is the number of program steps taken."""
@@ -514,7 +514,7 @@ class Model(cards.ResultCard):
             for point in continuation.trace(self.continuation(quantity, case.control), [goal / unit for goal in case.values]):
                 yield Equilibrium(self, point.state, point)
         except stability.PathEnd as end:
-            status = outcomes.EXIT_NO_EQUILIBRIUM if end.physical else outcomes.EXIT_FAILED
+            status = commands.EXIT_NO_EQUILIBRIUM if end.physical else commands.EXIT_FAILED
             raise RunError(f"the path ends before the last requested {quantity}: {end}", status) from end
         except newton.NoConvergence as failure:
             raise RunError(f"the path could not be followed ({failure})") from failure
@@ -561,7 +561,7 @@ class Model(cards.ResultCard):
         try:
             preload = schedule.apply_preload(self.solver, targets, report)
         except schedule.PreloadFailure as end:
-            raise RunError(end.sentence, outcomes.EXIT_NO_EQUILIBRIUM if end.physical else outcomes.EXIT_FAILED) from end
+            raise RunError(end.sentence, commands.EXIT_NO_EQUILIBRIUM if end.physical else commands.EXIT_FAILED) from end
         dead.origins = preload.driven
         return preload
 
@@ -846,7 +846,7 @@ def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, table.PathTab
         except outcomes.PathEnded as end:
             simulation.listener.say(f"  {end}")
         except RunError as error:
-            if error.status == outcomes.EXIT_STOPPED:
+            if error.status == commands.EXIT_STOPPED:
                 raise
             simulation.listener.say(f"  the path of {name} ends here: {error}")
         finally:

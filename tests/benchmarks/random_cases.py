@@ -54,10 +54,10 @@ import softmodels as sm
 from geometries import MeshingError
 from softmodels.case.case import Case
 from softmodels.case.load import steps_of
+from softmodels.common.commands import EXIT_DONE, EXIT_NO_EQUILIBRIUM
 from softmodels.mechanics.controls import LoadPart
 from softmodels.path.steps import Step, courses
 from softmodels.runs.grasp import grasp
-from softmodels.runs.outcomes import EXIT_DONE, EXIT_NO_EQUILIBRIUM
 
 BALANCE = 0.05
 """Share of the largest energy by which work and stored energy may differ: paths have twelve steps or more."""

@@ -15,10 +15,9 @@ import pytest
 
 import softmodels as sm
 from softmodels.case.load import steps_of
-from softmodels.common.commands import run_command
+from softmodels.common.commands import EXIT_NO_EQUILIBRIUM, run_command
 from softmodels.components.fibres import Reinforced, least_resistance
 from softmodels.runs.notes import advice
-from softmodels.runs.outcomes import EXIT_NO_EQUILIBRIUM
 from softmodels.runs.table import Row
 
 STARTS = {

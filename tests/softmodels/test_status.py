@@ -11,13 +11,14 @@ import geometries
 import measurement
 import softmodels
 from measurement.cli import SetupError, per_metre
+from softmodels.common.commands import EXIT_FAILED, EXIT_STOPPED
 from softmodels.common.errors import ComponentError
 from softmodels.common.tables import TomlError, parse_toml
 from softmodels.common.units import DecimalCommaError, UnitError, quantity
 from softmodels.components.contact import Obstacle
 from softmodels.design import optimise as search
 from softmodels.design.optimise import run_variants
-from softmodels.runs.outcomes import EXIT_FAILED, EXIT_STOPPED, RunError
+from softmodels.runs.outcomes import RunError
 
 FOREIGN = {"softmodels/mechanics/compiling.py"}
 """DOLFINx passes a compiler's failure from rank to rank as text only."""
