@@ -5,7 +5,6 @@ uv run python docs/examples/wound_tube.py
 
 import matplotlib.pyplot as plt
 import numpy as np
-
 import softmodels as sm
 
 tube = sm.Cylinder()
@@ -16,15 +15,29 @@ figure, axes = plt.subplots()
 last = []
 for angle in angles:
     thread = sm.Fibres(on="outer", angle=angle, stiffness=10e3)
-    run = sm.inflate(tube, silicone, pressures="0:100:25 cm", components=[thread])
+    run = sm.inflate(
+        tube, silicone, pressures="0:100:25 cm", components=[thread]
+    )
     last.append(run.path["elongation_percent"][-1])
-    axes.plot(run.pressure / 1e3, run.path["elongation_percent"], ".-", label=f"{angle:g} deg")
-axes.set(xlabel="pressure (kPa)", ylabel="elongation (%)", title="A tube wound with thread of 10 kN/m")
+    axes.plot(
+        run.pressure / 1e3,
+        run.path["elongation_percent"],
+        ".-",
+        label=f"{angle:g} deg",
+    )
+axes.set(
+    xlabel="pressure (kPa)",
+    ylabel="elongation (%)",
+    title="A tube wound with thread of 10 kN/m",
+)
 axes.legend(title="angle from the axis")
 figure.savefig("wound_tube.png", dpi=110)
 
 print(
     "elongation in % at 100 cm:",
-    ", ".join(f"{angle:g} deg {value:.1f}" for angle, value in zip(angles, last, strict=True)),
+    ", ".join(
+        f"{angle:g} deg {value:.1f}"
+        for angle, value in zip(angles, last, strict=True)
+    ),
 )
 assert np.all(np.diff(last) > 0) and abs(last[4] - 15.9) < 0.1

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import itertools
-import re
 import shlex
 import tomllib
 from pathlib import Path
@@ -13,6 +12,7 @@ import pytest
 
 from softmodels.case.materials import material_from
 from softmodels.cli import examples
+from tests.support import pages
 from tests.support.forks import forks
 
 pytestmark = pytest.mark.campaign
@@ -25,10 +25,8 @@ def done(tmp_path_factory):
     """The folder in which all commands have run, each once."""
     folder = tmp_path_factory.mktemp("page")
     examples.write_examples(folder / "examples")
-    blocks = re.findall(r"^```sh\n(.*?)^```", PAGE.read_text(), re.DOTALL | re.MULTILINE)
-    lines = dict.fromkeys(line for block in blocks for line in block.splitlines())
     with forks() as run:
-        for line in lines:
+        for line in dict.fromkeys(pages.pasted(PAGE)):
             words = shlex.split(line)
             assert words[:2] == ["uv", "run"]
             if words[2:] != ["softmodels", "examples"]:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.support import pages
 from tests.support.campaigns import sampled
 from tests.support.forks import forks
 
@@ -26,6 +27,7 @@ def blocks(page):
 PAGES = [page for page in TEXTS if blocks(page)]
 LARGEST_PICTURE = 120_000
 """Bytes of a picture in the gallery."""
+MOST_COLUMNS = 79
 MOST_FILES = 5
 """That a reader opens for one question."""
 
@@ -91,7 +93,7 @@ def sessions(page):
     found, last = [], None
     for language, body in FENCE.findall(page.read_text()):
         if language.strip() == "sh":
-            found.append(([line for line in body.splitlines() if line.startswith("uv run ")], [], False))
+            found.append(([line for line in pages.commands(body) if line.startswith("uv run ")], [], False))
         elif not language.strip() and body.startswith("$ uv run "):
             command, *lines = body.splitlines()
             found.append(([command.removeprefix("$ ")], lines, True))
@@ -128,6 +130,15 @@ def test_lines_are_the_same_to_the_digits_shown():
     assert not same(line, "step 13 177.000 cm apex rise +3.940 mm 2 iterations 7.1 s")
     assert same("a 2.224 and … in results/disk … in 4.1 s", "a 2.2239 and b 5 in results/disk or so in 70 s")
     assert not same("a 2.224 and …", "a 2.224 or b")
+
+
+def test_code_on_pages_is_not_cut_off():
+    """Outputs and drawings, whose language is not named, are as wide as they are."""
+    for page in TEXTS:
+        for language, body in FENCE.findall(page.read_text()):
+            if language in ("sh", "toml", "python"):
+                long = [line for line in body.splitlines() if len(line) > MOST_COLUMNS]
+                assert not long, f"{page.relative_to(TOP)}: {long}"
 
 
 DOCUMENTED = [page for page in TEXTS if sessions(page)]
@@ -206,7 +217,7 @@ def test_a_question_about_the_code_is_answered_by_few_files_that_are_there():
 
 def test_the_readmes_test_command_is_that_of_every_change():
     """And what it leaves out by default comes after it."""
-    (command,) = re.findall(r"^(uv run .*\bpytest\b.*?)(?:  +#.*)?$", (TOP / "README.md").read_text(), re.MULTILINE)
+    (command,) = [line for line in pages.pasted(TOP / "README.md") if "pytest" in line.split()]
     lines = (TOP / ".ci" / "run").read_text().splitlines()
     assert [line for line in lines if " pytest " in line] == [command, f"{command} -m campaign"]
 

@@ -32,6 +32,7 @@ from softmodels.fitting.curves.curve import read_curve
 from softmodels.fitting.problem import FitOptions, LawChoice
 from softmodels.materials.specimens import nominal_stress
 from softmodels.mechanics.mpi import start
+from tests.support import pages
 
 TOP = Path(__file__).parents[2]
 PAGES = [TOP / "README.md", *sorted((TOP / "docs" / "pages").rglob("*.md"))]
@@ -40,9 +41,7 @@ FILE = re.compile(r"\.(toml|csv|jpg|step|msh)$|/")
 
 def commands_of(page):
     """Words of every command in a page's sh blocks, in order."""
-    blocks = re.findall(r"^```sh\n(.*?)^```", page.read_text(), flags=re.MULTILINE | re.DOTALL)
-    lines = [line for block in blocks for line in block.splitlines()]
-    return [shlex.split(line, comments=True) for line in lines if line.strip() and not line.startswith("#")]
+    return [shlex.split(line, comments=True) for line in pages.pasted(page)]
 
 
 @pytest.fixture(scope="module")
