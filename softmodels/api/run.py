@@ -414,7 +414,7 @@ class Run(cards.ResultCard):
             figure = (
                 curves.steps(self.table, words)
                 if self.case.program
-                else curves.rise(self.table, words.gauge, self.case.cm, None, curves.over_of(self.case), self._source.sources)
+                else curves.rise(self.table, words, self.case.cm, None, curves.over_of(self.case), self._source.sources)
             )
 
         def png() -> bytes:

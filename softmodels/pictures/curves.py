@@ -74,7 +74,7 @@ def curves(
     for (place, below), (variable, label) in wanted:
         figure, axes = chart(4.2, WIDTH_INCHES / 2)
         _sources(axes, sources, rows, variable, place)
-        _path(axes, rows, variable, branch, place)
+        _path(axes, rows, variable, branch, place, words.fitted)
         for name, colour, marker, events in _events(rows):
             axes.plot(events.shown(place), events.shown(variable), marker, color=colour, markersize=8, label=name)
         axes.set(xlabel=below, ylabel=label)
@@ -107,13 +107,12 @@ def over_of(case: Case) -> tuple[str, str]:
 
 def rise_of(states: StoredStates) -> Figure:
     """Plot the rise of the gauge of stored states over their load; see `rise`."""
-    gauge, over = states.actuator.gauge, over_of(states.case)
-    return rise(states.rows, gauge, states.case.cm, states.branch, over, states.sources)
+    return rise(states.rows, states.words, states.case.cm, states.branch, over_of(states.case), states.sources)
 
 
 def rise(
     rows: table.PathTable,
-    gauge: str,
+    words: labels.StateLabels,
     pascal_per_cm: float,
     branch: table.PathTable | None = None,
     over: tuple[str, str] = (PRESSURE, f"pressure in {units.column_unit()}"),
@@ -122,6 +121,7 @@ def rise(
     """Plot the rise of the device's `Actuator.gauge`, such as the disk's apex, over the pressure or else (see `over_of`), of
     all states, of the branch that was followed, if one was, and of each source of the silicone where they were
     solved; ``pascal_per_cm`` is Pa in one cm of the column."""
+    gauge = words.gauge
     figure, axes = chart(6.4)
 
     def place(row: table.Row) -> str:
@@ -129,7 +129,7 @@ def rise(
         return f"{row.told(over[0])}{kilopascals}, {row.told(gauge)}"
 
     _sources(axes, sources, rows, gauge, over[0])
-    _path(axes, rows, gauge, branch, over[0])
+    _path(axes, rows, gauge, branch, over[0], words.fitted)
     for name, colour, marker, events in _events(rows):
         for row in events:
             label = f"{name}: {place(row)}"
@@ -207,16 +207,24 @@ def _events(rows: table.PathTable) -> list[tuple[str, str, str, table.PathTable]
     return [kind for kind in kinds if kind[3]]
 
 
-def _path(axes: Axes, rows: table.PathTable, variable: str, branch: table.PathTable | None, over: str = PRESSURE) -> None:
-    """Plot curve, steps, requested values and snap-throughs of a path over the variable ``over``, and its branch."""
+def _path(
+    axes: Axes, rows: table.PathTable, variable: str, branch: table.PathTable | None, over: str, fitted: float = math.inf
+) -> None:
+    """Plot curve, steps, requested values and snap-throughs of a path over the variable ``over``, and its branch; dashed where
+    the silicone is stretched beyond ``fitted``."""
     places = np.column_stack([rows.shown(over), rows.shown(variable)])
     jumps = np.flatnonzero(rows.get("jump")).tolist()
     held = np.ones(len(rows), dtype=bool)
     held[notes.jumped_over(rows)] = False
     # States skipped by a supply's snap-through are on the path too.
-    parts = np.split(places, [k for k in jumps if held[k - 1]])
-    for k, part in enumerate(parts):
-        axes.plot(*smooth(part).T, color=CURVE, label="" if k else "simulated path")
+    parts = np.split(np.column_stack([places, rows.get("max_stretch")]), [k for k in jumps if held[k - 1]])
+    lines = [smooth(part).T for part in parts]
+    for style, shown, label in (
+        ("-", lambda stretch: stretch <= fitted, "simulated path"),
+        ("--", lambda stretch: stretch > fitted, f"beyond the fitted stretch, {fitted:.3g}"),
+    ):
+        for k, (x, y, stretch) in enumerate(line for line in lines if shown(line[2]).any()):
+            axes.plot(x, np.where(shown(stretch), y, np.nan), style, color=CURVE, label="" if k else label)
     axes.plot(*places[held].T, "o", color=CURVE, markersize=3.5, label="steps")
     if not held.all():
         axes.plot(*places[~held].T, "x", color=WARNING, markersize=6, label="steps skipped by snap-through")

@@ -7,10 +7,12 @@ pressure is hidden and the added volume shown.
 from __future__ import annotations
 
 import dataclasses
+import math
 import re
 
 from softmodels.case.case import Case
 from softmodels.common import units
+from softmodels.materials import silicones
 from softmodels.mechanics import controls
 from softmodels.runs import columns, table
 
@@ -28,6 +30,7 @@ class StateLabels:
         along: Variables of the load and its conjugate, which locate a state on the path.
         loads, moved: Variables with weights, forces and moments, and of what each works on.
         unit: Of the heights of the column, with the density of its liquid.
+        fitted: The largest stretch to which the silicone was fitted; infinite if unknown.
     """
 
     gauge: str
@@ -38,6 +41,7 @@ class StateLabels:
     loads: tuple[str, ...] = ()
     moved: tuple[str, ...] = ()
     unit: str = units.column_unit()
+    fitted: float = math.inf
 
     def loads_in(self, row: table.Row) -> list[str]:
         """Return the weights, forces and moments that a row has."""
@@ -108,6 +112,7 @@ def state_labels(case: Case) -> StateLabels:
         loads=tuple(load.variables[0] for load in loads),
         moved=tuple(load.variables[1] for load in loads),
         unit=units.column_unit(case.cm),
+        fitted=(silicones.stretches_of(case.material) or (1.0, math.inf))[1],
     )  # fmt: skip
     if case.driven is None:
         return words
