@@ -61,7 +61,7 @@ def grasp_figure(made: Grasp, held_states: Sequence[grasp.Held], outlines: Seque
         centre = plane(held.moved) * 1e3
         axes.add_patch(Circle((float(centre[0]), float(centre[1])), radius, facecolor="none", edgecolor=style.INK))
         arrows = [
-            *zip(held.forces, ["C0"] * len(held.forces), strict=True),
+            *zip(held.forces, [style.CURVE] * len(held.forces), strict=True),
             (np.array([held.load, 0.0]), style.WARNING),
         ]
         for force, colour in arrows:

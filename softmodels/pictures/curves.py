@@ -27,12 +27,13 @@ from softmodels.pictures.style import (
     EDGE,
     FAINT,
     INK,
-    LINES_CMAP,
+    LINE_COLOURS,
     SPAN,
     STYLE,
     WARNING,
     WIDTH_INCHES,
     chart,
+    shades,
 )
 from softmodels.runs import columns, grid, labels, notes, states, table
 from softmodels.runs.states import Line, StoredStates
@@ -338,8 +339,7 @@ def steps(rows: table.PathTable, words: labels.StateLabels) -> Figure:
     passed_rows, asked = rows[along], rows["requested"] != 0
     for axes, (variables, label) in zip(places, panels, strict=True):
         count = len(variables)
-        shades = matplotlib.colormaps[LINES_CMAP](np.linspace(0.1, 0.8, count)) if count > 1 else [CURVE]
-        for k, (name, colour) in enumerate(zip(variables, shades, strict=True), 1):
+        for k, (name, colour) in enumerate(zip(variables, itertools.cycle(LINE_COLOURS), strict=False), 1):
             values = rows.shown(name)
             cavity = f"cavity{k}" if count > 1 else None
             axes.plot(passed_rows, values, _line_style(rows), color=colour, markersize=3.5, label=cavity)
@@ -372,8 +372,7 @@ def loop(rows: table.PathTable, words: labels.StateLabels) -> Figure:
     loops = notes.cycles(rows)
     figure = Figure((WIDTH_INCHES, 5.4), dpi=DPI, layout="constrained")
     places = figure.subplots(1, 2, sharey=True)
-    shades = matplotlib.colormaps[LINES_CMAP](np.linspace(0.1, 0.8, len(loops))) if len(loops) > 1 else [CURVE]
-    for count, (cycle, colour) in enumerate(zip(loops, shades, strict=True), 1):
+    for count, (cycle, colour) in enumerate(zip(loops, shades(len(loops)), strict=True), 1):
         label = f"cycle {count}: loses {cycle.loss}" if cycle.closed else f"cycle {count}, not closed"
         marker, wide = {1: ("o", 2.0), len(loops): ("s", 2.0)}.get(count, ("", 0.9))
         shown = label if marker or len(loops) <= MOST_CYCLES else None
@@ -440,10 +439,10 @@ def cut_profiles(
     flat = np.concatenate([rest, *lines.values()]).reshape(-1, 3) @ axes_of_plane.T
     wide, tall = np.ptp(flat, axis=0)
     figure, axes = chart(min(max(0.72 * WIDTH_INCHES * tall / wide + 1.4, 3.5), WIDTH_INCHES))
-    colours = matplotlib.colormaps[LINES_CMAP](np.linspace(0.9, 0.0, max(len(lines), 2)))
     names = _labels(*path, _labelled_steps(list(lines)))
     drawn: list[tuple[Array, ColorType, float, str, str | None]] = [(rest, EDGE, 1.4, ":", "undeformed")]
-    drawn += [(line, colour, 2.0, "-", names.get(step)) for colour, (step, line) in zip(colours, lines.items(), strict=False)]
+    coloured = zip(shades(len(lines)), lines.items(), strict=True)
+    drawn += [(line, colour, 2.0, "-", names.get(step)) for colour, (step, line) in coloured]
     for pieces, colour, width, style, label in drawn:
         flat = 1e3 * pieces @ axes_of_plane.T
         axes.add_collection(LineCollection(list(flat), colors=[colour], linewidths=width, linestyles=style))
@@ -492,8 +491,7 @@ def profiles(
     axes = figure.add_axes((0.85 / WIDTH_INCHES, (whole - height + 0.25) / 2 / whole, inner / WIDTH_INCHES, height / whole))
     axes.set(xlim=(left, right), ylim=(bottom, bottom + (right - left) * height / inner), aspect="equal")
     axes.plot(*_outline(rest, axial).T, "--", color=EDGE, linewidth=1.4, label="undeformed")
-    colours = matplotlib.colormaps[LINES_CMAP](np.linspace(0.9, 0.0, max(len(lines), 2)))
-    for colour, (step, line) in zip(colours, lines.items(), strict=False):
+    for colour, (step, line) in zip(shades(len(lines)), lines.items(), strict=True):
         axes.plot(*_outline(line, axial).T, color=colour, label=names.get(step))
     if plate is not None:
         axes.axhline(plate * 1e3, color=WARNING, linewidth=1.5, linestyle="--", label="rigid plane")

@@ -40,7 +40,7 @@ GRID_COLUMNS = 3
 def draw_outlines(matches: Sequence[residuals.MatchedPhotograph], law: str) -> Figure:
     """Plot all outlines in device coordinates: measured points, simulated lines, a colour per pressure."""
     figure, axes = style.chart(0.55 * style.WIDTH_INCHES)
-    for fitting, colour in zip(matches, _colours(len(matches)), strict=True):
+    for fitting, colour in zip(matches, style.shades(len(matches)), strict=True):
         stride = max(len(fitting.points) // MAX_POINTS_SHOWN, 1)
         measured = 1e3 * (fitting.points * np.column_stack([fitting.side, np.ones_like(fitting.side)]))[::stride]
         axes.plot(measured[:, 0], measured[:, 1], ".", ms=2.5, color=style.INK, alpha=0.5)
@@ -94,7 +94,7 @@ def draw_creep(matches: Sequence[residuals.MatchedPhotograph], law: str) -> Figu
     for match in matches:
         history, device = match.shape.history, match.shape.source.rpartition("/")[0]
         levels.setdefault((device, *history[: outline.reached(history) + 1]), []).append(match)
-    for part, colour in zip(levels.values(), _colours(len(levels)), strict=True):
+    for part, colour in zip(levels.values(), style.shades(len(levels)), strict=True):
         part = sorted(part, key=lambda photograph: photograph.shape.hold)
         holds = [photograph.shape.hold for photograph in part]
         measured = [1e3 * (photograph.shape.height - photograph.values["zero"]) / photograph.factor for photograph in part]
@@ -118,10 +118,6 @@ def _panel(axes: Axes, fitting: residuals.MatchedPhotograph) -> None:
     chi2 = float((fitting.residuals**2).sum())
     read = f"{_name(shape)} ({fitting.reading * shape.pressure_error:+.0f} Pa)"
     axes.set_title(f"{read}: $\\chi^2$ {chi2:.0f} of {len(fitting.residuals)}", fontsize=9)
-
-
-def _colours(count: int) -> Array:
-    return matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, count))
 
 
 STYLES = ("-", "--", "-.", ":")

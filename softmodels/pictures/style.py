@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import matplotlib
 import numpy as np
 import numpy.typing as npt
+from cycler import cycler
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -49,6 +50,9 @@ CHARACTER_WIDTH = 0.62
 """Width of a character, in sizes of the font: a little more than the mean of the fonts' letters and digits."""
 
 LINES_CMAP = "viridis"
+"""Of what has an order, such as states, cycles and pressures: dark is least, as in the pictures of measured outlines."""
+LINE_COLOURS = ("#2f6f9f", "#c0392b", "#2e8b57", "#8e5ea2", "#d98b1f", "#5d6d7e", "#16a3a3")
+"""Of what has none, such as laws, runs, modes and cavities."""
 SPAN = "#e4e7eb"
 """Colour of a band of several laws."""
 SOLID = "#d9e2ec"
@@ -57,6 +61,7 @@ STYLE: Any = {  # versions of matplotlib differ in the type of their parameters'
     "axes.titlesize": 13,
     "legend.fontsize": 11,
     "axes.grid": True,
+    "axes.prop_cycle": cycler(color=LINE_COLOURS),
     "grid.alpha": 0.3,
     "lines.linewidth": 2.0,
 }
@@ -68,6 +73,11 @@ def chart(height: float, width: float = WIDTH_INCHES) -> tuple[Figure, Axes]:
     """Return a figure of a size in inches that fits its texts, and its only axes."""
     figure = Figure((width, height), dpi=DPI, layout="constrained")
     return figure, figure.subplots()
+
+
+def shades(count: int) -> Array:
+    """Return the colours of lines that have an order, from the least to the most; shape (count, 4)."""
+    return matplotlib.colormaps[LINES_CMAP](np.linspace(0.0, 0.88, count))
 
 
 def title_colour(title: str) -> str:
@@ -168,7 +178,6 @@ class Scale:
         return axes, np.asarray(drawn(figure))
 
 
-LINE_COLOURS = ("#2f6f9f", "#c0392b", "#2e8b57", "#8e5ea2", "#d98b1f", "#5d6d7e", "#16a3a3")
 FOOT_INCHES, LOW_FOOT_INCHES = 1.15, 0.65
 """Inches below a picture for its colour bar, axes, scale bar and text; without a colour bar."""
 CLIPPING_PERCENTILE = 99.5
