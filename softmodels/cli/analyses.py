@@ -99,7 +99,7 @@ def sentence(name: str, limit: Limit, column: LimitColumn) -> str:
         "lost": f"no limit up to {at}, where the path was lost ({limit.why}): {state}",
     }[limit.kind]
     if limit.held:
-        what = f"{at} is borne for {limit.held:g} s, and then: {state}"
+        what = f"{at} is held for {limit.held:g} s, and then: {state}"
     text = f"{name}: {what}"
     if column.working is not None:
         margin = abs(limit.pressure) / column.cm / column.working
@@ -184,7 +184,7 @@ def write_page(
         margin = math.inf if column.working is None else abs(limit.pressure) / column.cm / column.working
         notes_of_it = [] if column.working is None else [f"{margin:.2f} times the working pressure of {column.working:g} cm"]
         kind = KINDS[limit.kind] if limit.pressure > 0.0 else KINDS[limit.kind].replace("up to", "down to")
-        what = f"borne for {limit.held:g} s" if limit.held else kind
+        what = f"held for {limit.held:g} s" if limit.held else kind
         pressure = f"{limit.pressure / column.cm:.4g} {units.column_unit(column.cm)} ({limit.pressure / 1e3:.4g} kPa)"
         note = "; ".join([*notes_of_it, f"largest stretch there {limit.stretch:.4g}"])
         facts.append(pages.Fact(f"{name}: {what}", pressure, note, margin < 1 or limit.kind == "lost"))

@@ -228,6 +228,6 @@ def test_the_command_tells_what_is_borne(tmp_path):
     device = ("-m", "softmodels", "limit", "--device", "Balloon")
     words = (*device, "--cell-size", "8mm", "--material", tmp_path / "memory.toml", "--hold", "60s")
     done = runs.run(*words, "--output", tmp_path / "out")
-    assert done.status == 0 and "is borne for 60 s, and then" in done.out
+    assert done.status == 0 and "is held for 60 s, and then" in done.out
     assert runs.run(*words, "--vary", "wall=2mm+-0.1mm").status == 2
     assert runs.run(*device, "--hold", "60s").status == 2
