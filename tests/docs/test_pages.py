@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support import pages
+from tests.support import file_list, pages
 from tests.support.campaigns import sampled
 from tests.support.forks import forks
 
@@ -206,6 +206,10 @@ def test_no_run_imports_more_files_than_the_architecture_page_says(tmp_path):
     (tmp_path / "count.py").write_text(COUNT)
     done = subprocess.run([sys.executable, "count.py"], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert int(done.stdout.split()[-1]) <= int(re.search(r"imports (\d+) files", text)[1])
+
+
+def test_every_file_is_listed_by_its_first_sentence():
+    assert file_list.PAGE.read_text().endswith(file_list.written()), "python -m tests.support.file_list"
 
 
 def test_a_question_about_the_code_is_answered_by_few_files_that_are_there():
