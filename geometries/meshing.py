@@ -124,13 +124,11 @@ class MeshSummary:
 @contextlib.contextmanager
 def private_model() -> Iterator[None]:
     """Return a fresh, current Gmsh model; afterwards a caller's own Gmsh session is as it was."""
-
     with processes.WORKER_LOCK:
         yield from _fresh_model()
 
 
 def _fresh_model() -> Iterator[None]:
-    """See `private_model`, whose thread has its turn."""
     ours = not gmsh.isInitialized()
     if ours:
         # Not interruptible: Gmsh would otherwise replace the signal handler, which only a main thread may do.

@@ -122,10 +122,8 @@ class Revolved(actuator.Wedged):
 
     def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         points = np.asarray(points, dtype=float)
-        flat, near = (
-            np.column_stack([np.hypot(points[:, 0], points[:, 1]), points[:, 2]]),
-            ZERO_DISTANCE_TOLERANCE * self.size,
-        )
+        flat = np.column_stack([np.hypot(points[:, 0], points[:, 1]), points[:, 2]])
+        near = ZERO_DISTANCE_TOLERANCE * self.size
         here = (np.abs(points[:, 1]) < near) & (points[:, 0] > -near)
         missed = [side.missed(flat) for side in self.profile]
         return here & (np.min(missed, axis=0) < near)

@@ -816,11 +816,9 @@ def _swept_solid(curves: list[int], height: float) -> meshing.Entity:
 def _whole_prism(slab: SeminarActuator) -> meshing.Entity:
     """Return the whole slab without channels."""
     occ = gmsh.model.occ
-    length, half, radius = (
-        meshing.MM_PER_M * slab.length,
-        0.5 * meshing.MM_PER_M * slab.base_width,
-        meshing.MM_PER_M * slab.tip_radius,
-    )
+    length = meshing.MM_PER_M * slab.length
+    half = 0.5 * meshing.MM_PER_M * slab.base_width
+    radius = meshing.MM_PER_M * slab.tip_radius
     bottom = -0.5 * meshing.MM_PER_M * slab.thickness
     x, y = (meshing.MM_PER_M * at for at in side(slab)[1])
     right, left = occ.addPoint(0, -half, bottom), occ.addPoint(0, half, bottom)
@@ -852,11 +850,9 @@ def _prism(slab: SeminarActuator) -> meshing.Entity:
         if slab.level
         else (-0.5 * meshing.MM_PER_M * slab.thickness, meshing.MM_PER_M * slab.thickness)
     )
-    length, half, radius = (
-        meshing.MM_PER_M * slab.length,
-        0.5 * meshing.MM_PER_M * slab.base_width,
-        meshing.MM_PER_M * slab.tip_radius,
-    )
+    length = meshing.MM_PER_M * slab.length
+    half = 0.5 * meshing.MM_PER_M * slab.base_width
+    radius = meshing.MM_PER_M * slab.tip_radius
     x, y = (meshing.MM_PER_M * at for at in side(slab)[1])
     base, corner = occ.addPoint(0, 0, bottom), occ.addPoint(0, half, bottom)
     tip = occ.addPoint(length, 0, bottom)
@@ -925,11 +921,9 @@ def _manifold(slab: SeminarActuator, begin: float) -> list[meshing.Entity]:
     """Return the arc from an angle (rad) to its end at y > 0, and the round cap there."""
     occ = gmsh.model.occ
     half = 0.5 * spread(slab)
-    radius, bore, level = (
-        meshing.MM_PER_M * slab.manifold_radius,
-        meshing.MM_PER_M * slab.manifold_bore,
-        meshing.MM_PER_M * slab.offset,
-    )
+    radius = meshing.MM_PER_M * slab.manifold_radius
+    bore = meshing.MM_PER_M * slab.manifold_bore
+    level = meshing.MM_PER_M * slab.offset
     c, s = math.cos(begin), math.sin(begin)
     # The section's seam is on the inside, where no channel leaves.
     section = occ.addDisk(radius * c, radius * s, level, bore, bore, zAxis=[-s, c, 0], xAxis=[-c, -s, 0])

@@ -379,10 +379,8 @@ class _Maker:
                 if start == outside:  # it is open there
                     continue
                 neck = 0.5 * MM_PER_M * width
-                mouth, heights = (
-                    neck + abs(outside - start) * workshop.slope,
-                    (min(start, outside), max(start, outside)),
-                )
+                mouth = neck + abs(outside - start) * workshop.slope
+                heights = (min(start, outside), max(start, outside))
                 hole = Hole((float(place[0]), float(place[1])), neck, mouth, heights)
                 tools.append(_cone(hole.place, start, outside - start, hole.neck, hole.mouth))
                 self.drafted.append(hole)
@@ -407,15 +405,11 @@ class _Maker:
 
     def _bolts(self) -> list[Solid]:
         """Return the bolts' shanks: upright in the middle of each rim; of a cup in two halves across both."""
-        middle, half, radius = (
-            0.5 * (self.low + self.high),
-            0.5 * MM_PER_M * self.workshop.rim,
-            0.5 * MM_PER_M * self.workshop.bolt,
-        )
-        begin, end = (
-            self.low - MM_PER_M * self.workshop.wall * UP,
-            self.high + MM_PER_M * self.workshop.wall * UP,
-        )
+        middle = 0.5 * (self.low + self.high)
+        half = 0.5 * MM_PER_M * self.workshop.rim
+        radius = 0.5 * MM_PER_M * self.workshop.bolt
+        begin = self.low - MM_PER_M * self.workshop.wall * UP
+        end = self.high + MM_PER_M * self.workshop.wall * UP
         if self.pour.sideways is not None:
             axis, _ = self._split
             starts = [np.where(np.arange(3) == axis, begin, middle) for _ in range(2)]
@@ -432,10 +426,8 @@ class _Maker:
         """Return the place of an upright bolt, moved along its rim if an inlet pin would cross it."""
         for inlet in self.inlets:
             across = np.cross(UP, inlet.outwards)
-            off, needed = (
-                float((start - inlet.begin) @ across),
-                radius + inlet.radius + MM_PER_M * self.workshop.least_wall,
-            )
+            off = float((start - inlet.begin) @ across)
+            needed = radius + inlet.radius + MM_PER_M * self.workshop.least_wall
             if inlet.bore is not None and abs(off) < needed and (start - inlet.begin) @ inlet.outwards > 0.0:
                 start = start + (needed + 1.0 - off) * across
         return start
@@ -519,11 +511,9 @@ class _Maker:
     def _doweled(self, solids: list[Solid], other: list[Solid], axis: int, middle: float) -> tuple[list[Solid], list[Solid]]:
         """Put dowels between the two halves of a cup, two at the bottom and one at the top."""
         workshop, across = self.workshop, 1 - axis
-        gap, root, length = (
-            MM_PER_M * workshop.clearance,
-            0.5 * MM_PER_M * workshop.pin,
-            MM_PER_M * workshop.pin_length,
-        )
+        gap = MM_PER_M * workshop.clearance
+        root = 0.5 * MM_PER_M * workshop.pin
+        length = MM_PER_M * workshop.pin_length
         tip, half = root - length * workshop.slope, 0.5 * MM_PER_M * workshop.rim
         low, high = self.level + half, self.top + MM_PER_M * workshop.wall - half
         dowels, sockets = [], []
@@ -763,11 +753,7 @@ def _places(segments: Array, line: tuple[int, float] | None = None) -> tuple[Arr
 
 def face_namer(device: Actuator | LostCore, frame: Frame) -> Callable[[Array], str]:
     """Return a function from a place in the mould (mm) to the clause that names the part's face there."""
-
-    def named(place: Array) -> str:
-        return _name(device, frame.drawn(place))
-
-    return named
+    return lambda place: _name(device, frame.drawn(place))
 
 
 def _name(device: Actuator | LostCore, place: Array) -> str:

@@ -32,7 +32,7 @@ from softmodels.casting.bodies import (
 from softmodels.casting.facets import Facets
 from softmodels.casting.settings import MouldError
 from softmodels.common import cards, schema
-from softmodels.common.arrays import Array
+from softmodels.common.arrays import Array, triple
 from softmodels.common.errors import MeshingError
 from softmodels.common.lazy import gmsh
 
@@ -232,7 +232,7 @@ def _draw_wax(drawn: _DrawnPiece, workshop: settings.Workshop, folder: Path) -> 
     pour = actuator.Pour(
         name=name, up=(0.0, 0.0, 1.0), level=peg / MM_PER_M, lid=False, wax=True, vented=tools.level / MM_PER_M,
         floor=tools.level / MM_PER_M if parting == 2 else None,
-        sideways=None if parting == 2 else _triple(np.eye(3)[parting]),
+        sideways=None if parting == 2 else triple(np.eye(3)[parting]),
     )  # fmt: skip
     own = dataclasses.replace(workshop, shrinkage=workshop.wax_shrinkage)
     return _draw(LostCore(drawn.file(name)), actuator.Recipe(pours=(pour,), why=""), pour, own, folder)
@@ -304,7 +304,7 @@ def _piece(device: Actuator | LostCore, drawn: _DrawnPiece, inside: Array, works
             f"bodies, openings and cast do not fill the mould ({rest:.2g} of it are left); change a length slightly"
         )
     bodies = [
-        MouldBody(body.name, tools.pour.name, drawn.file(body.name).read_bytes(), named[body.name], _triple(body.pull),
+        MouldBody(body.name, tools.pour.name, drawn.file(body.name).read_bytes(), named[body.name], triple(body.pull),
                   dataclasses.replace(checks[body.name], overlap=overlap[body.name] / MM_PER_M))
         for body in tools.bodies
     ]  # fmt: skip
@@ -320,11 +320,6 @@ def _piece(device: Actuator | LostCore, drawn: _DrawnPiece, inside: Array, works
 
 CAST_CHORD = 0.05
 """Chord error in mm of the casts."""
-
-
-def _triple(vector: Array) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in vector)
-    return x, y, z
 
 
 def _difference(solid_list: list[Solid], other: list[Solid], size: float) -> float:
@@ -836,7 +831,8 @@ def _block_volumes(made: Tooling) -> tuple[float, float]:
     slack = occ.cut(occ.copy(made.openings), solids, removeTool=False)[0] if made.openings else []
     box = (3, occ.addBox(*low, *(high - low)))
     inside = sum(occ.getMass(*solid) for solid in occ.intersect(slack, [box], removeTool=False)[0]) if slack else 0.0
-    outer = [body.solid for body in made.bodies if not _is_inside(body.solid, low, high)]
+    boxes = {solid: np.reshape(occ.getBoundingBox(*solid), (2, 3)) for solid in solids}
+    outer = [solid for solid, box in boxes.items() if (box[0] <= low - 1e-3).any() or (box[1] >= high + 1e-3).any()]
     beyond = sum(occ.getMass(*solid) for solid in occ.cut(occ.copy(outer), [box])[0]) if outer else 0.0
     return inside + sum(occ.getMass(*solid) for solid in made.target), beyond
 
@@ -849,8 +845,3 @@ def balance(drawn: _DrawnPiece, surfaces: Surfaces) -> float:
     block = float(np.prod(surfaces.made.high - surfaces.made.low))
     bodies = sum(facets.volume for facets in surfaces.bodies.values())
     return (block - (bodies - drawn.beyond) - drawn.taken) / block
-
-
-def _is_inside(solid: Solid, low: Array, high: Array) -> bool:
-    box = np.array(gmsh.model.occ.getBoundingBox(*solid)).reshape(2, 3)
-    return bool((box[0] > low - 1e-3).all() and (box[1] < high + 1e-3).all())

@@ -15,6 +15,7 @@ from geometries import Actuator, registry
 from softmodels.case.case import Case, with_changes
 from softmodels.case.entries import CaseError
 from softmodels.common import errors, schema, units
+from softmodels.common.arrays import triple
 from softmodels.common.names import checked
 from softmodels.common.tables import TomlError, read_toml
 from softmodels.components.fibres import Fibres
@@ -185,8 +186,7 @@ class Workshop:
         length = float(np.linalg.norm(vector))
         if not 1e-9 < length < 1e9:
             raise MouldError(f"pull is {self.pull!r}; its length must not be zero")
-        x, y, z = (float(value) for value in vector / length)
-        return x, y, z
+        return triple(vector / length)
 
     @property
     def angles(self) -> tuple[float, ...]:

@@ -120,8 +120,6 @@ def _design(
             f"PETSc stopped ({mpi.petsc_reason(error)}); the evaluated designs are kept; continue with --resume",
             commands.EXIT_FAILED,
         )
-    except MemoryError as error:
-        options.fail(outcomes.no_memory(error), commands.EXIT_FAILED)
     except (OwnFolderError, OSError) as error:
         options.fail(f"the designs cannot be written ({error}); continue with --resume", commands.EXIT_FAILED)
     return _close(result, folder, comm, quiet, None if how.no_pictures else how.colormap)

@@ -192,11 +192,9 @@ def line_command(folder: Path, value: str | None, points: int, output: Path | No
 def line_text(line: Line) -> str:
     """Return the main values along a line, as sentences."""
     inside = line.inside
-    distance, stress, normal = (
-        line.distance[inside] * 1e3,
-        line["von_mises"][inside] / 1e3,
-        line.normal_stress[inside] / 1e3,
-    )
+    distance = line.distance[inside] * 1e3
+    stress = line["von_mises"][inside] / 1e3
+    normal = line.normal_stress[inside] / 1e3
     step = (distance[-1] - distance[0]) / max(len(distance) - 1, 1) if len(distance) > 1 else 0.0
     most = int(np.argmax(stress))
     gaps = "" if np.diff(distance).max(initial=0.0) < 1.5 * step else ", with gaps"

@@ -247,10 +247,8 @@ def _drivers(base: ElementTree.Element, model: ReducedModel, count: int) -> None
     """Add the joints of the pressure, of the advances and of the numbers."""
     mass, inertia = DRIVER_MASS * model.mass, DRIVER_INERTIA * model.mass * model.length**2
     for name in ("pressure", *ADVANCES, *DRIVERS[:count]):
-        body, armature = (
-            ElementTree.SubElement(base, "body", name=name),
-            {"armature": "1"} if name == "pressure" else {},
-        )
+        body = ElementTree.SubElement(base, "body", name=name)
+        armature = {"armature": "1"} if name == "pressure" else {}
         ElementTree.SubElement(body, "inertial", pos="0 0 0", mass=f"{mass:.9g}", diaginertia=_words([inertia] * 3))
         ElementTree.SubElement(body, "joint", armature, name=name, type="hinge", axis="1 0 0")
 

@@ -540,10 +540,8 @@ class Adjoint:
         is no length. One back-substitution, for quantities with more values than there are parameters."""
         comm, q, motion = self.system.comm, self._tangent_load, self.design.motion
         if isinstance(along, str):
-            nodes, own = (
-                np.zeros((motion.entries // motion.dimension, motion.dimension)),
-                self.sensitivity.force(along),
-            )
+            nodes = np.zeros((motion.entries // motion.dimension, motion.dimension))
+            own = self.sensitivity.force(along)
             force, opened = own.residual, own.opened
             if kind != trials.VOLUME:  # constant in Pa, so P falls as the shear modulus rises
                 force = force + self._state.P * own.stress / self.system.stress_unit * q

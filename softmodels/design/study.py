@@ -629,10 +629,8 @@ def study(
     if not isinstance(plan, StudyPlan):
         plan = StudyPlan.from_file(names.place("file", plan, "a study file, or a StudyPlan"))
     names.callback("progress", progress)
-    count, address = (
-        names.whole("jobs", jobs, 0),
-        names.one_of("scheduler", scheduler, str, "an address, or an empty text"),
-    )
+    count = names.whole("jobs", jobs, 0)
+    address = names.one_of("scheduler", scheduler, str, "an address, or an empty text")
     again = names.flag("resume", resume)
     output = None if folder is None else folders.OwnFolder(names.place("folder", folder, "a folder"), KIND)
     kept = StudyFolder(plan, output, again)

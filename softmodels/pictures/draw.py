@@ -171,7 +171,7 @@ def _solids(shown: offscreen.Look, out: style.PictureFolder, few: bool) -> None:
         again = "cut" if k == len(images) and shown.opened and not few else ""
         out.save(
             f"stress-{k}",
-            solid.page(image, caption, scale),
+            style.page(image, caption, scale),
             {**texts, "Title": caption.title, "Largest": caption.largest},
             again,
         )

@@ -132,10 +132,8 @@ def _limit_curves(axes: Axes, told: result.DesignRecord, numbers: Array, starts:
     nearest = [told["limits"][k] for k in np.argsort([-value for value in largest], kind="stable")]
     near = nearest[: min(sum(value > NEAR_LIMIT for value in largest), SHOWN_LIMITS)]
     for limit, colour in zip(near, style.LINE_COLOURS, strict=False):
-        passed, label = (
-            np.maximum(_numbers(limit["passed"]), MIN_VIOLATION_SHOWN),
-            style.wrapped(limit["words"], 4.4, 10),
-        )
+        passed = np.maximum(_numbers(limit["passed"]), MIN_VIOLATION_SHOWN)
+        label = style.wrapped(limit["words"], 4.4, 10)
         for start in dict.fromkeys(starts):
             mine = starts == start
             axes.plot(numbers[mine], passed[mine], "o-", markersize=4, linewidth=1.5, color=colour, label=label)
