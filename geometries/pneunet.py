@@ -348,7 +348,6 @@ def _mirrored_block(box: Box, sides: int, below: int = -1) -> Box:
 
 
 def _cut_block(body: Box, empty: list[Box]) -> meshing.Entity:
-    """Return a block with others cut out of it."""
     return meshing.one_solid(gmsh.model.occ.cut([_add(body)], [_add(box) for box in empty])[0])
 
 

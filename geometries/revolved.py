@@ -287,7 +287,6 @@ class Side:
 
 
 def _wrapped_angles(angles: Array) -> Array:
-    """Return the angles between -pi and pi."""
     return (angles + np.pi) % (2.0 * np.pi) - np.pi
 
 

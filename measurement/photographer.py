@@ -210,7 +210,6 @@ _SCREEN = (
 
 @functools.lru_cache(maxsize=1)
 def _light_of(scene: Scene) -> tuple[Rays, Image]:
-    """What the photographs of a bench share."""
     truth = truth_of(scene)
     rays = Rays(truth.matrix, truth.distortion, truth.homography, scene.width, scene.height)
     light = gridded(rays, scene.grid_pitch, scene.line_width, scene.line_grey)

@@ -303,7 +303,6 @@ def _overview_row(result: Result) -> tuple[str, list[str | pages.Cell]]:
 
 
 def _remark(outcome: Outline | Refusal) -> str:
-    """Return what is said of a photograph."""
     if isinstance(outcome, Refusal):
         return f"refused: {outcome.reason}"
     return "; ".join(outcome.reasons) or "trusted"

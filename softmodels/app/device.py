@@ -258,7 +258,6 @@ class DevicePage(forms.TabPage):
             return
 
     def _plot(self, rows: table.PathTable) -> None:
-        """Plot the rise of the device's main point over the pressure."""
         gauge = self.project.case.actuator.gauge
         if gauge not in rows:
             return

@@ -206,7 +206,6 @@ def _block(low: Array, high: Array) -> Solid:
 
 
 def _copies_in_box(solids: Sequence[Solid], low: Array, high: Array) -> list[Solid]:
-    """Return copies of what lies in a box, of several solids."""
     occ = gmsh.model.occ
     return list(occ.intersect(occ.copy(list(solids)), [_block(low, high)])[0]) if solids else []
 

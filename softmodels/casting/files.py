@@ -118,7 +118,6 @@ def checks(asked: settings.MouldRequest, made: make.Mould) -> dict[str, object]:
 
 
 def _json_number(value: float) -> float | None:
-    """Return a number that JSON can hold."""
     return value if math.isfinite(value) else None
 
 

@@ -210,7 +210,6 @@ def _make_pieces(device: Actuator, recipe: actuator.Recipe, workshop: settings.W
 
 
 def _new_folder(place: str, name: str) -> Path:
-    """Return a new folder in another one."""
     folder = Path(place) / name
     folder.mkdir()
     return folder

@@ -246,7 +246,6 @@ MADE = FILES / "made"
 
 
 def _texts(group: str) -> dict[str, str]:
-    """Return the texts of a folder's files by the names that they have among the examples."""
     files = sorted((FILES / group).rglob("*.toml"))
     return {file.relative_to(FILES / group).as_posix(): file.read_text(encoding="utf-8") for file in files}
 

@@ -814,7 +814,6 @@ def _silicone_line(product: str, silicone: Silicone) -> str:
 
 
 def _weight(product: str) -> str:
-    """Return the density used under gravity."""
     sheet = casting_of(product)
     return (
         f"density {sheet.density:g} kg/m^3: {sheet.source}"

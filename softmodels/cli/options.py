@@ -323,7 +323,6 @@ def _unknowns(case: Case, quiet: bool) -> int:
 
 
 def _nodes(file: Path) -> int:
-    """Return the number of nodes in a mesh file of Gmsh, version 4."""
     with file.open("rb") as lines:
         for line in lines:
             if line.strip() == b"$Nodes":

@@ -225,7 +225,6 @@ def _write_line(output: Path, line: Line, state: SolvedState) -> None:
 
 
 def _is_line(path: Path) -> bool:
-    """Return whether a file is a table of values along a line."""
     try:
         return files.read_file(path).startswith(b"distance_mm,")
     except OSError:
@@ -233,7 +232,6 @@ def _is_line(path: Path) -> bool:
 
 
 def _is_page(path: Path) -> bool:
-    """Return whether a file is a report of this program."""
     try:
         files.check_file(path)
         return MARK in files.read_file(path)[:1000]

@@ -137,7 +137,6 @@ def _summarise(case: Case, results: store.Results, drawn: str, stability: str) -
 
 
 def _solved_on() -> str:
-    """Return the number of ranks in words, if there are several."""
     ranks = MPI.COMM_WORLD.size
     return f"; solved on {ranks} ranks" if ranks > 1 else ""
 

@@ -334,7 +334,6 @@ class MeshedDesign:
 
 
 def _case_between(start: Case, end: Case, share: float, names: Sequence[str]) -> Case:
-    """Return the case on the straight line between two."""
     return varied(start, {name: (1.0 - share) * value_of(start, name) + share * value_of(end, name) for name in names})
 
 
@@ -499,7 +498,6 @@ def _combined_gradient(quantity: targets.CompositeQuantity, parts: Sequence[Eval
 
 
 def _finer_device(device: Actuator, times: float) -> Actuator:
-    """Return the same device with smaller cells, also around channels."""
     sizes = {field.name for field in dataclasses.fields(device)}
     changes = {"cell_size": getattr(device, "cell_size", 0.0) / times, "around": getattr(device, "around", 0.0) * times}
     return dataclasses.replace(device, **{name: value for name, value in changes.items() if name in sizes})
@@ -539,7 +537,6 @@ def evaluator(problem: DesignProblem, comm: MPI.Comm, how: SearchOptions) -> Des
 
 
 def _report(comm: MPI.Comm, how: SearchOptions, text: str) -> None:
-    """Report a line from rank 0."""
     if mpi.is_root(comm) and (listener := how.get("progress")) is not None:
         listener(text)
 

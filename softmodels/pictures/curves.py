@@ -341,7 +341,6 @@ MOST_MARKED = 150
 
 
 def _line_style(rows: table.PathTable) -> str:
-    """Return matplotlib's style of a line through states."""
     return "o-" if len(rows) <= MOST_MARKED else "-"
 
 

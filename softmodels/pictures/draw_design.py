@@ -99,7 +99,6 @@ def history(told: result.DesignRecord) -> Figure:
 
 
 def _numbers(values: Sequence[float | None]) -> Array:
-    """Return the numbers with nan for None."""
     return np.array([float("nan") if value is None else value for value in values])
 
 

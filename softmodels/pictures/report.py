@@ -403,7 +403,6 @@ def _last_frame(path: Path) -> str:
 
 
 def _notes(states: StoredStates) -> list[str]:
-    """Return the warnings of the report."""
     actuator, words = states.actuator, states.words
     kept = words.kept[0]
     notes = [stability_text(states.rows, actuator, words, states.branch)]

@@ -489,7 +489,6 @@ class AtRest:
 
 
 def _same_view(first: offscreen.Look, other: offscreen.Look) -> bool:
-    """Return whether two looks show the same mesh in the same way."""
     pairs = [(look.states.points, look.states.cells, look.kept, look.direction) for look in (first, other)]
     return first.states.actuator == other.states.actuator and all(map(np.array_equal, *pairs))
 
@@ -585,7 +584,6 @@ def webp(images: list[offscreen.Image]) -> bytes:
 
 
 def _animation(frames: Sequence[Picture.Image], kind: str, **how: object) -> bytes:
-    """Return frames as a film in one of Pillow's formats, with its options."""
     times = [round(1000 * MOTION_SECONDS / len(frames))] * (len(frames) - 1) + [round(1000 * LAST_FRAME_SECONDS)]
     stream = io.BytesIO()
     frames[0].save(stream, kind, save_all=True, append_images=frames[1:], duration=times, loop=0, **how)
