@@ -841,11 +841,7 @@ class Finger(MirroredHalf, HeldTip):
     figure_texts: ClassVar[Mapping[str, tuple[str, str, str]]] = {
         "bend_angle": ("deg", "bend angle", "rotation of the tip's face, positive towards the base"),
         "tip_x": ("mm", "tip place x", "x of the middle of the tip's lower edge, deformed, from the clamp"),
-        "tip_z": (
-            "mm",
-            "tip place z",
-            "z of the middle of the tip's lower edge, deformed, from the middle of the base",
-        ),
+        "tip_z": ("mm", "tip place z", "z of the middle of the tip's lower edge, deformed, from the middle of the base"),
     }
 
     def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:

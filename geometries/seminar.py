@@ -170,12 +170,7 @@ class SeminarActuator(actuator.MirroredHalf, actuator.HeldTip):
         ``curvature`` that of the circle through it which leaves the base along x.
         """
         x, _, z = 0.5 * (np.asarray(places["tip"]) + np.asarray(places["tip_below"]))
-        return {
-            "tip_x": x,
-            "tip_z": z,
-            "lift_angle": math.atan2(z, x),
-            "curvature": 2.0 * z / (x * x + z * z),
-        }
+        return {"tip_x": x, "tip_z": z, "lift_angle": math.atan2(z, x), "curvature": 2.0 * z / (x * x + z * z)}
 
     @property
     def cavity_volume(self) -> float:
@@ -600,8 +595,7 @@ def _check_channel(slab: SeminarActuator, number: int, channel: Channel | None) 
         far = f"reaches[{number}] {_mm(slab.reaches[number - 1])}" if slab.reaches else f"edge {_mm(slab.edge)}"
         at = math.degrees(half_angles(slab)[number - 1])
         slab.reject(
-            "manifold_radius",
-            f"with {far} and {name} {_mm(end_bore)} no length is left for channel {number}, at {at:.3g} deg",
+            "manifold_radius", f"with {far} and {name} {_mm(end_bore)} no length is left for channel {number}, at {at:.3g} deg"
         )
     return channel
 
@@ -935,10 +929,7 @@ def _cap(slab: SeminarActuator, angle: float) -> meshing.Entity:
     """Return the round cap where the manifold ends at an angle in radians."""
     radius = meshing.MM_PER_M * slab.manifold_radius
     x, y = radius * math.cos(angle), radius * math.sin(angle)
-    return (
-        3,
-        int(gmsh.model.occ.addSphere(x, y, meshing.MM_PER_M * slab.offset, meshing.MM_PER_M * slab.manifold_bore)),
-    )
+    return (3, int(gmsh.model.occ.addSphere(x, y, meshing.MM_PER_M * slab.offset, meshing.MM_PER_M * slab.manifold_bore)))
 
 
 def _air(slab: SeminarActuator, line: Channel) -> meshing.Entity:
@@ -948,11 +939,7 @@ def _air(slab: SeminarActuator, line: Channel) -> meshing.Entity:
 
     def corner(along: float, up: float) -> int:
         return int(
-            occ.addPoint(
-                meshing.MM_PER_M * along * c,
-                meshing.MM_PER_M * along * s,
-                meshing.MM_PER_M * (slab.offset + up),
-            )
+            occ.addPoint(meshing.MM_PER_M * along * c, meshing.MM_PER_M * along * s, meshing.MM_PER_M * (slab.offset + up))
         )
 
     begin = corner(line.start, 0.0)

@@ -327,15 +327,7 @@ def _amounts(asked: settings.MouldRequest, made: make.Mould) -> SheetTable:
             row += [READ_DATA_SHEET, "", "", ""]
         rows.append(tuple(row))
     extra = f"{asked.workshop.surplus:.0%}"
-    head = (
-        "part",
-        "volume (ml)",
-        f"mixed, {extra} more (ml)",
-        "mass (g)",
-        f"mixed, {extra} more (g)",
-        "A (g)",
-        "B (g)",
-    )
+    head = ("part", "volume (ml)", f"mixed, {extra} more (ml)", "mass (g)", f"mixed, {extra} more (g)", "A (g)", "B (g)")
     return SheetTable("Silicone", head, rows)
 
 
@@ -508,11 +500,7 @@ def _walls(asked: settings.MouldRequest, made: make.Mould) -> SheetTable:
             )
         )
     rows += [
-        (
-            "floors and lids of the mould",
-            f"{workshop.wall * MM_PER_M:.2f}",
-            f"{workshop.least_wall * MM_PER_M:g}",
-        ),
+        ("floors and lids of the mould", f"{workshop.wall * MM_PER_M:.2f}", f"{workshop.least_wall * MM_PER_M:g}"),
         ("rims of the mould", f"{workshop.rim * MM_PER_M:.2f}", f"{workshop.least_wall * MM_PER_M:g}"),
         ("pins, diameter at their root", f"{workshop.pin * MM_PER_M:.2f}", ""),
         ("gap around a pin", f"{workshop.clearance * MM_PER_M:.2f}", ""),

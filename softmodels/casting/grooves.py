@@ -87,12 +87,7 @@ def winding(workshop: settings.Workshop, wound: tuple[float, float, float] | Non
             f"{schema.shown(radius, 'm')}"
         )
     winding = Winding(
-        radius,
-        begin + width,
-        end,
-        width,
-        depth,
-        tuple(_thread_families(workshop, angle, radius) for angle in workshop.angles),
+        radius, begin + width, end, width, depth, tuple(_thread_families(workshop, angle, radius) for angle in workshop.angles)
     )
     for lay in winding.lays:
         _check(winding, lay, workshop)

@@ -591,12 +591,7 @@ def _fin(pieces: Array, normals: Array, areas: Array, thicknesses: Array, pull: 
     depth = float(np.ptp(pieces @ pull)) if rod else 0.5 * float(areas.sum()) / length
     draft = math.degrees(math.asin(float(np.clip(-weights @ normals @ pull, 0.0, 1.0))))
     fin = Fin(
-        float(weights @ thicknesses) / MM_PER_M,
-        depth / MM_PER_M,
-        length / MM_PER_M,
-        draft,
-        rod,
-        weights @ pieces.mean(axis=1),
+        float(weights @ thicknesses) / MM_PER_M, depth / MM_PER_M, length / MM_PER_M, draft, rod, weights @ pieces.mean(axis=1)
     )
     return fin if fin.slenderness >= 1.0 else None
 

@@ -60,8 +60,7 @@ class Workshop:
     )
     spacing: float = schema.length_field(0.004, "distance along the tube of neighbouring threads, at most about")
     lay: str = schema.text_field(
-        "",
-        "angles of the threads from the tube's axis, such as '75 deg, -75 deg'; default: those of the case's fibres",
+        "", "angles of the threads from the tube's axis, such as '75 deg, -75 deg'; default: those of the case's fibres"
     )
     bolt: float = schema.length_field(0.0034, "diameter of the bolts' holes; 0 for clamps only", zero=True)
     bed_width: float = schema.length_field(0.192, "width of the printer's plate")

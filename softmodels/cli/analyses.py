@@ -264,9 +264,7 @@ def _modes_of(device: type[Actuator]) -> click.Command:
 
 
 @options.command(
-    "modes",
-    cls=options.by_device(_modes_of, "A device, with options of its own, instead of a FILE: {}."),
-    help=MODES_HELP,
+    "modes", cls=options.by_device(_modes_of, "A device, with options of its own, instead of a FILE: {}."), help=MODES_HELP
 )
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--material", metavar="NAME", help="Material, instead of the case's [material]: a silicone, a law "
@@ -380,10 +378,7 @@ def _draw_modes(case: Case, modes: NaturalFrequencies, sealed: bool, place: Path
         return figure
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "shapes.npz"
-        np.savez(
-            file,
-            **vars(analyses.solid_shapes(modes.points, modes.cells, modes.cell_name, case.actuator, moved, shapes)),
-        )
+        np.savez(file, **vars(analyses.solid_shapes(modes.points, modes.cells, modes.cell_name, case.actuator, moved, shapes)))
         words = "softmodels.pictures.analyses", str(file), str(place / "shapes.png"), *titles
         run.drawn_aside(case, "the frequencies are complete", *words)
     return figure

@@ -169,10 +169,7 @@ def _drawn(result: DesignResult, folder: model.DesignFolder | None, comm: MPI.Co
             processes.say("running and drawing the initial and the final device (skip with --no-pictures)", err=True)
     for name, case in (("before", result.given), ("after", result.case)):
         status = run.run(
-            case,
-            result.folder / name,
-            commands.RunOptions(quiet=True, no_pictures=True),
-            interrupts=options.rank_asked_to_stop,
+            case, result.folder / name, commands.RunOptions(quiet=True, no_pictures=True), interrupts=options.rank_asked_to_stop
         )
         if status not in (commands.EXIT_DONE, commands.EXIT_NO_EQUILIBRIUM):
             return False

@@ -201,8 +201,7 @@ def demo(output: Path | None, megapixels: float) -> None:
         status = subprocess.run(line, env=environment, check=False).returncode
         if status != commands.EXIT_DONE:
             options.fail(
-                f"{module} {words[0]} ended with exit status {status}; the files so far are in {place}",
-                commands.EXIT_FAILED,
+                f"{module} {words[0]} ended with exit status {status}; the files so far are in {place}", commands.EXIT_FAILED
             )
     lines, good = compared(place, TRUTH)
     click.echo("\n".join(["compared with the truth:", *lines]))

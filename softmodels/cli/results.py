@@ -24,16 +24,7 @@ if TYPE_CHECKING:
 
 PAGES = ("report.html", "overview.html", "sheet.html")
 """Reports by the names they have in folders of results."""
-TABLES = (
-    "fitted.toml",
-    "unsound.toml",
-    "design.toml",
-    "limit.csv",
-    "modes.csv",
-    "scores.csv",
-    "path.csv",
-    "mould.toml",
-)
+TABLES = ("fitted.toml", "unsound.toml", "design.toml", "limit.csv", "modes.csv", "scores.csv", "path.csv", "mould.toml")
 """What is opened where there is no report, the best first."""
 MARK = b'<meta name="generator" content="softmodels">'
 
@@ -217,8 +208,7 @@ def _write_line(output: Path, line: Line, state: SolvedState) -> None:
     columns = line.columns
     with matplotlib.rc_context(style.STYLE):
         picture = style.encoded(
-            style.drawn(curves.along_line(line, f"{state.case.name} at {run.headline(state.case, state.variables)}")),
-            style.DPI,
+            style.drawn(curves.along_line(line, f"{state.case.name} at {run.headline(state.case, state.variables)}")), style.DPI
         )
     files.write_text(output, files.csv_text(columns, np.array([*columns.values()]).T.tolist()))
     files.write_bytes(output.with_suffix(".png"), picture)

@@ -68,12 +68,7 @@ class Reporter(recording.Observer):
     ended."""
 
     def __init__(
-        self,
-        case: Case,
-        progress: outcomes.Progress,
-        drawing: DrawingProcess | None,
-        ranks: int,
-        how: commands.RunOptions,
+        self, case: Case, progress: outcomes.Progress, drawing: DrawingProcess | None, ranks: int, how: commands.RunOptions
     ):
         self.case, self.progress, self.drawing, self.ranks = case, progress, drawing, ranks
         self.quiet, self.petsc, self.status = how.quiet, bool(how.petsc), commands.EXIT_DONE

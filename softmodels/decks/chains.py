@@ -285,10 +285,7 @@ def _springs(root: ElementTree.Element, chain: Chain) -> None:
                     ElementTree.SubElement(spring, "joint", joint=name, coef=f"{factor * numbers[name]:.9g}")
     of_turn = DRIVER_TURN ** -np.arange(5.0)
     first, *others = DRIVER_TURN * chain.advances
-    ties = [
-        (ADVANCES[0], "pressure", first),
-        *zip(ADVANCES[1:], ADVANCES, [other * of_turn for other in others], strict=False),
-    ]
+    ties = [(ADVANCES[0], "pressure", first), *zip(ADVANCES[1:], ADVANCES, [other * of_turn for other in others], strict=False)]
     for name, quartic in zip(numbers, chain.quartics, strict=True):
         ties.append((name, ADVANCES[-1], quartic * of_turn / numbers[name]))
     for name, of, quartic in ties:

@@ -87,13 +87,7 @@ class MeshedDesign:
         """The last evaluated design, and its states."""
 
     @classmethod
-    def fresh(
-        cls,
-        case: Case,
-        question: EvaluationRequest,
-        comm: MPI.Comm,
-        before: MeshedDesign | None = None,
-    ) -> MeshedDesign:
+    def fresh(cls, case: Case, question: EvaluationRequest, comm: MPI.Comm, before: MeshedDesign | None = None) -> MeshedDesign:
         """Return a fresh mesh of a device, with its states. Those of another mesh ``before`` that shows this device now are
         interpolated; without it, or where Newton's method does not find them so, they are found along the whole path.
         DesignFailure where it cannot be meshed, or a load is not met."""
@@ -561,12 +555,7 @@ class Evaluator:
     """
 
     def __init__(
-        self,
-        problem: DesignProblem,
-        model: DesignEvaluator,
-        folder: DesignFolder | None,
-        comm: MPI.Comm,
-        how: SearchOptions,
+        self, problem: DesignProblem, model: DesignEvaluator, folder: DesignFolder | None, comm: MPI.Comm, how: SearchOptions
     ):
         self.problem, self.model, self.folder, self.comm, self.how = problem, model, folder, comm, how
         self.trials = Trials()

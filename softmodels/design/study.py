@@ -656,11 +656,7 @@ def open_folder(plan: StudyPlan, output: Path | None, resume: bool, inputs: Sequ
 
 
 def solve_into(
-    kept: StudyFolder,
-    plan: StudyPlan,
-    jobs: int = 0,
-    scheduler: str = "",
-    progress: Callable[[str], object] | None = None,
+    kept: StudyFolder, plan: StudyPlan, jobs: int = 0, scheduler: str = "", progress: Callable[[str], object] | None = None
 ) -> Study:
     """Solve the samples that a folder does not have yet; see `study`."""
     cases, failures = plan.cases

@@ -60,10 +60,7 @@ def grasp_figure(made: Grasp, held_states: Sequence[grasp.Held], outlines: Seque
             )
         centre = plane(held.moved) * 1e3
         axes.add_patch(Circle((float(centre[0]), float(centre[1])), radius, facecolor="none", edgecolor=style.INK))
-        arrows = [
-            *zip(held.forces, ["C0"] * len(held.forces), strict=True),
-            (np.array([held.load, 0.0]), style.WARNING),
-        ]
+        arrows = [*zip(held.forces, ["C0"] * len(held.forces), strict=True), (np.array([held.load, 0.0]), style.WARNING)]
         for force, colour in arrows:
             if not force.any():
                 continue
@@ -349,13 +346,7 @@ def shares_figure(indices: dict[str, Indices]) -> Figure:
     for axes, (response, sobol) in zip(np.ravel(figure.subplots(1, len(indices), sharey=True)), indices.items(), strict=True):
         places = np.arange(len(names))
         axes.barh(
-            places - 0.2,
-            sobol.first,
-            0.38,
-            xerr=sobol.first_half,
-            color=style.CURVE,
-            ecolor=style.FAINT,
-            label="first order",
+            places - 0.2, sobol.first, 0.38, xerr=sobol.first_half, color=style.CURVE, ecolor=style.FAINT, label="first order"
         )
         axes.barh(places + 0.2, sobol.total, 0.38, xerr=sobol.total_half, color=style.FAINT, ecolor=style.CURVE, label="total")
         axes.set(xlim=(0, None), xlabel="share of the variance", title=_label(response))

@@ -187,10 +187,7 @@ def along_line(line: Line, title: str) -> Figure:
 
 def _events(rows: table.PathTable) -> list[tuple[str, str, str, table.PathTable]]:
     """Return the events of a path that occur: name, colour, marker and states."""
-    kinds = (
-        ("limit point", style.WARNING, "D", limits(rows)),
-        ("bifurcation", style.BRANCH, "s", rows.where("bifurcation")),
-    )
+    kinds = (("limit point", style.WARNING, "D", limits(rows)), ("bifurcation", style.BRANCH, "s", rows.where("bifurcation")))
     return [kind for kind in kinds if kind[3]]
 
 

@@ -244,8 +244,7 @@ def draw(folder: Path, colormap: str = commands.COLORMAP) -> list[Path]:
     for path in out.written:
         shown.setdefault(path.name, pages.Picture(files.image_uri(path), result.CAPTIONS[path.name]))
     files.write_text(
-        folder / result.REPORT,
-        page(folder, told, [shown[name] for name in result.CAPTIONS if name in shown], (before, after)),
+        folder / result.REPORT, page(folder, told, [shown[name] for name in result.CAPTIONS if name in shown], (before, after))
     )
     return [*out.written, folder / result.REPORT]
 
@@ -253,10 +252,7 @@ def draw(folder: Path, colormap: str = commands.COLORMAP) -> list[Path]:
 def page(folder: Path, told: result.DesignRecord, drawn: Sequence[pages.Part], pair: tuple[StoredStates, StoredStates]) -> str:
     """Return the report of a design: ``told`` is its ``design.json``, ``drawn`` are its pictures."""
     rows = [
-        (
-            record["name"],
-            *(f"{record[name]:.5g} {record['unit']}".strip() for name in ("low", "before", "after", "high")),
-        )  # type: ignore[literal-required]
+        (record["name"], *(f"{record[name]:.5g} {record['unit']}".strip() for name in ("low", "before", "after", "high")))  # type: ignore[literal-required]
         for record in told["parameters"]
     ]
     finer = f", refined {told['finer']} times" if told["finer"] != 1.0 else ""

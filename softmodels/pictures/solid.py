@@ -567,8 +567,7 @@ def gif(images: list[offscreen.Image]) -> bytes:
     some = sorted({int((k + 0.5) / SIZE_SAMPLE_FRAMES * len(images)) for k in range(SIZE_SAMPLE_FRAMES)})
     each = len(encoded(some)) / len(some)
     begin = next(
-        (k for k, count in enumerate(FRAME_COUNTS) if each * min(count, len(images)) <= MAX_GIF_BYTES),
-        len(FRAME_COUNTS) - 1,
+        (k for k, count in enumerate(FRAME_COUNTS) if each * min(count, len(images)) <= MAX_GIF_BYTES), len(FRAME_COUNTS) - 1
     )
     for count in FRAME_COUNTS[begin:]:
         places = np.unique(np.linspace(0, len(images) - 1, min(count, len(images))).round().astype(int))

@@ -234,12 +234,7 @@ OUTLINE_SPACING = 2e-5
 
 
 def series_of(
-    model: device.DeviceModel,
-    sources: Sequence[str],
-    heights: Array,
-    pressures: Array,
-    pressure_errors: Array,
-    errors: Array,
+    model: device.DeviceModel, sources: Sequence[str], heights: Array, pressures: Array, pressure_errors: Array, errors: Array
 ) -> tuple[list[HeightRow], list[grid.QuadraticCurve]]:
     """Return the series of photographs with the pressure of the device, under any law, at each height, and its curve there.
     Heights are in m and readings in Pa, with standard errors, shape (n,).
@@ -352,10 +347,7 @@ def _large_corrections(fit: least_squares.LeastSquaresFit) -> Iterator[tuple[pro
     advice."""
     for p in fit.free:
         if (p.own_name in FACTOR_TEXTS or residuals.is_length(p)) and p.prior and math.isfinite(value := fit.values[p.name]):
-            says, advice = FACTOR_TEXTS.get(p.own_name) or (
-                _length(p.own_name, p.prior.mean),
-                "measure it on the cast part",
-            )
+            says, advice = FACTOR_TEXTS.get(p.own_name) or (_length(p.own_name, p.prior.mean), "measure it on the cast part")
             yield p, (value - p.prior.mean) / p.prior.error, f"{p.device}: " if p.device else "", says(value), advice
 
 
@@ -460,10 +452,7 @@ def by_course(rows: Sequence[HeightRow]) -> WrongRows | None:
 
 
 def by_fit(
-    fit: least_squares.LeastSquaresFit,
-    names: Sequence[str],
-    rows: Sequence[HeightRow],
-    good: Callable[[Sequence[str]], bool],
+    fit: least_squares.LeastSquaresFit, names: Sequence[str], rows: Sequence[HeightRow], good: Callable[[Sequence[str]], bool]
 ) -> WrongRows | None:
     """Return the photographs without which the fit matches its errors, by excluding them in turn; ``good`` says whether a fit
     without photographs of these names is within chance.
