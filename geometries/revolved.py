@@ -298,10 +298,6 @@ class Panel:
     region: str
     sides: Sequence[Side]
 
-    @property
-    def corners(self) -> tuple[Place, ...]:
-        return tuple(side.start for side in self.sides)
-
 
 def rectangle(low: Place, high: Place, cells: tuple[int, int], roles: tuple[str, str, str, str]) -> Panel:
     """Return a panel of the solid between the corners nearest to and farthest from the axis at the bottom, with cells along

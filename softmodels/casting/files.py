@@ -20,7 +20,7 @@ from softmodels.casting import facets, make, settings
 from softmodels.casting.bodies import MM_PER_M
 from softmodels.casting.pictures import DRAWING, EXPLODED, PLATES, STEPS, draw_all, drawing, plates_picture
 from softmodels.common import commands, names, pages, schema
-from softmodels.common.files import image_uri, render, write_bytes, write_text
+from softmodels.common.files import image_uri, json_number, render, write_bytes, write_text
 from softmodels.common.names import checked
 from softmodels.common.pages import Page
 from softmodels.common.processes import one_at_a_time
@@ -110,15 +110,11 @@ def checks(asked: settings.MouldRequest, made: make.Mould) -> dict[str, object]:
         "device_less_cast_share": made.differs,
         "block_less_bodies_openings_casts_share": made.balance,
         "smallest_silicone_wall_mm": made.thinnest * 1e3,
-        "smallest_channel_mm": _json_number(made.channel * 1e3),
+        "smallest_channel_mm": json_number(made.channel * 1e3),
         "shrinkage": asked.workshop.shrinkage,
         "stl_chord_allowed_mm": asked.workshop.chord * 1e3,
         "bodies": {body.name: _of_body(body) for body in made.bodies},
     }
-
-
-def _json_number(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def _of_body(body: make.MouldBody) -> dict[str, object]:
@@ -127,9 +123,9 @@ def _of_body(body: make.MouldBody) -> dict[str, object]:
         "watertight": body.facets.open_edges == 0,
         "volume_mm3": body.facets.volume,
         "least_lean_of_part_deg": body.checked.lean + 0.0,
-        "least_draft_of_pins_and_holes_deg": _json_number(body.checked.own_lean),
+        "least_draft_of_pins_and_holes_deg": json_number(body.checked.own_lean),
         "smallest_wall_mm": body.checked.wall * 1e3,
-        "smallest_gap_mm": _json_number(body.checked.gap * 1e3),
+        "smallest_gap_mm": json_number(body.checked.gap * 1e3),
         "overlap_on_the_way_out_mm": body.checked.overlap * 1e3,
         "fins": [
             {
@@ -389,20 +385,14 @@ def _thread_steps(made: make.Mould) -> list[str]:
         if lay.threads:
             hand = "right" if lay.angle > 0.0 else "left"
             threads = f"{lay.threads} thread{'s side by side, each' if lay.threads > 1 else ','} one turn every"
-            steps.append(
-                f"at {abs(lay.angle):g} deg, {hand}-handed: {threads} {schema.shown(_brief(lay.advance), 'm')}, {length}"
-            )
+            steps.append(f"at {abs(lay.angle):g} deg, {hand}-handed: {threads} {settings.length_text(lay.advance)}, {length}")
         else:
-            steps.append(f"rings every {schema.shown(_brief(lay.spacing), 'm')}, {length}")
+            steps.append(f"rings every {settings.length_text(lay.spacing)}, {length}")
     return [
         f"Wind thread of {schema.shown(wound.width, 'm')} into the grooves without stretching the tube "
         f"({'; '.join(steps)}). Hold its "
         "ends with a drop of silicone, then brush a thin coat of silicone over all of it."
     ]
-
-
-def _brief(value: float) -> float:
-    return float(f"{value:.3g}")
 
 
 def _list(values: Sequence[float]) -> str:

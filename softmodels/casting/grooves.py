@@ -112,16 +112,16 @@ def _check(winding: Winding, lay: ThreadFamily, workshop: settings.Workshop) -> 
     """Check that there are grooves, and something is left between neighbours where they are widest."""
     if lay.spacing > (straight := winding.end - winding.begin) - winding.width:
         raise MouldError(
-            f"threads at {schema.shown(lay.angle, 'degree')} lie {schema.shown(float(f'{lay.spacing:.3g}'), 'm')} "
+            f"threads at {schema.shown(lay.angle, 'degree')} lie {settings.length_text(lay.spacing)} "
             "apart along the tube, of "
-            f"which only {schema.shown(float(f'{straight:.3g}'), 'm')} can be wound; choose a smaller spacing"
+            f"which only {settings.length_text(straight)} can be wound; choose a smaller spacing"
         )
     across = winding.width / math.sin(math.radians(abs(lay.angle))) + _widening(winding, lay)
     if lay.spacing - across < workshop.least_gap:
         raise MouldError(
-            f"threads at {schema.shown(lay.angle, 'degree')} lie {schema.shown(float(f'{lay.spacing:.3g}'), 'm')} "
+            f"threads at {schema.shown(lay.angle, 'degree')} lie {settings.length_text(lay.spacing)} "
             "apart along the tube, but "
-            f"their grooves are {schema.shown(float(f'{across:.3g}'), 'm')} wide where the halves part, so that "
+            f"their grooves are {settings.length_text(across)} wide where the halves part, so that "
             "these leave, and the "
             f"printer's smallest gap is {schema.shown(workshop.least_gap, 'm')}; choose a larger spacing, a "
             "thinner thread, or an "

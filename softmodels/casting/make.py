@@ -462,20 +462,16 @@ class Fin:
         kind, hole = ("rod", "hole") if self.rod else ("fin", "gap")
         many = f"{self.alike} {kind}s" if self.alike > 1 else f"a {kind}"
         draft = "without draft" if self.draft < 0.05 else f"with a draft of {self.draft:.2g} deg"
-        length = "" if self.rod else f" and {schema.shown(_three(self.length), 'm')} long"
+        length = "" if self.rod else f" and {settings.length_text(self.length)} long"
         wide, drafted = (schema.shown(_rounded_up(self.depth / limit / scale), "m") for limit in (self.allowed, MOST_SLENDER))
         drafted = "" if drafted == wide else f" ({drafted} with a draft of {LEAST_DRAFT:g} deg)"
         return (
-            f"the {body} has {many} {schema.shown(_three(self.thickness), 'm')} thick, "
-            f"{schema.shown(_three(self.depth), 'm')} deep{length} "
+            f"the {body} has {many} {settings.length_text(self.thickness)} thick, "
+            f"{settings.length_text(self.depth)} deep{length} "
             f"{draft} ({self.where}): {self.slenderness:.3g} times as deep as thick, more than {self.allowed:g}, so it may "
             f"bend or break as the silicone comes off; make the part's {hole} there at least {wide} wide{drafted}, or at most "
-            f"{schema.shown(_three(self.allowed * self.thickness / scale), 'm')} deep"
+            f"{settings.length_text(self.allowed * self.thickness / scale)} deep"
         )
-
-
-def _three(value: float) -> float:
-    return float(f"{value:.3g}")
 
 
 def _rounded_up(value: float) -> float:
@@ -531,7 +527,7 @@ def check_body(name: str, surfaces: Surfaces, workshop: settings.Workshop, named
     ):  # fmt: skip
         if value + allowed < MM_PER_M * limit:
             raise MouldError(
-                f"the {name} is {schema.shown(float(f'{value / MM_PER_M:.3g}'), 'm')} {what} {named(place)}; the printer's "
+                f"the {name} is {settings.length_text(value / MM_PER_M)} {what} {named(place)}; the printer's "
                 f"smallest {'wall' if what == 'thin' else 'gap'} is {schema.shown(limit, 'm')} ({field})"
             )
     bound = facets.chord * _area(facets) / facets.volume
@@ -652,7 +648,7 @@ def check_core(facets: Facets, foot: float, workshop: settings.Workshop, named: 
     (width, place), _ = thicknesses(facets, np.abs(facets.corners[:, :, 2] - foot).max(axis=1) < 1e-4)
     if width + 2.0 * facets.chord < MM_PER_M * workshop.least_wall:
         raise MouldError(
-            f"a channel is {schema.shown(float(f'{width / MM_PER_M:.3g}'), 'm')} wide {named(place)}; the "
+            f"a channel is {settings.length_text(width / MM_PER_M)} wide {named(place)}; the "
             f"printer's smallest rib is {schema.shown(workshop.least_wall, 'm')} (least_wall)"
         )
     return width / MM_PER_M

@@ -219,6 +219,11 @@ FINEST_CHORD = 2e-6
 """Smallest accepted chord error in m, finer than any printer."""
 
 
+def length_text(value: float) -> str:
+    """Return a length in m to three digits, with a unit."""
+    return schema.shown(float(f"{value:.3g}"), "m")
+
+
 class MouldError(errors.OptionMessage, ValueError):
     """The requested mould cannot be made; the message is for the user."""
 

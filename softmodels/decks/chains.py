@@ -362,7 +362,7 @@ def table_csv(model: ReducedModel) -> str:
 def table_json(model: ReducedModel) -> str:
     """Return the table as JSON, with what it is of, where it ends and its errors in between."""
     known, low_high = columns(model), model.span
-    rows = {head: [_plain(float(read(state))) for state in model.states] for head, read in known.items()}
+    rows = {head: [files.json_number(float(read(state))) for state in model.states] for head, read in known.items()}
     about = {
         "written_by": deck.WRITTEN_BY, "case": model.case.name, "device": type(model.case.actuator).__name__, "tip": model.face,
         "support_m": model.base.tolist(), "length_m": model.length, "from_Pa": low_high[0], "to_Pa": low_high[1],
@@ -375,10 +375,6 @@ def table_json(model: ReducedModel) -> str:
         "table": rows,
     }  # fmt: skip
     return json.dumps(about, indent=1) + "\n"
-
-
-def _plain(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 # ----------------------------------------------------------------------------------------------------------------------
