@@ -252,9 +252,8 @@ class Actuator(Designable, Castable, DeviceLabels, ABC):
         """
         if (expected := self.expected_cells) > self.most_cells:
             raise GeometryError(
-                f"cell_size is {schema.shown(getattr(self, 'cell_size', 0.0), 'm')}{more}; about {expected:.2g} "
-                "cells are expected, "
-                f"but at most {self.most_cells:,} are allowed; use larger cells"
+                f"cell_size is {schema.shown(getattr(self, 'cell_size', 0.0), 'm')}{more}; about {expected:.2g} cells are "
+                f"expected, but at most {self.most_cells:,} are allowed; use larger cells"
             )
 
     @property

@@ -115,9 +115,8 @@ class Balloon(Revolved):
             begin = f"{schema.shown(abs(level), 'm')}{' below the end' if level < 0 else ''}"
             self.reject(
                 "fillet",
-                f"with {self.given('neck_length')} it begins at the height {begin}: it must leave "
-                f"{schema.shown(least, 'm')} of the "
-                f"neck and begin below where the neck opens inside, {schema.shown(joint, 'm')}",
+                f"with {self.given('neck_length')} it begins at the height {begin}: it must leave {schema.shown(least, 'm')} "
+                f"of the neck and begin below where the neck opens inside, {schema.shown(joint, 'm')}",
             )
 
     def _check_closed(self) -> None:

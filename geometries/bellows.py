@@ -99,9 +99,8 @@ class Bellows(actuator.HeldTip, Revolved):
             reject(f"it must be at most a quarter of pitch, {schema.shown(quarter, 'm')}, with which its ends are half circles")
         if 2.0 * self.bend > self.depth * (1 + schema.BOUND_TOLERANCE):
             reject(
-                f"root and crest together need {schema.shown(2 * self.bend, 'm')} between inner_radius and "
-                "outer_radius, less the "
-                f"wall, and {schema.shown(max(self.depth, 0.0), 'm')} are there"
+                f"root and crest together need {schema.shown(2 * self.bend, 'm')} between inner_radius and outer_radius, less "
+                f"the wall, and {schema.shown(max(self.depth, 0.0), 'm')} are there"
             )
 
     @property

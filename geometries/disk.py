@@ -116,8 +116,7 @@ class HollowDisk(actuator.Wedged):
             if length > 5.0 * self.outer_radius:
                 raise GeometryError(
                     f"{part} is {schema.shown(length, 'm')}; more than 5 times the disk's radius, "
-                    f"{schema.shown(self.outer_radius, 'm')}, is "
-                    "not a disk and suggests a wrong unit"
+                    f"{schema.shown(self.outer_radius, 'm')}, is not a disk and suggests a wrong unit"
                 )
         self.check_size("wall", self.outer_radius, given=f"with {self.given('cavity_radius')} ")
         self.check_angle()

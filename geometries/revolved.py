@@ -603,9 +603,8 @@ def check_alike(device: Actuator, other: Actuator, choices: Iterable[str], round
         here, there = getattr(device, name), getattr(other, name)
         if (here > 0.0) != (there > 0.0):
             raise GeometryError(
-                f"{name} is {schema.shown(here, 'm')} and {schema.shown(there, 'm')}; points of a rounded corner "
-                "cannot be mapped to a sharp "
-                "one"
+                f"{name} is {schema.shown(here, 'm')} and {schema.shown(there, 'm')}; points of a rounded corner cannot be "
+                "mapped to a sharp one"
             )
 
 

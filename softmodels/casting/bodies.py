@@ -600,11 +600,9 @@ class _Maker:
         tip = radius - length * workshop.slope
         if 2.0 * tip < MM_PER_M * workshop.least_wall:
             raise MouldError(
-                f"draft is {schema.shown(workshop.draft, 'degree')}; over {schema.shown(length / MM_PER_M, 'm')} it "
-                "closes the inlet: of its "
-                f"core of {schema.shown(workshop.tube, 'm')} {schema.shown(max(2.0 * tip, 0.0) / MM_PER_M, 'm')} are "
-                "left, but the printer's "
-                f"smallest rib is {schema.shown(workshop.least_wall, 'm')}"
+                f"draft is {schema.shown(workshop.draft, 'degree')}; over {schema.shown(length / MM_PER_M, 'm')} it closes the "
+                f"inlet: of its core of {schema.shown(workshop.tube, 'm')} {schema.shown(max(2.0 * tip, 0.0) / MM_PER_M, 'm')} "
+                f"are left, but the printer's smallest rib is {schema.shown(workshop.least_wall, 'm')}"
             )
         return (tip, radius) if part == "lid" else (radius, tip)
 
@@ -682,9 +680,8 @@ def hole_places(
     best = float(room.max(initial=0.0))
     if best < needed and fewer:
         raise MouldError(
-            f"a core's peg is {schema.shown(round(2.0 * best / MM_PER_M, 6), 'm')} wide, too narrow to cast the core of "
-            "wax through it; "
-            "print the core (--core lost)"
+            f"a core's peg is {schema.shown(round(2.0 * best / MM_PER_M, 6), 'm')} wide, too narrow to cast the core of wax "
+            "through it; print the core (--core lost)"
         )
     if best < needed:
         raise MouldError(

@@ -389,9 +389,8 @@ def _thread_steps(made: make.Mould) -> list[str]:
         else:
             steps.append(f"rings every {settings.length_text(lay.spacing)}, {length}")
     return [
-        f"Wind thread of {schema.shown(wound.width, 'm')} into the grooves without stretching the tube "
-        f"({'; '.join(steps)}). Hold its "
-        "ends with a drop of silicone, then brush a thin coat of silicone over all of it."
+        f"Wind thread of {schema.shown(wound.width, 'm')} into the grooves without stretching the tube ({'; '.join(steps)}). "
+        "Hold its ends with a drop of silicone, then brush a thin coat of silicone over all of it."
     ]
 
 

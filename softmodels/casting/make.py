@@ -466,11 +466,10 @@ class Fin:
         wide, drafted = (schema.shown(_rounded_up(self.depth / limit / scale), "m") for limit in (self.allowed, MOST_SLENDER))
         drafted = "" if drafted == wide else f" ({drafted} with a draft of {LEAST_DRAFT:g} deg)"
         return (
-            f"the {body} has {many} {settings.length_text(self.thickness)} thick, "
-            f"{settings.length_text(self.depth)} deep{length} "
-            f"{draft} ({self.where}): {self.slenderness:.3g} times as deep as thick, more than {self.allowed:g}, so it may "
-            f"bend or break as the silicone comes off; make the part's {hole} there at least {wide} wide{drafted}, or at most "
-            f"{settings.length_text(self.allowed * self.thickness / scale)} deep"
+            f"the {body} has {many} {settings.length_text(self.thickness)} thick, {settings.length_text(self.depth)} "
+            f"deep{length} {draft} ({self.where}): {self.slenderness:.3g} times as deep as thick, more than {self.allowed:g}, "
+            f"so it may bend or break as the silicone comes off; make the part's {hole} there at least {wide} wide{drafted}, "
+            f"or at most {settings.length_text(self.allowed * self.thickness / scale)} deep"
         )
 
 
@@ -806,9 +805,8 @@ def overlaps(surfaces: Surfaces) -> dict[str, float]:
         worst[body.name] = max(common_thickness(solids[body.name].translate(tuple(way * body.pull)), rest) for way in ways)
         if worst[body.name] > allowed:
             raise MouldError(
-                f"the {body.name} cannot be demoulded: on its way out it is "
-                f"{schema.shown(worst[body.name] / MM_PER_M, 'm')} deep in the "
-                f"part or another body; choose another direction (--pull), or change the part"
+                f"the {body.name} cannot be demoulded: on its way out it is {schema.shown(worst[body.name] / MM_PER_M, 'm')} "
+                "deep in the part or another body; choose another direction (--pull), or change the part"
             )
     return worst
 

@@ -96,9 +96,8 @@ class Workshop:
         left = self.wall - self.pin_length - self.clearance
         if left < self.least_wall:
             raise MouldError(
-                f"wall is {schema.shown(self.wall, 'm')}; its sockets, "
-                f"{schema.shown(self.pin_length + self.clearance, 'm')} deep, leave "
-                f"{schema.shown(max(left, 0.0), 'm')} but the printer's smallest wall is "
+                f"wall is {schema.shown(self.wall, 'm')}; its sockets, {schema.shown(self.pin_length + self.clearance, 'm')} "
+                f"deep, leave {schema.shown(max(left, 0.0), 'm')} but the printer's smallest wall is "
                 f"{schema.shown(self.least_wall, 'm')} (least_wall)"
             )
         if self.rim < self.pin + 2.0 * (self.clearance + self.least_wall):
@@ -109,9 +108,8 @@ class Workshop:
             )
         if self.bolt and self.rim < self.bolt + 2.0 * self.least_wall:
             raise MouldError(
-                f"bolt is {schema.shown(self.bolt, 'm')}; in a rim of {schema.shown(self.rim, 'm')} it leaves "
-                "walls thinner than the "
-                f"printer's {schema.shown(self.least_wall, 'm')} (least_wall); 0 omits the holes"
+                f"bolt is {schema.shown(self.bolt, 'm')}; in a rim of {schema.shown(self.rim, 'm')} it leaves walls thinner "
+                f"than the printer's {schema.shown(self.least_wall, 'm')} (least_wall); 0 omits the holes"
             )
         if self.tip(self.pin, self.pin_length) < self.least_wall:
             raise MouldError(
@@ -125,8 +123,7 @@ class Workshop:
             if getattr(self, name) < self.least_gap:
                 raise MouldError(
                     f"{name} is {schema.shown(getattr(self, name), 'm')}; the printer's smallest hole is "
-                    f"{schema.shown(self.least_gap, 'm')} "
-                    "(least_gap)"
+                    f"{schema.shown(self.least_gap, 'm')} (least_gap)"
                 )
         if self.pour < self.vent:
             raise MouldError(

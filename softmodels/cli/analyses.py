@@ -676,10 +676,9 @@ def _notes(
         weak = specimens.weakest(materials[name])
         if weak is not None and limit.stretch >= NEAR_STRETCH_LIMIT * weak.stretch:
             yield (
-                f"note: {specimens.weakness(materials[name])}, and the state reaches stretch {limit.stretch:.3g}: "
-                "the limit may "
-                f"come from the law, not from the device; use a law that is stable over these stretches (softmodels curve "
-                f"shows them)"
+                f"note: {specimens.weakness(materials[name])}, and the state reaches stretch {limit.stretch:.3g}: the limit "
+                "may come from the law, not from the device; use a law that is stable over these stretches (softmodels curve "
+                "shows them)"
             )
         if text := silicones.extrapolated(materials[name], limit.stretch):
             yield f"note: {name}: {text}"

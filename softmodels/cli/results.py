@@ -190,11 +190,10 @@ def line_text(line: Line) -> str:
     most = int(np.argmax(stress))
     gaps = "" if np.diff(distance).max(initial=0.0) < 1.5 * step else ", with gaps"
     return (
-        f"silicone from {distance[0]:.4g} to {distance[-1]:.4g} mm of the line{gaps}\n"
-        f"largest von Mises stress {stress[most]:.4g} kPa, at {distance[most]:.4g} mm; at the ends {stress[0]:.4g} and "
-        f"{stress[-1]:.4g} kPa\n"
-        f"normal stress along the line {normal[0]:.4g} kPa where it begins, {normal[-1]:.4g} kPa where it ends\n"
-        f"largest stretch {np.nanmax(line['largest_stretch']):.4g}"
+        f"silicone from {distance[0]:.4g} to {distance[-1]:.4g} mm of the line{gaps}\nlargest von Mises stress "
+        f"{stress[most]:.4g} kPa, at {distance[most]:.4g} mm; at the ends {stress[0]:.4g} and {stress[-1]:.4g} kPa\nnormal "
+        f"stress along the line {normal[0]:.4g} kPa where it begins, {normal[-1]:.4g} kPa where it ends\nlargest stretch "
+        f"{np.nanmax(line['largest_stretch']):.4g}"
     )
 
 

@@ -495,9 +495,8 @@ def _by_cluster(scheduler: str, tasks: Mapping[int, tuple[Case, str]]) -> Iterat
         client = distributed.Client(scheduler, timeout=10, set_as_default=False)
     except (OSError, ValueError) as error:
         raise StudyError(
-            f"the scheduler {scheduler} does not answer ({errors.reason(error)}); start one by: dask scheduler, "
-            "and workers by: "
-            f"dask worker {scheduler} --nthreads 1"
+            f"the scheduler {scheduler} does not answer ({errors.reason(error)}); start one by: dask scheduler, and workers "
+            f"by: dask worker {scheduler} --nthreads 1"
         ) from None
     with client, client.as_current():
         numbers = {client.submit(solved_beside, task, pure=False): k for k, task in tasks.items()}

@@ -609,10 +609,9 @@ def _large_misfits(source: residuals.OutlineResiduals, fit: least_squares.LeastS
     if shapes:
         i = max(shapes, key=lambda k: away[k] / limits[k])
         return [
-            f"{len(shapes)} of {len(matches)} outlines do not have the shape of the case's "
-            f"device: {matches[i].shape.source} is {away[i] * 1e3:.3g} mm (root mean square) off the closest state, at a "
-            f"height of {matches[i].shape.height * 1e3:.4g} mm; are they of another device, or is the geometry of the case "
-            f"wrong?"
+            f"{len(shapes)} of {len(matches)} outlines do not have the shape of the case's device: {matches[i].shape.source} "
+            f"is {away[i] * 1e3:.3g} mm (root mean square) off the closest state, at a height of "
+            f"{matches[i].shape.height * 1e3:.4g} mm; are they of another device, or is the geometry of the case wrong?"
         ]
     off = [match.pressure - match.true_pressure for match in matches]
     share = [

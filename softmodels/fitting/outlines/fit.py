@@ -68,9 +68,8 @@ class _Task:
             compared = f"the fit is compared with that of {self.devices[0].name}"
             more = [*more, f"the cases have {len(named)} materials; {compared}"]
         liquid = (
-            f"heights of a column are {units.column_unit()} ({units.DENSITY_NOTE}), also where photographs were "
-            "measured by them without "
-            "--water-density"
+            f"heights of a column are {units.column_unit()} ({units.DENSITY_NOTE}), also where photographs were measured by "
+            "them without --water-density"
         )
         return [*filter(None, (comparison.caution(self.known), *more)), *left_out, liquid]
 
@@ -142,9 +141,8 @@ class _Task:
         except TensileError:
             shown = ", ".join(f"{hold:g} s" for hold in sorted(set(holds))) or "none"
             raise OutlineFitError(
-                f"photographs show a memory only at two hold times or more, one at least "
-                f"{residuals.SEVERAL_HOLDS:g} times the other; "
-                f"here there are {shown} (columns hold and rise of the list of photographs)"
+                f"photographs show a memory only at two hold times or more, one at least {residuals.SEVERAL_HOLDS:g} times the "
+                f"other; here there are {shown} (columns hold and rise of the list of photographs)"
             ) from None
 
     def with_heights(self, heights: Sequence[Height], comm: MPI.Comm) -> comparison.FitReport:
