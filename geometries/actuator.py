@@ -21,7 +21,7 @@ import numpy.typing as npt
 from numpy.typing import ArrayLike, NDArray
 
 from geometries import meshing
-from softmodels.common import errors, schema, units
+from softmodels.common import arrays, errors, schema, units
 from softmodels.common.errors import GeometryError, MeshingError
 from softmodels.common.lazy import gmsh
 
@@ -252,9 +252,8 @@ class Actuator(Designable, Castable, DeviceLabels, ABC):
         """
         if (expected := self.expected_cells) > self.most_cells:
             raise GeometryError(
-                f"cell_size is {schema.shown(getattr(self, 'cell_size', 0.0), 'm')}{more}; about {expected:.2g} "
-                "cells are expected, "
-                f"but at most {self.most_cells:,} are allowed; use larger cells"
+                f"cell_size is {schema.shown(getattr(self, 'cell_size', 0.0), 'm')}{more}; about {expected:.2g} cells are "
+                f"expected, but at most {self.most_cells:,} are allowed; use larger cells"
             )
 
     @property
@@ -841,11 +840,7 @@ class Finger(MirroredHalf, HeldTip):
     figure_texts: ClassVar[Mapping[str, tuple[str, str, str]]] = {
         "bend_angle": ("deg", "bend angle", "rotation of the tip's face, positive towards the base"),
         "tip_x": ("mm", "tip place x", "x of the middle of the tip's lower edge, deformed, from the clamp"),
-        "tip_z": (
-            "mm",
-            "tip place z",
-            "z of the middle of the tip's lower edge, deformed, from the middle of the base",
-        ),
+        "tip_z": ("mm", "tip place z", "z of the middle of the tip's lower edge, deformed, from the middle of the base"),
     }
 
     def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
@@ -1009,16 +1004,16 @@ def find_openings(actuator: Actuator) -> tuple[Opening, ...]:
             if name in walls:
                 rim = rim[~np.isin(rim, nodes(name)).all(axis=1)]
         others = dict.fromkeys(name for _, _, name in groups if name != cavity) if len(rim) else {}
-        for edges in _pieces(rim):
-            line = np.unique(edges)
+        group = joined_by(rim)
+        for piece in range(group.max(initial=-1) + 1):
+            line = np.unique(rim[group == piece])
             places = actuator.device_points(np.array([gmsh.model.mesh.getNode(int(tag))[0] for tag in line]))
             kinds = frozenset(
                 frozenset(name for name, there in zip(others, row, strict=True) if there)
                 for row in np.array([np.isin(line, nodes(name)) for name in others]).T
             )
-            x, y, z = (float(value) for value in places.mean(axis=0))
             beside = tuple(sorted(faces & frozenset().union(*kinds)))
-            openings.append(Opening(cavity, (x, y, z), _plane(actuator, places), kinds, beside))
+            openings.append(Opening(cavity, arrays.triple(places.mean(axis=0)), _plane(actuator, places), kinds, beside))
     return tuple(openings)
 
 
@@ -1037,12 +1032,6 @@ def _boundary_edges(group: tuple[int, int], space: int) -> Ints:
     return np.asarray(edges[count % 2 == 1])
 
 
-def _pieces(edges: Ints) -> list[Ints]:
-    """Return the edges that are connected by their nodes."""
-    group = joined_by(edges)
-    return [edges[group == k] for k in range(group.max(initial=-1) + 1)]
-
-
 def _plane(actuator: Actuator, places: NDArray[np.float64]) -> Vector | None:
     """Return the unit normal of the plane through the origin that holds the places and their images by symmetry; None if there
     is none."""
@@ -1054,5 +1043,4 @@ def _plane(actuator: Actuator, places: NDArray[np.float64]) -> Vector | None:
     normal = np.linalg.svd(points)[2][2]
     if np.abs(points @ normal).max() > POINT_TOLERANCE * actuator.size:
         return None
-    x, y, z = (float(value) for value in np.round(normal, 9) + 0.0)
-    return x, y, z
+    return arrays.triple(np.round(normal, 9) + 0.0)

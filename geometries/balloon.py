@@ -60,10 +60,7 @@ class Balloon(Revolved):
     )  # fmt: skip
     held: str = schema.choice_field("end", ("end", "outside"), "the neck's end is held, or also its outside, as tied to a tube")
     rod_radius: float = schema.length_field(
-        0.0,
-        "radius of a rod along the axis, bonded to the far pole; 0 for none",
-        zero=True,
-        unless=("neck_radius", 0.0),
+        0.0, "radius of a rod along the axis, bonded to the far pole; 0 for none", zero=True, unless=("neck_radius", 0.0)
     )
     cell_size: float = schema.length_field(0.001, "edge length of the cells along the wall", shape=False)
     through: float = revolved.through_field()
@@ -76,11 +73,7 @@ class Balloon(Revolved):
     unbonded: ClassVar = ()
     pressures: ClassVar = "0:20"
     stiffer: ClassVar = "a thicker wall (--wall), a smaller balloon (--radius)"
-    examples: ClassVar = (
-        "--radius 20mm --polar-radius 30mm --wall 1.5mm",
-        "--neck-radius 0mm",
-        "--rod-radius 2mm",
-    )
+    examples: ClassVar = ("--radius 20mm --polar-radius 30mm --wall 1.5mm", "--neck-radius 0mm", "--rod-radius 2mm")
 
     def check(self) -> None:
         polar = self.polar_radius or self.radius
@@ -122,9 +115,8 @@ class Balloon(Revolved):
             begin = f"{schema.shown(abs(level), 'm')}{' below the end' if level < 0 else ''}"
             self.reject(
                 "fillet",
-                f"with {self.given('neck_length')} it begins at the height {begin}: it must leave "
-                f"{schema.shown(least, 'm')} of the "
-                f"neck and begin below where the neck opens inside, {schema.shown(joint, 'm')}",
+                f"with {self.given('neck_length')} it begins at the height {begin}: it must leave {schema.shown(least, 'm')} "
+                f"of the neck and begin below where the neck opens inside, {schema.shown(joint, 'm')}",
             )
 
     def _check_closed(self) -> None:

@@ -38,9 +38,7 @@ class Beam(actuator.MirroredHalf):
         "held", ("held", "slip"), "clamped end held, or held only along x and at its lower edge, so that it may thin"
     )
     part: str = schema.choice_field(
-        "half",
-        ("quarter", "half", "full"),
-        "half up to the mirror plane y = 0, a quarter also up to z = 0, or all of it",
+        "half", ("quarter", "half", "full"), "half up to the mirror plane y = 0, a quarter also up to z = 0, or all of it"
     )
     cell_size: float = schema.length_field(0.0025, "longest edge of the cells along the axes", shape=False)
 
@@ -101,11 +99,7 @@ class Beam(actuator.MirroredHalf):
         return {"tip": (self.length, 0.0, half), **below}
 
     figure_texts: ClassVar[Mapping[str, tuple[str, str, str]]] = {
-        "tip_x": (
-            "mm",
-            "tip place x",
-            "x of the middle of the tip's edge in the plane y = 0, deformed, from the clamped end",
-        ),
+        "tip_x": ("mm", "tip place x", "x of the middle of the tip's edge in the plane y = 0, deformed, from the clamped end"),
         "tip_z": ("mm", "tip place z", "z of the middle of the tip's edge in the plane y = 0, deformed, from the axis"),
     }
 

@@ -68,10 +68,7 @@ class Bellows(actuator.HeldTip, Revolved):
     variable: ClassVar = ("wall",)
     pressures: ClassVar = "0:30"
     stiffer: ClassVar = "a thicker wall (--wall), narrower flanks (--outer-radius)"
-    examples: ClassVar = (
-        "--convolutions 6 --pitch 6mm --rounding 1.5mm --wall 1mm",
-        "--tip held",
-    )
+    examples: ClassVar = ("--convolutions 6 --pitch 6mm --rounding 1.5mm --wall 1mm", "--tip held")
     faces: ClassVar = ("outer", "tip")
     unbonded: ClassVar = ()
     seen: ClassVar = ("tip", "outer")
@@ -102,9 +99,8 @@ class Bellows(actuator.HeldTip, Revolved):
             reject(f"it must be at most a quarter of pitch, {schema.shown(quarter, 'm')}, with which its ends are half circles")
         if 2.0 * self.bend > self.depth * (1 + schema.BOUND_TOLERANCE):
             reject(
-                f"root and crest together need {schema.shown(2 * self.bend, 'm')} between inner_radius and "
-                "outer_radius, less the "
-                f"wall, and {schema.shown(max(self.depth, 0.0), 'm')} are there"
+                f"root and crest together need {schema.shown(2 * self.bend, 'm')} between inner_radius and outer_radius, less "
+                f"the wall, and {schema.shown(max(self.depth, 0.0), 'm')} are there"
             )
 
     @property
@@ -154,12 +150,7 @@ class Bellows(actuator.HeldTip, Revolved):
             low, high = revolved.Side(a.inside, a.outside, through), revolved.Side(b.outside, b.inside, through)
             right, left = (
                 revolved.Side(
-                    start,
-                    end,
-                    count,
-                    role,
-                    b.centre,
-                    (radius := math.dist(start, b.centre) if b.centre else 1.0, radius),
+                    start, end, count, role, b.centre, (radius := math.dist(start, b.centre) if b.centre else 1.0, radius)
                 )
                 for start, end, role in ((a.outside, b.outside, "outer"), (b.inside, a.inside, "cavity"))
             )

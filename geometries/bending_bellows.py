@@ -253,7 +253,7 @@ def _wall(bellows: BendingBellows, whole: bool = False) -> meshing.Entity:
     lines.to(bellows.length, outside)
     lines.to(bellows.length, 0.0)
     lines.to(last, 0.0)
-    lines.along([_reversed_arc(arc) for arc in reversed(bellows.arcs(False))])
+    lines.along([dataclasses.replace(arc, start=arc.end, end=arc.start) for arc in reversed(bellows.arcs(False))])
     lines.to(first, 0.0)
     section = [(2, occ.addPlaneSurface([occ.addCurveLoop(lines.closed())]))]
     angle = -0.5 * math.pi
@@ -262,11 +262,6 @@ def _wall(bellows: BendingBellows, whole: bool = False) -> meshing.Entity:
         angle *= 2.0
     turned = occ.revolve(section, 0, 0, axis, 1, 0, 0, angle)
     return next(entity for entity in turned if entity[0] == 3)
-
-
-def _reversed_arc(arc: Arc) -> Arc:
-    """Return the same arc, run through from its end to its start."""
-    return Arc(arc.centre, arc.radius, arc.crest, arc.end, arc.start)
 
 
 class _Outline:

@@ -51,9 +51,7 @@ class Cylinder(actuator.Sectioned, actuator.Halved):
     cap: float = schema.length_field(0.004, "thickness of the cap")
     fillet: float = schema.length_field(0.001, "radius of the rounding where the wall meets the cap; 0 for none", zero=True)
     section: str = schema.choice_field(
-        "axisymmetric",
-        ("axisymmetric", "half", "whole"),
-        "profile in radius and height, solid half (y > 0), or all of it",
+        "axisymmetric", ("axisymmetric", "half", "whole"), "profile in radius and height, solid half (y > 0), or all of it"
     )
     strip: float = schema.angle_field(
         0.0,
@@ -230,12 +228,7 @@ class Cylinder(actuator.Sectioned, actuator.Halved):
     @property
     def clearances(self) -> dict[str, float]:
         flat, upright = self.inner_radius - self.fillet, self.straight
-        return {
-            "wall": self.wall,
-            "cap": self.cap,
-            "flat part of the ceiling": flat,
-            "straight part of the wall": upright,
-        }
+        return {"wall": self.wall, "cap": self.cap, "flat part of the ceiling": flat, "straight part of the wall": upright}
 
     @property
     def cavity_volume(self) -> float:
@@ -415,11 +408,7 @@ def _profile(device: Cylinder, at: Callable[[float, float], tuple[float, float, 
         (occ.addLine(root, foot), "cavity"),
     ]
     wall = occ.addPlaneSurface([occ.addCurveLoop([*(tag for tag, _ in edges[:3]), joint, edges[3][0]])])
-    upper: Edges = [
-        (occ.addLine(shoulder, rim), "side"),
-        (occ.addLine(rim, apex), "end"),
-        (occ.addLine(apex, ceiling), "axis"),
-    ]
+    upper: Edges = [(occ.addLine(shoulder, rim), "side"), (occ.addLine(rim, apex), "end"), (occ.addLine(apex, ceiling), "axis")]
     corner = root
     if fillet:
         corner, centre = point(inner - fillet, length), point(inner - fillet, straight)

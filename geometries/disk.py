@@ -21,7 +21,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections import defaultdict
 from collections.abc import Callable, Mapping
 from typing import ClassVar, Self
 
@@ -117,8 +116,7 @@ class HollowDisk(actuator.Wedged):
             if length > 5.0 * self.outer_radius:
                 raise GeometryError(
                     f"{part} is {schema.shown(length, 'm')}; more than 5 times the disk's radius, "
-                    f"{schema.shown(self.outer_radius, 'm')}, is "
-                    "not a disk and suggests a wrong unit"
+                    f"{schema.shown(self.outer_radius, 'm')}, is not a disk and suggests a wrong unit"
                 )
         self.check_size("wall", self.outer_radius, given=f"with {self.given('cavity_radius')} ")
         self.check_angle()
@@ -333,7 +331,7 @@ class HollowDisk(actuator.Wedged):
         )  # fmt: skip
 
     def build_whole(self) -> None:
-        revolved.turn_fully(_face(self, (meshing.MM_PER_M, 0.0, 0.0), (0.0, 0.0, meshing.MM_PER_M))[0])
+        revolved.turn_fully(_drawing(self, (meshing.MM_PER_M, 0.0, 0.0), (0.0, 0.0, meshing.MM_PER_M))[1])
 
     def build(self) -> None:
         build_profile(self) if self.dimension == 2 else build_wedge(self)
@@ -557,12 +555,12 @@ def outline(disk: HollowDisk) -> list[revolved.Side]:
 
 def build_profile(disk: HollowDisk) -> None:
     """Fill the current Gmsh model with the axisymmetric profile: x is the radius, y the height (m)."""
-    face, curves, points = _face(disk, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    drawing, face = _drawing(disk, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
     gmsh.model.occ.synchronize()
     meshing.name_group(2, [face], "solid")
-    meshing.name_groups(1, curves)
+    meshing.name_groups(1, drawing.roles)
     if disk.support == "rim":
-        meshing.name_group(0, [points[disk.outer_radius, 0.0]], "support")
+        meshing.name_group(0, [drawing.points[disk.outer_radius, 0.0]], "support")
     size = size_function(disk)
     gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: size(x, y))
 
@@ -570,7 +568,7 @@ def build_profile(disk: HollowDisk) -> None:
 def build_wedge(disk: HollowDisk) -> None:
     """Fill the current Gmsh model with the slice from the azimuth to azimuth + angle (m)."""
     occ = gmsh.model.occ
-    face, _, _ = _face(disk, disk.radial, disk.lift)
+    _, face = _drawing(disk, disk.radial, disk.lift)
     pieces = math.ceil(disk.angle / revolved.WIDEST_PIECE - 1e-9)
     volumes = []
     for _ in range(pieces):
@@ -589,37 +587,10 @@ def build_wedge(disk: HollowDisk) -> None:
     gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: size(math.hypot(x, y), z))
 
 
-def _face(
-    disk: HollowDisk, right: tuple[float, float, float], up: tuple[float, float, float]
-) -> tuple[int, dict[str, list[int]], dict[revolved.Place, int]]:
-    """Add the half profile in the plane of two vectors of a metre each; return its tag, curves by role and corners."""
-    occ = gmsh.model.occ
-    points: dict[revolved.Place, int] = {}
-
-    def corner(place: revolved.Place) -> int:
-        if place not in points:
-            points[place] = occ.addPoint(*(place[0] * a + place[1] * b for a, b in zip(right, up, strict=True)))
-        return points[place]
-
-    def curve(edge: revolved.Side) -> int:
-        if edge.inner is not None:
-            helpers.extend(edge.inner)
-            return int(occ.addBezier([corner(place) for place in (edge.start, *edge.inner, edge.end)]))
-        if edge.centre is not None:
-            helpers.append(edge.centre)
-            return int(occ.addCircleArc(corner(edge.start), corner(edge.centre), corner(edge.end)))
-        return int(occ.addLine(corner(edge.start), corner(edge.end)))
-
-    curves: dict[str, list[int]] = defaultdict(list)
-    helpers: list[revolved.Place] = []
-    loop = []
-    for edge in outline(disk):
-        loop.append(curve(edge))
-        curves[edge.role].append(loop[-1])
-    face = occ.addPlaneSurface([occ.addCurveLoop(loop)])
-    # Centres of fillets and the like would otherwise stay as lone nodes of the mesh.
-    occ.remove([(0, points[place]) for place in helpers])
-    return face, curves, points
+def _drawing(disk: HollowDisk, right: Vector, up: Vector) -> tuple[revolved.Drawing, int]:
+    """Draw the half profile by vectors of a metre of the radius and of the height; return the drawing and the face's tag."""
+    drawing = revolved.Drawing([revolved.Panel("solid", outline(disk))], right, up, circles=True)
+    return drawing, drawing.faces["solid"][0]
 
 
 def _name_rim(disk: HollowDisk) -> None:

@@ -118,16 +118,14 @@ class Membrane(Revolved):
         if self.slope > deepest or self.slope >= inside > 0.0:
             raise GeometryError(
                 f"{rounding}; it must be at most {MAX_EDGE_SLOPE_DEPTH:g} of thickness, {schema.shown(deepest, 'm')}, and less "
-                "than what is bare "
-                f"inside the clamp, {schema.shown(inside, 'm')}"
+                f"than what is bare inside the clamp, {schema.shown(inside, 'm')}"
             )
         if self.clamp != "both" and not self.clamp_width:
             raise GeometryError(f"clamp is {self.clamp!r}; it needs a clamp_width, which is 0")
         if self.clamp == "slip" and self.dimension == 3 and self.angle > 120.0:
             raise GeometryError(
-                f"clamp is 'slip'; with angle {schema.shown(self.angle, 'degree')} the membrane could slide away "
-                "sideways: use 120 "
-                "deg or less"
+                f"clamp is 'slip'; with angle {schema.shown(self.angle, 'degree')} the membrane could slide away sideways: use "
+                "120 deg or less"
             )
 
     def _check_rings(self) -> None:
@@ -140,8 +138,7 @@ class Membrane(Revolved):
             if radius <= before:
                 raise GeometryError(
                     f"rings[{place}] is {schema.shown(radius, 'm')}; it must be larger than {what}, "
-                    f"{schema.shown(before, 'm')}: radii rise "
-                    "from the inside out, and rings and plate do not touch"
+                    f"{schema.shown(before, 'm')}: radii rise from the inside out, and rings and plate do not touch"
                 )
             before, what = radius, f"rings[{place}]"
         if self.rings and before >= self.radius:

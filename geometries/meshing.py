@@ -124,13 +124,11 @@ class MeshSummary:
 @contextlib.contextmanager
 def private_model() -> Iterator[None]:
     """Return a fresh, current Gmsh model; afterwards a caller's own Gmsh session is as it was."""
-
     with processes.WORKER_LOCK:
         yield from _fresh_model()
 
 
 def _fresh_model() -> Iterator[None]:
-    """See `private_model`, whose thread has its turn."""
     ours = not gmsh.isInitialized()
     if ours:
         # Not interruptible: Gmsh would otherwise replace the signal handler, which only a main thread may do.
@@ -559,7 +557,6 @@ def _place(actuator: Meshable) -> Path | None:
 
 @functools.cache
 def _mesher_versions() -> str:
-    """Return what meshes: Gmsh and this package."""
     source = hashlib.sha256(gmsh.__version__.encode())
     for file in sorted(Path(__file__).parent.rglob("*.py")):
         source.update(file.read_bytes())
@@ -567,7 +564,6 @@ def _mesher_versions() -> str:
 
 
 def _forget_old(place: Path) -> None:
-    """Take away what is beyond `MOST_KEPT`."""
     kept_files = sorted(((file.stat().st_mtime, file.stat().st_size, file) for file in place.glob("*.msh")), reverse=True)
     total = 0
     for _, size, file in kept_files:

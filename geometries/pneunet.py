@@ -115,14 +115,7 @@ class PneuNet(actuator.Finger):
     def walls(self) -> dict[str, float]:
         """Every dimension in m of the solid and of the air that has a least value, by its parameter."""
         several = self.chambers > 1
-        names = [
-            "chamber_length",
-            "chamber_width",
-            "chamber_height",
-            "wall" if several else "",
-            "side_wall",
-            "top_wall",
-        ]
+        names = ["chamber_length", "chamber_width", "chamber_height", "wall" if several else "", "side_wall", "top_wall"]
         names += ["base", "root", "cap", *(("channel_width", "channel_height") if several else ())]
         names += ["gap", "bridge"] if several and self.gap else []
         return {name: getattr(self, name) for name in names if name}
@@ -281,8 +274,7 @@ class PneuNet(actuator.Finger):
         body = _mirrored_block(self.upper, self.sides)
         body = Box((*body.low[:2], body.low[2] if self.sides == 2 else -0.5 * self.base), body.high)
         _cut_block(
-            body,
-            [_mirrored_block(box, self.sides, below) for box in self.air + self.gaps for below in range(self.sides)],
+            body, [_mirrored_block(box, self.sides, below) for box in self.air + self.gaps for below in range(self.sides)]
         )
         gmsh.model.occ.synchronize()
 
@@ -348,7 +340,6 @@ def _mirrored_block(box: Box, sides: int, below: int = -1) -> Box:
 
 
 def _cut_block(body: Box, empty: list[Box]) -> meshing.Entity:
-    """Return a block with others cut out of it."""
     return meshing.one_solid(gmsh.model.occ.cut([_add(body)], [_add(box) for box in empty])[0])
 
 

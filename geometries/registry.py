@@ -119,35 +119,18 @@ class QuantitiesType(QuantityType):
         return tuple(super(QuantitiesType, self).convert(part, param, ctx) for part in parts)
 
 
-@functools.singledispatch
 def _type(kind: schema.Kind) -> click.ParamType:
     """Return the type that click gives the option of a kind of value."""
+    match kind:
+        case schema.Quantity() | schema.Open():
+            return QuantityType(kind.unit)
+        case schema.Choice():
+            return click.IntRange(*kind.ends) if kind.ends else commands.Choice([str(known) for known in kind.choices])
+        case schema.Flag():
+            return click.BOOL
+        case schema.Several():
+            return QuantitiesType(kind.unit) if kind.unit else _type(kind.of)
     return click.STRING
-
-
-@_type.register
-def _(kind: schema.Quantity) -> click.ParamType:
-    return QuantityType(kind.unit)
-
-
-@_type.register
-def _(kind: schema.Open) -> click.ParamType:
-    return QuantityType(kind.unit)
-
-
-@_type.register
-def _(kind: schema.Choice) -> click.ParamType:
-    return click.IntRange(*kind.ends) if kind.ends else commands.Choice([str(known) for known in kind.choices])
-
-
-@_type.register
-def _(kind: schema.Flag) -> click.ParamType:
-    return click.BOOL
-
-
-@_type.register
-def _(kind: schema.Several) -> click.ParamType:
-    return QuantitiesType(kind.unit) if kind.unit else _type(kind.of)
 
 
 def flag(name: str) -> str:

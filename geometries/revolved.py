@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometries import actuator, meshing
-from geometries.actuator import Actuator, CutPlane
+from geometries.actuator import Actuator, CutPlane, Vector
 from softmodels.common import schema
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
@@ -122,10 +122,8 @@ class Revolved(actuator.Wedged):
 
     def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         points = np.asarray(points, dtype=float)
-        flat, near = (
-            np.column_stack([np.hypot(points[:, 0], points[:, 1]), points[:, 2]]),
-            ZERO_DISTANCE_TOLERANCE * self.size,
-        )
+        flat = np.column_stack([np.hypot(points[:, 0], points[:, 1]), points[:, 2]])
+        near = ZERO_DISTANCE_TOLERANCE * self.size
         here = (np.abs(points[:, 1]) < near) & (points[:, 0] > -near)
         missed = [side.missed(flat) for side in self.profile]
         return here & (np.min(missed, axis=0) < near)
@@ -289,21 +287,16 @@ class Side:
 
 
 def _wrapped_angles(angles: Array) -> Array:
-    """Return the angles between -pi and pi."""
     return (angles + np.pi) % (2.0 * np.pi) - np.pi
 
 
 @dataclasses.dataclass(frozen=True)
 class Panel:
     """A patch of a half section, of a region such as ``"solid"``: four sides, each beginning where the one before ends;
-    opposite ones have as many cells."""
+    opposite ones have as many cells. A face that is not meshed in rows may have any number of sides."""
 
     region: str
-    sides: tuple[Side, Side, Side, Side]
-
-    @property
-    def corners(self) -> tuple[Place, ...]:
-        return tuple(side.start for side in self.sides)
+    sides: Sequence[Side]
 
 
 def rectangle(low: Place, high: Place, cells: tuple[int, int], roles: tuple[str, str, str, str]) -> Panel:
@@ -413,12 +406,12 @@ WIDEST_PIECE = 90.0
 
 
 class Drawing:
-    """The panels of a half section in the current Gmsh model, the radius along x, the height along ``up``, a vector of a
-    metre of it. ``metre`` is the length of a metre of the radius, to draw circles as circles, whose turns the kernel knows; 0
-    for a mesh. Tags are of faces by region, of curves by what a side joins, of points by place."""
+    """The panels of a half section in the current Gmsh model, by vectors of a metre of the radius and of the height. Circles
+    are drawn as such if asked for: the kernel knows their turns. Tags are of faces by region, of curves by what a side joins,
+    of points by place."""
 
-    def __init__(self, panels: Iterable[Panel], up: tuple[float, float, float], metre: float = 0.0):
-        self.up, self.metre, self.circles, self.occ = up, metre or 1.0, metre > 0.0, gmsh.model.occ
+    def __init__(self, panels: Iterable[Panel], right: Vector, up: Vector, circles: bool = False):
+        self.right, self.up, self.circles, self.occ = right, up, circles, gmsh.model.occ
         self.points: dict[Place, int] = {}
         self.curves: dict[frozenset[Place], int] = {}
         self.sides: dict[frozenset[Place], Side] = {}
@@ -434,7 +427,7 @@ class Drawing:
 
     def _point(self, place: Place) -> int:
         r, z = place
-        return int(self.occ.addPoint(self.metre * r + z * self.up[0], z * self.up[1], z * self.up[2]))
+        return int(self.occ.addPoint(*(r * a + z * b for a, b in zip(self.right, self.up, strict=True))))
 
     def curve(self, side: Side) -> int:
         if side.key not in self.curves:
@@ -444,8 +437,22 @@ class Drawing:
             self.sides[side.key] = side
         return self.curves[side.key]
 
+    @property
+    def roles(self) -> dict[str, list[int]]:
+        """Tags of the curves by their roles; those between panels have none."""
+        roles: dict[str, list[int]] = defaultdict(list)
+        for key, tag in self.curves.items():
+            if self.sides[key].role:
+                roles[self.sides[key].role].append(tag)
+        return roles
+
     def _line(self, side: Side) -> int:
-        return int(self.occ.addLine(self.corner(side.start), self.corner(side.end)))
+        if side.inner is None:
+            return int(self.occ.addLine(self.corner(side.start), self.corner(side.end)))
+        helpers = [self._point(place) for place in side.inner]
+        tag = self.occ.addBezier([self.corner(side.start), *helpers, self.corner(side.end)])
+        self.occ.remove([(0, helper) for helper in helpers])  # which would stay as lone nodes of the mesh
+        return int(tag)
 
     def _arc(self, side: Side) -> int:
         """Return a piece of an ellipse as what it is, a rational parabola: the kernel's own ellipses ask for their longer
@@ -465,19 +472,16 @@ class Drawing:
 
 def build_section(device: Revolved) -> None:
     """Fill the current Gmsh model with the axisymmetric profile: x is the radius, y the height (m)."""
-    drawing = Drawing(device.panels, (0.0, 1.0, 0.0))
+    drawing = Drawing(device.panels, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
     gmsh.model.occ.synchronize()
     for region, faces in drawing.faces.items():
         meshing.name_group(2, faces, region)
         for face in faces:
             gmsh.model.mesh.setTransfiniteSurface(face)
-    roles: dict[str, list[int]] = defaultdict(list)
     for key, tag in drawing.curves.items():
         side = drawing.sides[key]
         gmsh.model.mesh.setTransfiniteCurve(tag, side.cells + 1, "Progression", side.growth)
-        if side.role:
-            roles[side.role].append(tag)
-    meshing.name_groups(1, roles)
+    meshing.name_groups(1, drawing.roles)
     for role, place in device.anchors.items():
         meshing.name_group(0, [drawing.points[place]], role)
 
@@ -489,7 +493,8 @@ def build_full_turn(device: Revolved) -> None:
     sides = {side.key: side for panel in panels for side in panel.sides if shared[side.key] == 1}
     # A side between what is cast and what is not has no role; one on the axis may have another name inside.
     edges = whole_edges([dataclasses.replace(side, role="") for side in sides.values()], ())
-    drawing, occ = Drawing((), (0.0, 0.0, meshing.MM_PER_M), meshing.MM_PER_M), gmsh.model.occ
+    mm, occ = meshing.MM_PER_M, gmsh.model.occ
+    drawing = Drawing((), (mm, 0.0, 0.0), (0.0, 0.0, mm), circles=True)
     face = occ.addPlaneSurface([occ.addCurveLoop([drawing.curve(piece) for edge in edges for piece in edge.quarters])])
     turn_fully(face)
 
@@ -505,7 +510,7 @@ def turn_fully(face: int) -> None:
 def build_wedge(device: Revolved) -> None:
     """Fill the current Gmsh model with the slice from the azimuth 0 to the device's angle (m)."""
     occ = gmsh.model.occ
-    drawing = Drawing(device.panels, (0.0, 0.0, 1.0))
+    drawing = Drawing(device.panels, (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
     regions = [region for region, faces in drawing.faces.items() for _ in faces]
     faces = [face for tags in drawing.faces.values() for face in tags]
     pieces = math.ceil(device.angle / WIDEST_PIECE - 1e-9)
@@ -598,9 +603,8 @@ def check_alike(device: Actuator, other: Actuator, choices: Iterable[str], round
         here, there = getattr(device, name), getattr(other, name)
         if (here > 0.0) != (there > 0.0):
             raise GeometryError(
-                f"{name} is {schema.shown(here, 'm')} and {schema.shown(there, 'm')}; points of a rounded corner "
-                "cannot be mapped to a sharp "
-                "one"
+                f"{name} is {schema.shown(here, 'm')} and {schema.shown(there, 'm')}; points of a rounded corner cannot be "
+                "mapped to a sharp one"
             )
 
 

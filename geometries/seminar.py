@@ -170,12 +170,7 @@ class SeminarActuator(actuator.MirroredHalf, actuator.HeldTip):
         ``curvature`` that of the circle through it which leaves the base along x.
         """
         x, _, z = 0.5 * (np.asarray(places["tip"]) + np.asarray(places["tip_below"]))
-        return {
-            "tip_x": x,
-            "tip_z": z,
-            "lift_angle": math.atan2(z, x),
-            "curvature": 2.0 * z / (x * x + z * z),
-        }
+        return {"tip_x": x, "tip_z": z, "lift_angle": math.atan2(z, x), "curvature": 2.0 * z / (x * x + z * z)}
 
     @property
     def cavity_volume(self) -> float:
@@ -600,8 +595,7 @@ def _check_channel(slab: SeminarActuator, number: int, channel: Channel | None) 
         far = f"reaches[{number}] {_mm(slab.reaches[number - 1])}" if slab.reaches else f"edge {_mm(slab.edge)}"
         at = math.degrees(half_angles(slab)[number - 1])
         slab.reject(
-            "manifold_radius",
-            f"with {far} and {name} {_mm(end_bore)} no length is left for channel {number}, at {at:.3g} deg",
+            "manifold_radius", f"with {far} and {name} {_mm(end_bore)} no length is left for channel {number}, at {at:.3g} deg"
         )
     return channel
 
@@ -816,11 +810,9 @@ def _swept_solid(curves: list[int], height: float) -> meshing.Entity:
 def _whole_prism(slab: SeminarActuator) -> meshing.Entity:
     """Return the whole slab without channels."""
     occ = gmsh.model.occ
-    length, half, radius = (
-        meshing.MM_PER_M * slab.length,
-        0.5 * meshing.MM_PER_M * slab.base_width,
-        meshing.MM_PER_M * slab.tip_radius,
-    )
+    length = meshing.MM_PER_M * slab.length
+    half = 0.5 * meshing.MM_PER_M * slab.base_width
+    radius = meshing.MM_PER_M * slab.tip_radius
     bottom = -0.5 * meshing.MM_PER_M * slab.thickness
     x, y = (meshing.MM_PER_M * at for at in side(slab)[1])
     right, left = occ.addPoint(0, -half, bottom), occ.addPoint(0, half, bottom)
@@ -852,11 +844,9 @@ def _prism(slab: SeminarActuator) -> meshing.Entity:
         if slab.level
         else (-0.5 * meshing.MM_PER_M * slab.thickness, meshing.MM_PER_M * slab.thickness)
     )
-    length, half, radius = (
-        meshing.MM_PER_M * slab.length,
-        0.5 * meshing.MM_PER_M * slab.base_width,
-        meshing.MM_PER_M * slab.tip_radius,
-    )
+    length = meshing.MM_PER_M * slab.length
+    half = 0.5 * meshing.MM_PER_M * slab.base_width
+    radius = meshing.MM_PER_M * slab.tip_radius
     x, y = (meshing.MM_PER_M * at for at in side(slab)[1])
     base, corner = occ.addPoint(0, 0, bottom), occ.addPoint(0, half, bottom)
     tip = occ.addPoint(length, 0, bottom)
@@ -925,11 +915,9 @@ def _manifold(slab: SeminarActuator, begin: float) -> list[meshing.Entity]:
     """Return the arc from an angle (rad) to its end at y > 0, and the round cap there."""
     occ = gmsh.model.occ
     half = 0.5 * spread(slab)
-    radius, bore, level = (
-        meshing.MM_PER_M * slab.manifold_radius,
-        meshing.MM_PER_M * slab.manifold_bore,
-        meshing.MM_PER_M * slab.offset,
-    )
+    radius = meshing.MM_PER_M * slab.manifold_radius
+    bore = meshing.MM_PER_M * slab.manifold_bore
+    level = meshing.MM_PER_M * slab.offset
     c, s = math.cos(begin), math.sin(begin)
     # The section's seam is on the inside, where no channel leaves.
     section = occ.addDisk(radius * c, radius * s, level, bore, bore, zAxis=[-s, c, 0], xAxis=[-c, -s, 0])
@@ -941,10 +929,7 @@ def _cap(slab: SeminarActuator, angle: float) -> meshing.Entity:
     """Return the round cap where the manifold ends at an angle in radians."""
     radius = meshing.MM_PER_M * slab.manifold_radius
     x, y = radius * math.cos(angle), radius * math.sin(angle)
-    return (
-        3,
-        int(gmsh.model.occ.addSphere(x, y, meshing.MM_PER_M * slab.offset, meshing.MM_PER_M * slab.manifold_bore)),
-    )
+    return (3, int(gmsh.model.occ.addSphere(x, y, meshing.MM_PER_M * slab.offset, meshing.MM_PER_M * slab.manifold_bore)))
 
 
 def _air(slab: SeminarActuator, line: Channel) -> meshing.Entity:
@@ -954,11 +939,7 @@ def _air(slab: SeminarActuator, line: Channel) -> meshing.Entity:
 
     def corner(along: float, up: float) -> int:
         return int(
-            occ.addPoint(
-                meshing.MM_PER_M * along * c,
-                meshing.MM_PER_M * along * s,
-                meshing.MM_PER_M * (slab.offset + up),
-            )
+            occ.addPoint(meshing.MM_PER_M * along * c, meshing.MM_PER_M * along * s, meshing.MM_PER_M * (slab.offset + up))
         )
 
     begin = corner(line.start, 0.0)

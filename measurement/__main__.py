@@ -12,7 +12,7 @@ PLACES = {
         "setup": ("measurement.cli.setup", "Find the screen's plane in a PHOTOGRAPH."),
         "photos": ("measurement.cli.photos", "Measure the shadow's outline in every photograph of a list."),
         "demo": ("measurement.cli.photos", "Make a set of synthetic photographs, and measure them."),
-    },
+    }
 }
 """Module and first sentence of each command, by group and name, in the order of their use."""
 

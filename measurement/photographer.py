@@ -83,16 +83,7 @@ class Scene:
     sharpening_radius: float = 1.5
 
     def __post_init__(self) -> None:
-        for name in (
-            "width",
-            "height",
-            "focal_px",
-            "pixel_size",
-            "grid_pitch",
-            "line_width",
-            "penumbra",
-            "magnification",
-        ):
+        for name in ("width", "height", "focal_px", "pixel_size", "grid_pitch", "line_width", "penumbra", "magnification"):
             if not getattr(self, name) > 0:
                 raise SceneError(f"{name} must be positive, not {getattr(self, name)}")
         if self.lamp not in LAMPS:
@@ -210,7 +201,6 @@ _SCREEN = (
 
 @functools.lru_cache(maxsize=1)
 def _light_of(scene: Scene) -> tuple[Rays, Image]:
-    """What the photographs of a bench share."""
     truth = truth_of(scene)
     rays = Rays(truth.matrix, truth.distortion, truth.homography, scene.width, scene.height)
     light = gridded(rays, scene.grid_pitch, scene.line_width, scene.line_grey)
@@ -279,9 +269,7 @@ def _check(truth: Truth) -> None:
     x, y = np.meshgrid(np.linspace(-1, 1, 9) * scene.width, np.linspace(-1, 1, 9) * scene.height)
     rim = np.column_stack([x.ravel() / 2 + scene.width / 2, y.ravel() / 2 + scene.height / 2])
     u, v = straightened(
-        (rim[:, 0] - truth.matrix[0, 2]) / scene.focal_px,
-        (rim[:, 1] - truth.matrix[1, 2]) / scene.focal_px,
-        truth.distortion,
+        (rim[:, 0] - truth.matrix[0, 2]) / scene.focal_px, (rim[:, 1] - truth.matrix[1, 2]) / scene.focal_px, truth.distortion
     )
     with np.errstate(over="ignore", invalid="ignore"):
         back = bent(u, v, truth.distortion)
@@ -314,11 +302,7 @@ def dome_height(x: ArrayLike, height: float, radius: float = 0.015) -> Array:
 
 
 def save(
-    path: Path | str,
-    image: NDArray[np.uint8],
-    exif: dict[str, object] | None = None,
-    quality: int = 95,
-    subsampling: int = 0,
+    path: Path | str, image: NDArray[np.uint8], exif: dict[str, object] | None = None, quality: int = 95, subsampling: int = 0
 ) -> Path:
     """Write a photograph (h, w, 3) in the format of the path's ending; ``exif`` has any of maker, camera, lens, focal_mm.
     ``quality`` and ``subsampling`` are those of JPEG, as Pillow has them: 0 keeps all colours, 2 a quarter of their pixels."""

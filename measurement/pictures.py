@@ -282,9 +282,8 @@ def _check_memory(width: int, height: int, per_pixel: int) -> None:
     need, free = per_pixel * width * height, free_memory()
     if free is not None and need > MOST_MEMORY * free:
         raise Unmeasurable(
-            f"it has {width} x {height} pixels; reading it takes about {need / 1e9:.1f} GB of memory, but {free / 1e9:.1f} "
-            f"GB are free: measure fewer at a time (--jobs 1), or make all photographs and the setup's smaller by the same "
-            f"factor"
+            f"it has {width} x {height} pixels; reading it takes about {need / 1e9:.1f} GB of memory, but {free / 1e9:.1f} GB "
+            "are free: measure fewer at a time (--jobs 1), or make all photographs and the setup's smaller by the same factor"
         )
 
 

@@ -33,8 +33,7 @@ help="Folder for the results.  [default: outlines; outlines-2 and so "
 @click.option("--tone", type=commands.Choice([measuring.AUTO, *pictures.TONES]), default=measuring.AUTO, show_default=True,
               help="Tone curve of the files: srgb (camera JPEG) or linear; auto estimates it from the edge.")  # fmt: skip
 @click.option(
-    "--water-density",
-    help=f"Density of the column's liquid.  [default: {units.WATER_DENSITY:g}kg/m^3, {units.DENSITY_NOTE}]",
+    "--water-density", help=f"Density of the column's liquid.  [default: {units.WATER_DENSITY:g}kg/m^3, {units.DENSITY_NOTE}]"
 )
 @click.option("--density-error", default=f"{photo_list.DENSITY_ERROR:.2g}kg/m^3", show_default=True, help="Its standard error.")
 @click.option("--reading-error", default=f"{photo_list.READING_ERROR * 1e3:g}mm", show_default=True,
@@ -105,11 +104,7 @@ def _stamp(file: Path) -> tuple[int, int]:
 
 
 def _measure_all(
-    listed: Sequence[Photograph],
-    setup: Setup,
-    zero: zero.ZeroLine,
-    folder: commands.ResultFolder,
-    given: dict[str, Any],
+    listed: Sequence[Photograph], setup: Setup, zero: zero.ZeroLine, folder: commands.ResultFolder, given: dict[str, Any]
 ) -> Measurement:
     """Measure all and write the results."""
     try:

@@ -215,9 +215,8 @@ def _report_camera(made: Calibration, output: Path) -> None:
     for path, rms in made.per_image.items():
         processes.say(f"{path}: {rms:.2f} px")
     processes.say(
-        f"Focal length fx {camera.matrix[0, 0]:.1f} px, principal point {camera.matrix[0, 2]:.1f}, "
-        f"{camera.matrix[1, 2]:.1f} px; {len(made.per_image)} photographs used, reprojection "
-        f"error {made.residual_px:.2f} px (rms)"
+        f"Focal length fx {camera.matrix[0, 0]:.1f} px, principal point {camera.matrix[0, 2]:.1f}, {camera.matrix[1, 2]:.1f} "
+        f"px; {len(made.per_image)} photographs used, reprojection error {made.residual_px:.2f} px (rms)"
     )
     processes.say(
         f"Standard error of the lens: {camera.error_px:.2g} px in the region of the boards, {camera.errors_px[-1]:.2g} "

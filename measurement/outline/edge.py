@@ -395,11 +395,9 @@ def _curvature(lines: list[BridgedLine]) -> float:
     for line in lines:
         if len(line.px) > 4 * SMOOTHING_POINTS:
             # Over two spans of points noise bends nothing any more.
-            near, here, far = (
-                line.px[: -2 * SMOOTHING_POINTS],
-                line.px[SMOOTHING_POINTS:-SMOOTHING_POINTS],
-                line.px[2 * SMOOTHING_POINTS :],
-            )
+            near = line.px[: -2 * SMOOTHING_POINTS]
+            here = line.px[SMOOTHING_POINTS:-SMOOTHING_POINTS]
+            far = line.px[2 * SMOOTHING_POINTS :]
             chord = far - near
             length = np.maximum(np.linalg.norm(chord, axis=1), 1e-9)
             sagitta = np.abs(chord[:, 0] * (here - near)[:, 1] - chord[:, 1] * (here - near)[:, 0]) / length

@@ -696,10 +696,8 @@ def _fitted_profile(  # type: ignore[no-untyped-def]
         return np.concatenate([(model - value) / spread, (p[3:6] - usual) / errors, p[6:9] / (0.05, 0.05, 0.02)])
 
     start = [0.0, 0.0, 0.5, 0.0, 0.05, MASK_RADIUS_PX, 0.0, 0.0, 0.0]
-    low, high = (
-        [-1.0, -1.0, 0.0, -1.0, 0.0, 0.4, -1.0, -1.0, -1.0],
-        [1.0, 1.0, 0.98, 1.0, 3.0, 4.0, 1.0, 1.0, 1.0],
-    )
+    low = [-1.0, -1.0, 0.0, -1.0, 0.0, 0.4, -1.0, -1.0, -1.0]
+    high = [1.0, 1.0, 0.98, 1.0, 3.0, 4.0, 1.0, 1.0, 1.0]
     scale = [0.01, 0.1, 0.3, 0.1, 0.3, 0.5, 0.01, 0.01, 0.01]
     starts = [start]
     if camera is not None:

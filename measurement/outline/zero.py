@@ -103,10 +103,9 @@ class ZeroLine:
         straight = np.abs(rest) < STRAIGHT_TOLERANCE
         if straight.mean() < 0.8 or scatter > 0.5 * STRAIGHT_TOLERANCE:
             raise pictures.Unmeasurable(
-                "the surface is not straight, so it is not the undeformed one: "
-                f"{1.0 - straight.mean():.0%} of its edge lies more than {STRAIGHT_TOLERANCE * 1e6:.0f} um from a line; "
-                "release the pressure, level body and lamp, exclude other shadows with setup --roi, or give two points "
-                "of the surface to setup --zero"
+                f"the surface is not straight, so it is not the undeformed one: {1.0 - straight.mean():.0%} of its edge lies "
+                f"more than {STRAIGHT_TOLERANCE * 1e6:.0f} um from a line; release the pressure, level body and lamp, exclude "
+                "other shadows with setup --roi, or give two points of the surface to setup --zero"
             )
         if abs(direction[1]) > np.sin(np.radians(MAX_TILT)):
             raise pictures.Unmeasurable(

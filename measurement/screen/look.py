@@ -270,10 +270,7 @@ class LineShape:
 
         low = np.log([0.5 * depth, 0.003 * end, *[0.02 * end for _ in half]])
         high = np.log([1.0, end, *[2.0 * end for _ in half]])
-        starts = (
-            [depth, 0.2 * min(half), *(2.0 * value for value in half)],
-            [min(1.0, 2.0 * depth), 0.8 * min(half), *half],
-        )
+        starts = ([depth, 0.2 * min(half), *(2.0 * value for value in half)], [min(1.0, 2.0 * depth), 0.8 * min(half), *half])
         fits = [
             least_squares(missed, np.clip(np.log(np.maximum(start, 1e-9)), low + 1e-6, high - 1e-6), bounds=(low, high))
             for start in starts

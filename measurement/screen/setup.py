@@ -125,11 +125,7 @@ class Setup:
         return self.plane.jacobian(self.camera.undistort(raw)) @ lens / self.magnification
 
     def error(
-        self,
-        raw_px: ArrayLike,
-        edge_sigma_px: ArrayLike,
-        normal: ArrayLike | None = None,
-        about: ArrayLike | None = None,
+        self, raw_px: ArrayLike, edge_sigma_px: ArrayLike, normal: ArrayLike | None = None, about: ArrayLike | None = None
     ) -> Points:
         """Return the standard error (n,) in m of points on an edge: edge, lens, grid fit and scale together.
 

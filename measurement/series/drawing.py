@@ -40,12 +40,7 @@ EDGE_COLOUR, BRIDGE_COLOUR, REFUSED = "#ff2e63", "#ffd60a", "#c0392b"
 
 
 def draw_edge(
-    path: Path,
-    image: pictures.Pixels,
-    setup: Setup,
-    traced: edge.Traced | None,
-    outcome: Outline | Refusal,
-    pressure: float,
+    path: Path, image: pictures.Pixels, setup: Setup, traced: edge.Traced | None, outcome: Outline | Refusal, pressure: float
 ) -> None:
     """Write a photograph (h, w, 3) with its edge, None if it has none, and with the reason if it was rejected; the
     pressure in Pa is for the headline."""
@@ -67,12 +62,7 @@ def draw_edge(
         title, colour = title + ("" if outcome.trusted else " (not trusted)"), "#102a43"
     name = outcome.file.name if isinstance(outcome, Refusal) else outcome.source
     figure.text(
-        0.01,
-        1.0 - 0.08 / figure.get_figheight(),
-        _wrapped_text(f"{name}   {title}"),
-        color=colour,
-        fontsize=10,
-        va="top",
+        0.01, 1.0 - 0.08 / figure.get_figheight(), _wrapped_text(f"{name}   {title}"), color=colour, fontsize=10, va="top"
     )
     figure.savefig(path)
 
@@ -116,10 +106,7 @@ def _draw_line(axes: Axes, traced: edge.Traced, width: float) -> None:
     """The edge, dotted where it only bridges a gap."""
     if traced.line.bridged.any():
         axes.plot(
-            *_points_with_gaps(traced.line.px, traced.line.bridged).T,
-            color=BRIDGE_COLOUR,
-            linewidth=width,
-            linestyle=":",
+            *_points_with_gaps(traced.line.px, traced.line.bridged).T, color=BRIDGE_COLOUR, linewidth=width, linestyle=":"
         )
     axes.plot(*_points_with_gaps(traced.line.px, ~traced.line.bridged).T, color=EDGE_COLOUR, linewidth=width)
 
@@ -303,7 +290,6 @@ def _overview_row(result: Result) -> tuple[str, list[str | pages.Cell]]:
 
 
 def _remark(outcome: Outline | Refusal) -> str:
-    """Return what is said of a photograph."""
     if isinstance(outcome, Refusal):
         return f"refused: {outcome.reason}"
     return "; ".join(outcome.reasons) or "trusted"

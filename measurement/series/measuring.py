@@ -407,7 +407,6 @@ class Measurement:
 
 
 def _row(result: Result) -> tuple[str, ...]:
-    """Return a photograph's line of ``heights.csv``."""
     photo, outcome = result.photograph, result.outcome
     first = (photo.file.name, repr(photo.pressure), repr(photo.pressure_error))
     if isinstance(outcome, Refusal):

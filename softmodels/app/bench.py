@@ -177,7 +177,6 @@ class Project:
         return place
 
     def _free(self, folder: str, stem: str, suffix: str) -> Path:
-        """Return a place in a folder where no file is yet."""
         place, number = self / folder / f"{stem}{suffix}", 2
         while place.exists():
             place, number = self / folder / f"{stem}-{number}{suffix}", number + 1

@@ -258,7 +258,6 @@ class DevicePage(forms.TabPage):
             return
 
     def _plot(self, rows: table.PathTable) -> None:
-        """Plot the rise of the device's main point over the pressure."""
         gauge = self.project.case.actuator.gauge
         if gauge not in rows:
             return
@@ -381,11 +380,7 @@ def stored_run(project: bench.Project) -> tuple[Case | None, table.PathTable]:
         rows = path_rows(folder, stored.cm)
         same = {name: actuator.parameter(case.actuator, name) for name in stored.actuator.movable}
         like = dataclasses.replace(
-            stored,
-            name=case.name,
-            actuator=actuator.changed(stored.actuator, same),
-            steps=case.steps,
-            band=case.band,
+            stored, name=case.name, actuator=actuator.changed(stored.actuator, same), steps=case.steps, band=case.band
         )
     except (*forms.ERRORS, ValueError, TypeError, KeyError):
         return None, table.PathTable()
@@ -398,8 +393,7 @@ def path_rows(folder: Path, cm: float) -> table.PathTable:
     rows = csv.DictReader(io.StringIO(files.read_text(folder / "path.csv")))
     # A cell is empty where its column has no value, and missing in a row that is half written.
     return table.PathTable.read(
-        ({name: float(row[name]) for name in row if name.endswith(("_mm", "_cm")) and row[name] != ""} for row in rows),
-        cm,
+        ({name: float(row[name]) for name in row if name.endswith(("_mm", "_cm")) and row[name] != ""} for row in rows), cm
     )
 
 

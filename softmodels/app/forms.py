@@ -288,8 +288,7 @@ def python_lines(case: Case, file: str) -> str:
     values = ", ".join(f"{value:g}" for value in pressures)
     asked = f"{pressures[0]:g}:{pressures[-1]:g}" if len(pressures) == 2 else values
     return (
-        "import softmodels as sm\n\n"
-        f"device = sm.{type(device).__name__}({changed})\n"
+        f"import softmodels as sm\n\ndevice = sm.{type(device).__name__}({changed})\n"
         f'run = sm.inflate(device, "{silicone}", "{asked} cm")\n'
         "run.pressure, run.rise, run.limit"
     )

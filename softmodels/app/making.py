@@ -290,7 +290,6 @@ class DesignPage(forms.TabPage):
 
 
 def _entry(text: str) -> object:
-    """Return a plain number as such, and a text with a unit as it is."""
     try:
         return float(text)
     except ValueError:

@@ -95,10 +95,7 @@ def _with_headers(send: Send, path: str) -> Send:
     async def sent(message: Message) -> None:
         if message["type"] == "http.response.start":
             others = [(name, value) for name, value in message.get("headers", ()) if name.lower().decode() not in own]
-            message = {
-                **message,
-                "headers": [*others, *((name.encode(), value.encode()) for name, value in own.items())],
-            }
+            message = {**message, "headers": [*others, *((name.encode(), value.encode()) for name, value in own.items())]}
         await send(message)
 
     return sent

@@ -61,12 +61,10 @@ def trace(file: str, setup: str, pressure: float, tone: str, anyway: bool) -> re
     elif known.zero is not None:
         line = zero.ZeroLine.through(known.zero)
         outline = measuring.outline_of(traced, line, pressure, 0.0, Path(file).name)
-        height, error, doubts, errors = (
-            outline.height,
-            outline.height_error,
-            outline.reasons,
-            OutlineEvidence(traced, line).error,
-        )
+        height = outline.height
+        error = outline.height_error
+        doubts = outline.reasons
+        errors = OutlineEvidence(traced, line).error
     seen = BAND_WIDTH_PX * max(1.0, max(known.camera.width, known.camera.height) / replies.PREVIEW_SIDE_PX) * traced.scale
     usual = float(np.median(errors[~traced.line.bridged]))
     enlarged = next((times for times in ENLARGEMENTS if times * usual >= seen), ENLARGEMENTS[-1])

@@ -206,7 +206,6 @@ def _block(low: Array, high: Array) -> Solid:
 
 
 def _copies_in_box(solids: Sequence[Solid], low: Array, high: Array) -> list[Solid]:
-    """Return copies of what lies in a box, of several solids."""
     occ = gmsh.model.occ
     return list(occ.intersect(occ.copy(list(solids)), [_block(low, high)])[0]) if solids else []
 
@@ -379,10 +378,8 @@ class _Maker:
                 if start == outside:  # it is open there
                     continue
                 neck = 0.5 * MM_PER_M * width
-                mouth, heights = (
-                    neck + abs(outside - start) * workshop.slope,
-                    (min(start, outside), max(start, outside)),
-                )
+                mouth = neck + abs(outside - start) * workshop.slope
+                heights = (min(start, outside), max(start, outside))
                 hole = Hole((float(place[0]), float(place[1])), neck, mouth, heights)
                 tools.append(_cone(hole.place, start, outside - start, hole.neck, hole.mouth))
                 self.drafted.append(hole)
@@ -407,15 +404,11 @@ class _Maker:
 
     def _bolts(self) -> list[Solid]:
         """Return the bolts' shanks: upright in the middle of each rim; of a cup in two halves across both."""
-        middle, half, radius = (
-            0.5 * (self.low + self.high),
-            0.5 * MM_PER_M * self.workshop.rim,
-            0.5 * MM_PER_M * self.workshop.bolt,
-        )
-        begin, end = (
-            self.low - MM_PER_M * self.workshop.wall * UP,
-            self.high + MM_PER_M * self.workshop.wall * UP,
-        )
+        middle = 0.5 * (self.low + self.high)
+        half = 0.5 * MM_PER_M * self.workshop.rim
+        radius = 0.5 * MM_PER_M * self.workshop.bolt
+        begin = self.low - MM_PER_M * self.workshop.wall * UP
+        end = self.high + MM_PER_M * self.workshop.wall * UP
         if self.pour.sideways is not None:
             axis, _ = self._split
             starts = [np.where(np.arange(3) == axis, begin, middle) for _ in range(2)]
@@ -432,10 +425,8 @@ class _Maker:
         """Return the place of an upright bolt, moved along its rim if an inlet pin would cross it."""
         for inlet in self.inlets:
             across = np.cross(UP, inlet.outwards)
-            off, needed = (
-                float((start - inlet.begin) @ across),
-                radius + inlet.radius + MM_PER_M * self.workshop.least_wall,
-            )
+            off = float((start - inlet.begin) @ across)
+            needed = radius + inlet.radius + MM_PER_M * self.workshop.least_wall
             if inlet.bore is not None and abs(off) < needed and (start - inlet.begin) @ inlet.outwards > 0.0:
                 start = start + (needed + 1.0 - off) * across
         return start
@@ -519,11 +510,9 @@ class _Maker:
     def _doweled(self, solids: list[Solid], other: list[Solid], axis: int, middle: float) -> tuple[list[Solid], list[Solid]]:
         """Put dowels between the two halves of a cup, two at the bottom and one at the top."""
         workshop, across = self.workshop, 1 - axis
-        gap, root, length = (
-            MM_PER_M * workshop.clearance,
-            0.5 * MM_PER_M * workshop.pin,
-            MM_PER_M * workshop.pin_length,
-        )
+        gap = MM_PER_M * workshop.clearance
+        root = 0.5 * MM_PER_M * workshop.pin
+        length = MM_PER_M * workshop.pin_length
         tip, half = root - length * workshop.slope, 0.5 * MM_PER_M * workshop.rim
         low, high = self.level + half, self.top + MM_PER_M * workshop.wall - half
         dowels, sockets = [], []
@@ -611,11 +600,9 @@ class _Maker:
         tip = radius - length * workshop.slope
         if 2.0 * tip < MM_PER_M * workshop.least_wall:
             raise MouldError(
-                f"draft is {schema.shown(workshop.draft, 'degree')}; over {schema.shown(length / MM_PER_M, 'm')} it "
-                "closes the inlet: of its "
-                f"core of {schema.shown(workshop.tube, 'm')} {schema.shown(max(2.0 * tip, 0.0) / MM_PER_M, 'm')} are "
-                "left, but the printer's "
-                f"smallest rib is {schema.shown(workshop.least_wall, 'm')}"
+                f"draft is {schema.shown(workshop.draft, 'degree')}; over {schema.shown(length / MM_PER_M, 'm')} it closes the "
+                f"inlet: of its core of {schema.shown(workshop.tube, 'm')} {schema.shown(max(2.0 * tip, 0.0) / MM_PER_M, 'm')} "
+                f"are left, but the printer's smallest rib is {schema.shown(workshop.least_wall, 'm')}"
             )
         return (tip, radius) if part == "lid" else (radius, tip)
 
@@ -693,9 +680,8 @@ def hole_places(
     best = float(room.max(initial=0.0))
     if best < needed and fewer:
         raise MouldError(
-            f"a core's peg is {schema.shown(round(2.0 * best / MM_PER_M, 6), 'm')} wide, too narrow to cast the core of "
-            "wax through it; "
-            "print the core (--core lost)"
+            f"a core's peg is {schema.shown(round(2.0 * best / MM_PER_M, 6), 'm')} wide, too narrow to cast the core of wax "
+            "through it; print the core (--core lost)"
         )
     if best < needed:
         raise MouldError(
@@ -763,11 +749,7 @@ def _places(segments: Array, line: tuple[int, float] | None = None) -> tuple[Arr
 
 def face_namer(device: Actuator | LostCore, frame: Frame) -> Callable[[Array], str]:
     """Return a function from a place in the mould (mm) to the clause that names the part's face there."""
-
-    def named(place: Array) -> str:
-        return _name(device, frame.drawn(place))
-
-    return named
+    return lambda place: _name(device, frame.drawn(place))
 
 
 def _name(device: Actuator | LostCore, place: Array) -> str:

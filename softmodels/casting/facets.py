@@ -305,10 +305,7 @@ class PlacedBody:
 def moved(facets: Facets, turn: Array, shift: Array) -> Facets:
     """Return a surface turned about the origin and then shifted, in mm."""
     return dataclasses.replace(
-        facets,
-        points=facets.points @ turn.T + shift,
-        normals=facets.normals @ turn.T,
-        centre=turn @ facets.centre + shift,
+        facets, points=facets.points @ turn.T + shift, normals=facets.normals @ turn.T, centre=turn @ facets.centre + shift
     )
 
 

@@ -16,21 +16,11 @@ import numpy as np
 
 from geometries import Actuator, actuator
 from softmodels.case.case import Case
-from softmodels.casting import make, settings
+from softmodels.casting import facets, make, settings
 from softmodels.casting.bodies import MM_PER_M
-from softmodels.casting.facets import (
-    COUPON_CLEARANCES,
-    COUPON_WIDTHS,
-    Facets,
-    PlacedBody,
-    arranged,
-    plate_names,
-    print_estimate,
-    too_large,
-)
 from softmodels.casting.pictures import DRAWING, EXPLODED, PLATES, STEPS, draw_all, drawing, plates_picture
 from softmodels.common import commands, names, pages, schema
-from softmodels.common.files import image_uri, render, write_bytes, write_text
+from softmodels.common.files import image_uri, json_number, render, write_bytes, write_text
 from softmodels.common.names import checked
 from softmodels.common.pages import Page
 from softmodels.common.processes import one_at_a_time
@@ -40,17 +30,17 @@ from softmodels.pictures import offscreen
 HEADER = b"softmodels, lengths in mm"
 
 
-def stl_bytes(*surfaces: Facets) -> bytes:
+def stl_bytes(*surfaces: facets.Facets) -> bytes:
     """Return a binary STL of surfaces: 84 bytes, then 50 for each triangle."""
-    tables = b"".join(_triangles(facets) for facets in surfaces)
-    count = sum(len(facets.triangles) for facets in surfaces)
+    tables = b"".join(_triangles(surface) for surface in surfaces)
+    count = sum(len(surface.triangles) for surface in surfaces)
     return HEADER.ljust(80) + np.array(count, dtype="<u4").tobytes() + tables
 
 
-def _triangles(facets: Facets) -> bytes:
+def _triangles(surface: facets.Facets) -> bytes:
     kind = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("colour", "<u2")])
-    table = np.zeros(len(facets.triangles), dtype=kind)
-    corners = facets.corners
+    table = np.zeros(len(surface.triangles), dtype=kind)
+    corners = surface.corners
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     table["normal"] = np.divide(normals, length, out=np.zeros_like(normals), where=length > 0.0)
@@ -69,12 +59,12 @@ THREE_MF = {
 """The parts of a 3MF package beside its model (ECMA-376 part 2; 3MF core specification 1.3)."""
 
 
-def three_mf_bytes(bodies: Mapping[str, Facets]) -> bytes:
+def three_mf_bytes(bodies: Mapping[str, facets.Facets]) -> bytes:
     """Return a 3MF of several surfaces by their names, each an object in its place, in mm."""
     objects, items = [], []
-    for k, (name, facets) in enumerate(bodies.items(), 1):
-        points = "".join(f'<vertex x="{x:.9g}" y="{y:.9g}" z="{z:.9g}"/>' for x, y, z in facets.points)
-        corners = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in facets.triangles)
+    for k, (name, surface) in enumerate(bodies.items(), 1):
+        points = "".join(f'<vertex x="{x:.9g}" y="{y:.9g}" z="{z:.9g}"/>' for x, y, z in surface.points)
+        corners = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in surface.triangles)
         mesh = f"<mesh><vertices>{points}</vertices><triangles>{corners}</triangles></mesh>"
         objects.append(f'<object id="{k}" name={quoteattr(name)} type="model">{mesh}</object>')
         items.append(f'<item objectid="{k}"/>')
@@ -92,14 +82,11 @@ def three_mf_bytes(bodies: Mapping[str, Facets]) -> bytes:
 
 def write_bodies(folder: Path, asked: settings.MouldRequest, made: make.Mould) -> None:
     """Write everything but pictures and the sheet."""
-    for body in (*made.bodies, *made.casts):
-        write_bytes(folder / f"{body.stem}.step", body.step)
-        write_bytes(folder / f"{body.stem}.stl", stl_bytes(body.facets))
-    for body in made.extras:
+    for body in (*made.bodies, *made.casts, *made.extras):
         write_bytes(folder / f"{body.stem}.step", body.step)
         write_bytes(folder / f"{body.stem}.stl", stl_bytes(body.facets))
     placed = printed(asked, made)
-    for plate, name in enumerate(plate_names(placed), 1):
+    for plate, name in enumerate(facets.plate_names(placed), 1):
         on_it = {placed_body.name: placed_body.facets for placed_body in placed if placed_body.plate == plate}
         write_bytes(folder / f"{name}.3mf", three_mf_bytes(on_it))
         write_bytes(folder / f"{name}.stl", stl_bytes(*on_it.values()))
@@ -108,9 +95,9 @@ def write_bodies(folder: Path, asked: settings.MouldRequest, made: make.Mould) -
     write_text(folder / "checks.json", json.dumps(checks(asked, made), indent=1) + "\n")
 
 
-def printed(asked: settings.MouldRequest, made: make.Mould) -> list[PlacedBody]:
+def printed(asked: settings.MouldRequest, made: make.Mould) -> list[facets.PlacedBody]:
     """Return all that is printed, on plates."""
-    return arranged([(body.name, body.facets) for body in (*made.printed, *made.extras)], asked.workshop)
+    return facets.arranged([(body.name, body.facets) for body in (*made.printed, *made.extras)], asked.workshop)
 
 
 def checks(asked: settings.MouldRequest, made: make.Mould) -> dict[str, object]:
@@ -123,16 +110,11 @@ def checks(asked: settings.MouldRequest, made: make.Mould) -> dict[str, object]:
         "device_less_cast_share": made.differs,
         "block_less_bodies_openings_casts_share": made.balance,
         "smallest_silicone_wall_mm": made.thinnest * 1e3,
-        "smallest_channel_mm": _json_number(made.channel * 1e3),
+        "smallest_channel_mm": json_number(made.channel * 1e3),
         "shrinkage": asked.workshop.shrinkage,
         "stl_chord_allowed_mm": asked.workshop.chord * 1e3,
         "bodies": {body.name: _of_body(body) for body in made.bodies},
     }
-
-
-def _json_number(value: float) -> float | None:
-    """Return a number that JSON can hold."""
-    return value if math.isfinite(value) else None
 
 
 def _of_body(body: make.MouldBody) -> dict[str, object]:
@@ -141,9 +123,9 @@ def _of_body(body: make.MouldBody) -> dict[str, object]:
         "watertight": body.facets.open_edges == 0,
         "volume_mm3": body.facets.volume,
         "least_lean_of_part_deg": body.checked.lean + 0.0,
-        "least_draft_of_pins_and_holes_deg": _json_number(body.checked.own_lean),
+        "least_draft_of_pins_and_holes_deg": json_number(body.checked.own_lean),
         "smallest_wall_mm": body.checked.wall * 1e3,
-        "smallest_gap_mm": _json_number(body.checked.gap * 1e3),
+        "smallest_gap_mm": json_number(body.checked.gap * 1e3),
         "overlap_on_the_way_out_mm": body.checked.overlap * 1e3,
         "fins": [
             {
@@ -341,29 +323,23 @@ def _amounts(asked: settings.MouldRequest, made: make.Mould) -> SheetTable:
             row += [READ_DATA_SHEET, "", "", ""]
         rows.append(tuple(row))
     extra = f"{asked.workshop.surplus:.0%}"
-    head = (
-        "part",
-        "volume (ml)",
-        f"mixed, {extra} more (ml)",
-        "mass (g)",
-        f"mixed, {extra} more (g)",
-        "A (g)",
-        "B (g)",
-    )
+    head = ("part", "volume (ml)", f"mixed, {extra} more (ml)", "mass (g)", f"mixed, {extra} more (g)", "A (g)", "B (g)")
     return SheetTable("Silicone", head, rows)
 
 
 def _prints(asked: settings.MouldRequest, made: make.Mould) -> SheetTable:
     """Return the resin of all bodies, and the printer's time for each plate."""
     workshop, placed = asked.workshop, printed(asked, made)
-    prints = print_estimate(placed, workshop)
+    prints = facets.print_estimate(placed, workshop)
     rows = [
         ("resin", f"{prints.resin * ML_PER_M3:.1f} ml, {1e3 * prints.mass:.0f} g", "without supports and what the wash takes"),
         *((f"plate {k}, {name}.stl", _time(time),
            f"layers of {schema.shown(workshop.layer, 'm')}, {schema.shown(workshop.layer_time, 's')} each")
-          for k, (name, time) in enumerate(zip(plate_names(placed), prints.times, strict=True), 1)),
+          for k, (name, time) in enumerate(zip(facets.plate_names(placed), prints.times, strict=True), 1)),
     ]  # fmt: skip
-    rows += [(name, "larger than the plate", "print it on a larger one, or in pieces") for name in too_large(placed, workshop)]
+    rows += [
+        (name, "larger than the plate", "print it on a larger one, or in pieces") for name in facets.too_large(placed, workshop)
+    ]
     return SheetTable("Printing", ("what", "estimate", "of"), rows)
 
 
@@ -380,7 +356,7 @@ def _steps(asked: settings.MouldRequest, made: make.Mould) -> list[str]:
         f"Print or mill the {len(made.printed)} bodies (lengths in mm), as laid flat in the plates' files, without supports. "
         "Freshly printed resin inhibits platinum-cure silicone: bake or coat the prints.",
         "Try the coupon first: which sockets take its pin, and which ribs and slots are whole? From the corner cut off, "
-        f"clearances are {_list(COUPON_CLEARANCES)} mm and widths {_list(COUPON_WIDTHS)} mm.",
+        f"clearances are {_list(facets.COUPON_CLEARANCES)} mm and widths {_list(facets.COUPON_WIDTHS)} mm.",
         "Test the fit without silicone. The pins allow only one orientation; the rims must close without a gap.",
         "Coat all bodies thinly with release agent.",
         *itertools.chain.from_iterable(_wax_steps(pour, *made.of(pour)) for pour in made.recipe.pours if pour.wax),
@@ -409,20 +385,13 @@ def _thread_steps(made: make.Mould) -> list[str]:
         if lay.threads:
             hand = "right" if lay.angle > 0.0 else "left"
             threads = f"{lay.threads} thread{'s side by side, each' if lay.threads > 1 else ','} one turn every"
-            steps.append(
-                f"at {abs(lay.angle):g} deg, {hand}-handed: {threads} {schema.shown(_brief(lay.advance), 'm')}, {length}"
-            )
+            steps.append(f"at {abs(lay.angle):g} deg, {hand}-handed: {threads} {settings.length_text(lay.advance)}, {length}")
         else:
-            steps.append(f"rings every {schema.shown(_brief(lay.spacing), 'm')}, {length}")
+            steps.append(f"rings every {settings.length_text(lay.spacing)}, {length}")
     return [
-        f"Wind thread of {schema.shown(wound.width, 'm')} into the grooves without stretching the tube "
-        f"({'; '.join(steps)}). Hold its "
-        "ends with a drop of silicone, then brush a thin coat of silicone over all of it."
+        f"Wind thread of {schema.shown(wound.width, 'm')} into the grooves without stretching the tube ({'; '.join(steps)}). "
+        "Hold its ends with a drop of silicone, then brush a thin coat of silicone over all of it."
     ]
-
-
-def _brief(value: float) -> float:
-    return float(f"{value:.3g}")
 
 
 def _list(values: Sequence[float]) -> str:
@@ -520,11 +489,7 @@ def _walls(asked: settings.MouldRequest, made: make.Mould) -> SheetTable:
             )
         )
     rows += [
-        (
-            "floors and lids of the mould",
-            f"{workshop.wall * MM_PER_M:.2f}",
-            f"{workshop.least_wall * MM_PER_M:g}",
-        ),
+        ("floors and lids of the mould", f"{workshop.wall * MM_PER_M:.2f}", f"{workshop.least_wall * MM_PER_M:g}"),
         ("rims of the mould", f"{workshop.rim * MM_PER_M:.2f}", f"{workshop.least_wall * MM_PER_M:g}"),
         ("pins, diameter at their root", f"{workshop.pin * MM_PER_M:.2f}", ""),
         ("gap around a pin", f"{workshop.clearance * MM_PER_M:.2f}", ""),

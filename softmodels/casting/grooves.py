@@ -76,9 +76,8 @@ def winding(workshop: settings.Workshop, wound: tuple[float, float, float] | Non
     width, depth = workshop.thread, 0.5 * workshop.thread
     if not workshop.angles:
         raise MouldError(
-            f"thread is {schema.shown(width, 'm')}, but there are no fibres on the face outer; give the case "
-            "[fibres] there, or the "
-            "angles of the threads from the axis, such as lay = '75 deg, -75 deg'"
+            f"thread is {schema.shown(width, 'm')}, but there are no fibres on the face outer; give the case [fibres] there, "
+            "or the angles of the threads from the axis, such as lay = '75 deg, -75 deg'"
         )
     if width < workshop.least_wall or depth > 0.5 * radius:
         raise MouldError(
@@ -87,12 +86,7 @@ def winding(workshop: settings.Workshop, wound: tuple[float, float, float] | Non
             f"{schema.shown(radius, 'm')}"
         )
     winding = Winding(
-        radius,
-        begin + width,
-        end,
-        width,
-        depth,
-        tuple(_thread_families(workshop, angle, radius) for angle in workshop.angles),
+        radius, begin + width, end, width, depth, tuple(_thread_families(workshop, angle, radius) for angle in workshop.angles)
     )
     for lay in winding.lays:
         _check(winding, lay, workshop)
@@ -102,9 +96,8 @@ def winding(workshop: settings.Workshop, wound: tuple[float, float, float] | Non
 def _thread_families(workshop: settings.Workshop, angle: float, radius: float) -> ThreadFamily:
     if not SMALLEST_ANGLE <= abs(angle) <= 90.0:
         raise MouldError(
-            f"lay has {schema.shown(angle, 'degree')}; threads between {SMALLEST_ANGLE:g} and 90 deg from the axis "
-            "leave the mould's "
-            "halves, others run along where these part"
+            f"lay has {schema.shown(angle, 'degree')}; threads between {SMALLEST_ANGLE:g} and 90 deg from the axis leave the "
+            "mould's halves, others run along where these part"
         )
     if abs(angle) > MIN_RING_ANGLE:
         return ThreadFamily(90.0, 0, 0.0, workshop.spacing)
@@ -117,20 +110,16 @@ def _check(winding: Winding, lay: ThreadFamily, workshop: settings.Workshop) -> 
     """Check that there are grooves, and something is left between neighbours where they are widest."""
     if lay.spacing > (straight := winding.end - winding.begin) - winding.width:
         raise MouldError(
-            f"threads at {schema.shown(lay.angle, 'degree')} lie {schema.shown(float(f'{lay.spacing:.3g}'), 'm')} "
-            "apart along the tube, of "
-            f"which only {schema.shown(float(f'{straight:.3g}'), 'm')} can be wound; choose a smaller spacing"
+            f"threads at {schema.shown(lay.angle, 'degree')} lie {settings.length_text(lay.spacing)} apart along the tube, of "
+            f"which only {settings.length_text(straight)} can be wound; choose a smaller spacing"
         )
     across = winding.width / math.sin(math.radians(abs(lay.angle))) + _widening(winding, lay)
     if lay.spacing - across < workshop.least_gap:
         raise MouldError(
-            f"threads at {schema.shown(lay.angle, 'degree')} lie {schema.shown(float(f'{lay.spacing:.3g}'), 'm')} "
-            "apart along the tube, but "
-            f"their grooves are {schema.shown(float(f'{across:.3g}'), 'm')} wide where the halves part, so that "
-            "these leave, and the "
-            f"printer's smallest gap is {schema.shown(workshop.least_gap, 'm')}; choose a larger spacing, a "
-            "thinner thread, or an "
-            "angle nearer to 90 deg"
+            f"threads at {schema.shown(lay.angle, 'degree')} lie {settings.length_text(lay.spacing)} apart along the tube, but "
+            f"their grooves are {settings.length_text(across)} wide where the halves part, so that these leave, and the "
+            f"printer's smallest gap is {schema.shown(workshop.least_gap, 'm')}; choose a larger spacing, a thinner thread, or "
+            "an angle nearer to 90 deg"
         )
 
 

@@ -32,7 +32,7 @@ from softmodels.casting.bodies import (
 from softmodels.casting.facets import Facets
 from softmodels.casting.settings import MouldError
 from softmodels.common import cards, schema
-from softmodels.common.arrays import Array
+from softmodels.common.arrays import Array, triple
 from softmodels.common.errors import MeshingError
 from softmodels.common.lazy import gmsh
 
@@ -210,7 +210,6 @@ def _make_pieces(device: Actuator, recipe: actuator.Recipe, workshop: settings.W
 
 
 def _new_folder(place: str, name: str) -> Path:
-    """Return a new folder in another one."""
     folder = Path(place) / name
     folder.mkdir()
     return folder
@@ -232,7 +231,7 @@ def _draw_wax(drawn: _DrawnPiece, workshop: settings.Workshop, folder: Path) -> 
     pour = actuator.Pour(
         name=name, up=(0.0, 0.0, 1.0), level=peg / MM_PER_M, lid=False, wax=True, vented=tools.level / MM_PER_M,
         floor=tools.level / MM_PER_M if parting == 2 else None,
-        sideways=None if parting == 2 else _triple(np.eye(3)[parting]),
+        sideways=None if parting == 2 else triple(np.eye(3)[parting]),
     )  # fmt: skip
     own = dataclasses.replace(workshop, shrinkage=workshop.wax_shrinkage)
     return _draw(LostCore(drawn.file(name)), actuator.Recipe(pours=(pour,), why=""), pour, own, folder)
@@ -304,7 +303,7 @@ def _piece(device: Actuator | LostCore, drawn: _DrawnPiece, inside: Array, works
             f"bodies, openings and cast do not fill the mould ({rest:.2g} of it are left); change a length slightly"
         )
     bodies = [
-        MouldBody(body.name, tools.pour.name, drawn.file(body.name).read_bytes(), named[body.name], _triple(body.pull),
+        MouldBody(body.name, tools.pour.name, drawn.file(body.name).read_bytes(), named[body.name], triple(body.pull),
                   dataclasses.replace(checks[body.name], overlap=overlap[body.name] / MM_PER_M))
         for body in tools.bodies
     ]  # fmt: skip
@@ -320,11 +319,6 @@ def _piece(device: Actuator | LostCore, drawn: _DrawnPiece, inside: Array, works
 
 CAST_CHORD = 0.05
 """Chord error in mm of the casts."""
-
-
-def _triple(vector: Array) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in vector)
-    return x, y, z
 
 
 def _difference(solid_list: list[Solid], other: list[Solid], size: float) -> float:
@@ -468,20 +462,15 @@ class Fin:
         kind, hole = ("rod", "hole") if self.rod else ("fin", "gap")
         many = f"{self.alike} {kind}s" if self.alike > 1 else f"a {kind}"
         draft = "without draft" if self.draft < 0.05 else f"with a draft of {self.draft:.2g} deg"
-        length = "" if self.rod else f" and {schema.shown(_three(self.length), 'm')} long"
+        length = "" if self.rod else f" and {settings.length_text(self.length)} long"
         wide, drafted = (schema.shown(_rounded_up(self.depth / limit / scale), "m") for limit in (self.allowed, MOST_SLENDER))
         drafted = "" if drafted == wide else f" ({drafted} with a draft of {LEAST_DRAFT:g} deg)"
         return (
-            f"the {body} has {many} {schema.shown(_three(self.thickness), 'm')} thick, "
-            f"{schema.shown(_three(self.depth), 'm')} deep{length} "
-            f"{draft} ({self.where}): {self.slenderness:.3g} times as deep as thick, more than {self.allowed:g}, so it may "
-            f"bend or break as the silicone comes off; make the part's {hole} there at least {wide} wide{drafted}, or at most "
-            f"{schema.shown(_three(self.allowed * self.thickness / scale), 'm')} deep"
+            f"the {body} has {many} {settings.length_text(self.thickness)} thick, {settings.length_text(self.depth)} "
+            f"deep{length} {draft} ({self.where}): {self.slenderness:.3g} times as deep as thick, more than {self.allowed:g}, "
+            f"so it may bend or break as the silicone comes off; make the part's {hole} there at least {wide} wide{drafted}, "
+            f"or at most {settings.length_text(self.allowed * self.thickness / scale)} deep"
         )
-
-
-def _three(value: float) -> float:
-    return float(f"{value:.3g}")
 
 
 def _rounded_up(value: float) -> float:
@@ -537,7 +526,7 @@ def check_body(name: str, surfaces: Surfaces, workshop: settings.Workshop, named
     ):  # fmt: skip
         if value + allowed < MM_PER_M * limit:
             raise MouldError(
-                f"the {name} is {schema.shown(float(f'{value / MM_PER_M:.3g}'), 'm')} {what} {named(place)}; the printer's "
+                f"the {name} is {settings.length_text(value / MM_PER_M)} {what} {named(place)}; the printer's "
                 f"smallest {'wall' if what == 'thin' else 'gap'} is {schema.shown(limit, 'm')} ({field})"
             )
     bound = facets.chord * _area(facets) / facets.volume
@@ -597,12 +586,7 @@ def _fin(pieces: Array, normals: Array, areas: Array, thicknesses: Array, pull: 
     depth = float(np.ptp(pieces @ pull)) if rod else 0.5 * float(areas.sum()) / length
     draft = math.degrees(math.asin(float(np.clip(-weights @ normals @ pull, 0.0, 1.0))))
     fin = Fin(
-        float(weights @ thicknesses) / MM_PER_M,
-        depth / MM_PER_M,
-        length / MM_PER_M,
-        draft,
-        rod,
-        weights @ pieces.mean(axis=1),
+        float(weights @ thicknesses) / MM_PER_M, depth / MM_PER_M, length / MM_PER_M, draft, rod, weights @ pieces.mean(axis=1)
     )
     return fin if fin.slenderness >= 1.0 else None
 
@@ -663,7 +647,7 @@ def check_core(facets: Facets, foot: float, workshop: settings.Workshop, named: 
     (width, place), _ = thicknesses(facets, np.abs(facets.corners[:, :, 2] - foot).max(axis=1) < 1e-4)
     if width + 2.0 * facets.chord < MM_PER_M * workshop.least_wall:
         raise MouldError(
-            f"a channel is {schema.shown(float(f'{width / MM_PER_M:.3g}'), 'm')} wide {named(place)}; the "
+            f"a channel is {settings.length_text(width / MM_PER_M)} wide {named(place)}; the "
             f"printer's smallest rib is {schema.shown(workshop.least_wall, 'm')} (least_wall)"
         )
     return width / MM_PER_M
@@ -821,9 +805,8 @@ def overlaps(surfaces: Surfaces) -> dict[str, float]:
         worst[body.name] = max(common_thickness(solids[body.name].translate(tuple(way * body.pull)), rest) for way in ways)
         if worst[body.name] > allowed:
             raise MouldError(
-                f"the {body.name} cannot be demoulded: on its way out it is "
-                f"{schema.shown(worst[body.name] / MM_PER_M, 'm')} deep in the "
-                f"part or another body; choose another direction (--pull), or change the part"
+                f"the {body.name} cannot be demoulded: on its way out it is {schema.shown(worst[body.name] / MM_PER_M, 'm')} "
+                "deep in the part or another body; choose another direction (--pull), or change the part"
             )
     return worst
 
@@ -836,7 +819,8 @@ def _block_volumes(made: Tooling) -> tuple[float, float]:
     slack = occ.cut(occ.copy(made.openings), solids, removeTool=False)[0] if made.openings else []
     box = (3, occ.addBox(*low, *(high - low)))
     inside = sum(occ.getMass(*solid) for solid in occ.intersect(slack, [box], removeTool=False)[0]) if slack else 0.0
-    outer = [body.solid for body in made.bodies if not _is_inside(body.solid, low, high)]
+    boxes = {solid: np.reshape(occ.getBoundingBox(*solid), (2, 3)) for solid in solids}
+    outer = [solid for solid, box in boxes.items() if (box[0] <= low - 1e-3).any() or (box[1] >= high + 1e-3).any()]
     beyond = sum(occ.getMass(*solid) for solid in occ.cut(occ.copy(outer), [box])[0]) if outer else 0.0
     return inside + sum(occ.getMass(*solid) for solid in made.target), beyond
 
@@ -849,8 +833,3 @@ def balance(drawn: _DrawnPiece, surfaces: Surfaces) -> float:
     block = float(np.prod(surfaces.made.high - surfaces.made.low))
     bodies = sum(facets.volume for facets in surfaces.bodies.values())
     return (block - (bodies - drawn.beyond) - drawn.taken) / block
-
-
-def _is_inside(solid: Solid, low: Array, high: Array) -> bool:
-    box = np.array(gmsh.model.occ.getBoundingBox(*solid)).reshape(2, 3)
-    return bool((box[0] > low - 1e-3).all() and (box[1] < high + 1e-3).all())

@@ -183,10 +183,8 @@ def _piece_steps(made: make.Mould, pour: actuator.Pour) -> list[tuple[str, offsc
                 (f"Take the {pour.name} out", _rendered([*filled, *placed(apart, 1.0, 1.0)]))]  # fmt: skip
     lost = [body.name for body in bodies if not any(body.pull)]  # comes out within the piece
     out = {name: np.zeros(3) if name in lost else places for name, places in apart.items()}
-    closed, opened = (
-        _rendered([*filled, *placed(still, 1.0, GHOST_OPACITY)]),
-        _rendered([*filled, *placed(out, 1.0, 1.0)]),
-    )
+    closed = _rendered([*filled, *placed(still, 1.0, GHOST_OPACITY)])
+    opened = _rendered([*filled, *placed(out, 1.0, 1.0)])
     opening = f"Open, {'melt the wax out' if made.waxes else 'dissolve the core'}" if lost else "Open"
     if not pour.filled_open:
         closing = _rendered(placed(apart, 0.6, 1.0))

@@ -15,6 +15,7 @@ from geometries import Actuator, registry
 from softmodels.case.case import Case, with_changes
 from softmodels.case.entries import CaseError
 from softmodels.common import errors, schema, units
+from softmodels.common.arrays import triple
 from softmodels.common.names import checked
 from softmodels.common.tables import TomlError, read_toml
 from softmodels.components.fibres import Fibres
@@ -59,8 +60,7 @@ class Workshop:
     )
     spacing: float = schema.length_field(0.004, "distance along the tube of neighbouring threads, at most about")
     lay: str = schema.text_field(
-        "",
-        "angles of the threads from the tube's axis, such as '75 deg, -75 deg'; default: those of the case's fibres",
+        "", "angles of the threads from the tube's axis, such as '75 deg, -75 deg'; default: those of the case's fibres"
     )
     bolt: float = schema.length_field(0.0034, "diameter of the bolts' holes; 0 for clamps only", zero=True)
     bed_width: float = schema.length_field(0.192, "width of the printer's plate")
@@ -96,9 +96,8 @@ class Workshop:
         left = self.wall - self.pin_length - self.clearance
         if left < self.least_wall:
             raise MouldError(
-                f"wall is {schema.shown(self.wall, 'm')}; its sockets, "
-                f"{schema.shown(self.pin_length + self.clearance, 'm')} deep, leave "
-                f"{schema.shown(max(left, 0.0), 'm')} but the printer's smallest wall is "
+                f"wall is {schema.shown(self.wall, 'm')}; its sockets, {schema.shown(self.pin_length + self.clearance, 'm')} "
+                f"deep, leave {schema.shown(max(left, 0.0), 'm')} but the printer's smallest wall is "
                 f"{schema.shown(self.least_wall, 'm')} (least_wall)"
             )
         if self.rim < self.pin + 2.0 * (self.clearance + self.least_wall):
@@ -109,9 +108,8 @@ class Workshop:
             )
         if self.bolt and self.rim < self.bolt + 2.0 * self.least_wall:
             raise MouldError(
-                f"bolt is {schema.shown(self.bolt, 'm')}; in a rim of {schema.shown(self.rim, 'm')} it leaves "
-                "walls thinner than the "
-                f"printer's {schema.shown(self.least_wall, 'm')} (least_wall); 0 omits the holes"
+                f"bolt is {schema.shown(self.bolt, 'm')}; in a rim of {schema.shown(self.rim, 'm')} it leaves walls thinner "
+                f"than the printer's {schema.shown(self.least_wall, 'm')} (least_wall); 0 omits the holes"
             )
         if self.tip(self.pin, self.pin_length) < self.least_wall:
             raise MouldError(
@@ -125,8 +123,7 @@ class Workshop:
             if getattr(self, name) < self.least_gap:
                 raise MouldError(
                     f"{name} is {schema.shown(getattr(self, name), 'm')}; the printer's smallest hole is "
-                    f"{schema.shown(self.least_gap, 'm')} "
-                    "(least_gap)"
+                    f"{schema.shown(self.least_gap, 'm')} (least_gap)"
                 )
         if self.pour < self.vent:
             raise MouldError(
@@ -185,8 +182,7 @@ class Workshop:
         length = float(np.linalg.norm(vector))
         if not 1e-9 < length < 1e9:
             raise MouldError(f"pull is {self.pull!r}; its length must not be zero")
-        x, y, z = (float(value) for value in vector / length)
-        return x, y, z
+        return triple(vector / length)
 
     @property
     def angles(self) -> tuple[float, ...]:
@@ -218,6 +214,11 @@ LUER_DIAMETER = 0.00397
 """Diameter of a male Luer slip at its tip, m (ISO 80369-7: 3.925 to 4.027 mm)."""
 FINEST_CHORD = 2e-6
 """Smallest accepted chord error in m, finer than any printer."""
+
+
+def length_text(value: float) -> str:
+    """Return a length in m to three digits, with a unit."""
+    return schema.shown(float(f"{value:.3g}"), "m")
 
 
 class MouldError(errors.OptionMessage, ValueError):

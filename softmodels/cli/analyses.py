@@ -264,9 +264,7 @@ def _modes_of(device: type[Actuator]) -> click.Command:
 
 
 @options.command(
-    "modes",
-    cls=options.by_device(_modes_of, "A device, with options of its own, instead of a FILE: {}."),
-    help=MODES_HELP,
+    "modes", cls=options.by_device(_modes_of, "A device, with options of its own, instead of a FILE: {}."), help=MODES_HELP
 )
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--material", metavar="NAME", help="Material, instead of the case's [material]: a silicone, a law "
@@ -380,10 +378,7 @@ def _draw_modes(case: Case, modes: NaturalFrequencies, sealed: bool, place: Path
         return figure
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "shapes.npz"
-        np.savez(
-            file,
-            **vars(analyses.solid_shapes(modes.points, modes.cells, modes.cell_name, case.actuator, moved, shapes)),
-        )
+        np.savez(file, **vars(analyses.solid_shapes(modes.points, modes.cells, modes.cell_name, case.actuator, moved, shapes)))
         words = "softmodels.pictures.analyses", str(file), str(place / "shapes.png"), *titles
         run.drawn_aside(case, "the frequencies are complete", *words)
     return figure
@@ -681,10 +676,9 @@ def _notes(
         weak = specimens.weakest(materials[name])
         if weak is not None and limit.stretch >= NEAR_STRETCH_LIMIT * weak.stretch:
             yield (
-                f"note: {specimens.weakness(materials[name])}, and the state reaches stretch {limit.stretch:.3g}: "
-                "the limit may "
-                f"come from the law, not from the device; use a law that is stable over these stretches (softmodels curve "
-                f"shows them)"
+                f"note: {specimens.weakness(materials[name])}, and the state reaches stretch {limit.stretch:.3g}: the limit "
+                "may come from the law, not from the device; use a law that is stable over these stretches (softmodels curve "
+                "shows them)"
             )
         if text := silicones.extrapolated(materials[name], limit.stretch):
             yield f"note: {name}: {text}"

@@ -120,8 +120,6 @@ def _design(
             f"PETSc stopped ({mpi.petsc_reason(error)}); the evaluated designs are kept; continue with --resume",
             commands.EXIT_FAILED,
         )
-    except MemoryError as error:
-        options.fail(outcomes.no_memory(error), commands.EXIT_FAILED)
     except (OwnFolderError, OSError) as error:
         options.fail(f"the designs cannot be written ({error}); continue with --resume", commands.EXIT_FAILED)
     return _close(result, folder, comm, quiet, None if how.no_pictures else how.colormap)
@@ -171,10 +169,7 @@ def _drawn(result: DesignResult, folder: model.DesignFolder | None, comm: MPI.Co
             processes.say("running and drawing the initial and the final device (skip with --no-pictures)", err=True)
     for name, case in (("before", result.given), ("after", result.case)):
         status = run.run(
-            case,
-            result.folder / name,
-            commands.RunOptions(quiet=True, no_pictures=True),
-            interrupts=options.rank_asked_to_stop,
+            case, result.folder / name, commands.RunOptions(quiet=True, no_pictures=True), interrupts=options.rank_asked_to_stop
         )
         if status not in (commands.EXIT_DONE, commands.EXIT_NO_EQUILIBRIUM):
             return False

@@ -201,8 +201,7 @@ def demo(output: Path | None, megapixels: float) -> None:
         status = subprocess.run(line, env=environment, check=False).returncode
         if status != commands.EXIT_DONE:
             options.fail(
-                f"{module} {words[0]} ended with exit status {status}; the files so far are in {place}",
-                commands.EXIT_FAILED,
+                f"{module} {words[0]} ended with exit status {status}; the files so far are in {place}", commands.EXIT_FAILED
             )
     lines, good = compared(place, TRUTH)
     click.echo("\n".join(["compared with the truth:", *lines]))
@@ -246,7 +245,6 @@ MADE = FILES / "made"
 
 
 def _texts(group: str) -> dict[str, str]:
-    """Return the texts of a folder's files by the names that they have among the examples."""
     files = sorted((FILES / group).rglob("*.toml"))
     return {file.relative_to(FILES / group).as_posix(): file.read_text(encoding="utf-8") for file in files}
 

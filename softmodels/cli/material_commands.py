@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 import math
 import re
 import sys
@@ -385,13 +386,8 @@ def fit_material(files: tuple[Path, ...], how: FitGiven) -> None:
     comm = mpi.start() if files else None
     read = [*files, *how.files_read, *([how.heights] if how.heights else [])]
     given = how.output, Path("results/fit"), "fit", {**vars(how), "files": files}, read
-    folder = (
-        mpi.kept_on_root(comm, lambda: commands.open_folder(*given))
-        if comm is not None
-        else commands.open_folder(*given)
-        if mpi.speaks()
-        else None
-    )
+    opened = functools.partial(commands.open_folder, *given)
+    folder = mpi.kept_on_root(comm, opened) if comm is not None else opened() if mpi.speaks() else None
     try:
         with notes.sentences() if files else contextlib.nullcontext():
             report = _device_report(files, how) if files else _curves_report(how)
@@ -814,7 +810,6 @@ def _silicone_line(product: str, silicone: Silicone) -> str:
 
 
 def _weight(product: str) -> str:
-    """Return the density used under gravity."""
     sheet = casting_of(product)
     return (
         f"density {sheet.density:g} kg/m^3: {sheet.source}"

@@ -52,12 +52,7 @@ Exit status: 0 done; 1 failed; 2 bad input; 3 no equilibrium at a requested valu
 """
 
 
-def device_command(
-    device: type[Actuator],
-    module: str,
-    examples: tuple[str, ...],
-    pressures: str = "",
-) -> click.Command:
+def device_command(device: type[Actuator], module: str, examples: tuple[str, ...], pressures: str = "") -> click.Command:
     """Return the click command of one actuator; ``module`` is how it is started, such as ``softmodels.disk``, and examples and
     pressures are those of the help."""
     given = CaseOptions(device, device.silicone)
@@ -323,7 +318,6 @@ def _unknowns(case: Case, quiet: bool) -> int:
 
 
 def _nodes(file: Path) -> int:
-    """Return the number of nodes in a mesh file of Gmsh, version 4."""
     with file.open("rb") as lines:
         for line in lines:
             if line.strip() == b"$Nodes":
@@ -444,8 +438,7 @@ def by_device(made_for: Callable[[type[Actuator]], click.Command], text: str) ->
                 if not any(given in param.opts for param in self.device_params()):
                     raise
                 raise click.UsageError(
-                    f"{given} goes with {DEVICE} NAME; what a case FILE requests and consists of stands in the file",
-                    error.ctx,
+                    f"{given} goes with {DEVICE} NAME; what a case FILE requests and consists of stands in the file", error.ctx
                 ) from None
 
     return ByDevice
@@ -474,12 +467,7 @@ def _named(args: list[str]) -> str | None:
 @set_option
 @commands.options(commands.RunOptions)
 def run(
-    file: Path,
-    how: commands.RunOptions,
-    material: str | None,
-    band: str | None,
-    solver: str | None,
-    changes: tuple[str, ...],
+    file: Path, how: commands.RunOptions, material: str | None, band: str | None, solver: str | None, changes: tuple[str, ...]
 ) -> None:
     """Run a case FILE, or a device by its options.
 

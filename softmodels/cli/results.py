@@ -24,16 +24,7 @@ if TYPE_CHECKING:
 
 PAGES = ("report.html", "overview.html", "sheet.html")
 """Reports by the names they have in folders of results."""
-TABLES = (
-    "fitted.toml",
-    "unsound.toml",
-    "design.toml",
-    "limit.csv",
-    "modes.csv",
-    "scores.csv",
-    "path.csv",
-    "mould.toml",
-)
+TABLES = ("fitted.toml", "unsound.toml", "design.toml", "limit.csv", "modes.csv", "scores.csv", "path.csv", "mould.toml")
 """What is opened where there is no report, the best first."""
 MARK = b'<meta name="generator" content="softmodels">'
 
@@ -192,20 +183,17 @@ def line_command(folder: Path, value: str | None, points: int, output: Path | No
 def line_text(line: Line) -> str:
     """Return the main values along a line, as sentences."""
     inside = line.inside
-    distance, stress, normal = (
-        line.distance[inside] * 1e3,
-        line["von_mises"][inside] / 1e3,
-        line.normal_stress[inside] / 1e3,
-    )
+    distance = line.distance[inside] * 1e3
+    stress = line["von_mises"][inside] / 1e3
+    normal = line.normal_stress[inside] / 1e3
     step = (distance[-1] - distance[0]) / max(len(distance) - 1, 1) if len(distance) > 1 else 0.0
     most = int(np.argmax(stress))
     gaps = "" if np.diff(distance).max(initial=0.0) < 1.5 * step else ", with gaps"
     return (
-        f"silicone from {distance[0]:.4g} to {distance[-1]:.4g} mm of the line{gaps}\n"
-        f"largest von Mises stress {stress[most]:.4g} kPa, at {distance[most]:.4g} mm; at the ends {stress[0]:.4g} and "
-        f"{stress[-1]:.4g} kPa\n"
-        f"normal stress along the line {normal[0]:.4g} kPa where it begins, {normal[-1]:.4g} kPa where it ends\n"
-        f"largest stretch {np.nanmax(line['largest_stretch']):.4g}"
+        f"silicone from {distance[0]:.4g} to {distance[-1]:.4g} mm of the line{gaps}\nlargest von Mises stress "
+        f"{stress[most]:.4g} kPa, at {distance[most]:.4g} mm; at the ends {stress[0]:.4g} and {stress[-1]:.4g} kPa\nnormal "
+        f"stress along the line {normal[0]:.4g} kPa where it begins, {normal[-1]:.4g} kPa where it ends\nlargest stretch "
+        f"{np.nanmax(line['largest_stretch']):.4g}"
     )
 
 
@@ -219,15 +207,13 @@ def _write_line(output: Path, line: Line, state: SolvedState) -> None:
     columns = line.columns
     with matplotlib.rc_context(style.STYLE):
         picture = style.encoded(
-            style.drawn(curves.along_line(line, f"{state.case.name} at {run.headline(state.case, state.variables)}")),
-            style.DPI,
+            style.drawn(curves.along_line(line, f"{state.case.name} at {run.headline(state.case, state.variables)}")), style.DPI
         )
     files.write_text(output, files.csv_text(columns, np.array([*columns.values()]).T.tolist()))
     files.write_bytes(output.with_suffix(".png"), picture)
 
 
 def _is_line(path: Path) -> bool:
-    """Return whether a file is a table of values along a line."""
     try:
         return files.read_file(path).startswith(b"distance_mm,")
     except OSError:
@@ -235,7 +221,6 @@ def _is_line(path: Path) -> bool:
 
 
 def _is_page(path: Path) -> bool:
-    """Return whether a file is a report of this program."""
     try:
         files.check_file(path)
         return MARK in files.read_file(path)[:1000]

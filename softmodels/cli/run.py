@@ -68,12 +68,7 @@ class Reporter(recording.Observer):
     ended."""
 
     def __init__(
-        self,
-        case: Case,
-        progress: outcomes.Progress,
-        drawing: DrawingProcess | None,
-        ranks: int,
-        how: commands.RunOptions,
+        self, case: Case, progress: outcomes.Progress, drawing: DrawingProcess | None, ranks: int, how: commands.RunOptions
     ):
         self.case, self.progress, self.drawing, self.ranks = case, progress, drawing, ranks
         self.quiet, self.petsc, self.status = how.quiet, bool(how.petsc), commands.EXIT_DONE
@@ -137,7 +132,6 @@ def _summarise(case: Case, results: store.Results, drawn: str, stability: str) -
 
 
 def _solved_on() -> str:
-    """Return the number of ranks in words, if there are several."""
     ranks = MPI.COMM_WORLD.size
     return f"; solved on {ranks} ranks" if ranks > 1 else ""
 

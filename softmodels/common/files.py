@@ -14,6 +14,7 @@ import functools
 import hashlib
 import io
 import json
+import math
 import os
 import re
 import stat
@@ -77,6 +78,11 @@ def parse_json(text: str | bytes) -> Any:
         return json.loads(text)
     except RecursionError:
         raise ValueError("it nests too many lists or tables") from None
+
+
+def json_number(value: float) -> float | None:
+    """Return a number, or None for one that JSON does not have: infinity and NaN."""
+    return float(value) if math.isfinite(value) else None
 
 
 def read_json(path: Path | str) -> Any:

@@ -247,10 +247,8 @@ def _drivers(base: ElementTree.Element, model: ReducedModel, count: int) -> None
     """Add the joints of the pressure, of the advances and of the numbers."""
     mass, inertia = DRIVER_MASS * model.mass, DRIVER_INERTIA * model.mass * model.length**2
     for name in ("pressure", *ADVANCES, *DRIVERS[:count]):
-        body, armature = (
-            ElementTree.SubElement(base, "body", name=name),
-            {"armature": "1"} if name == "pressure" else {},
-        )
+        body = ElementTree.SubElement(base, "body", name=name)
+        armature = {"armature": "1"} if name == "pressure" else {}
         ElementTree.SubElement(body, "inertial", pos="0 0 0", mass=f"{mass:.9g}", diaginertia=_words([inertia] * 3))
         ElementTree.SubElement(body, "joint", armature, name=name, type="hinge", axis="1 0 0")
 
@@ -287,10 +285,7 @@ def _springs(root: ElementTree.Element, chain: Chain) -> None:
                     ElementTree.SubElement(spring, "joint", joint=name, coef=f"{factor * numbers[name]:.9g}")
     of_turn = DRIVER_TURN ** -np.arange(5.0)
     first, *others = DRIVER_TURN * chain.advances
-    ties = [
-        (ADVANCES[0], "pressure", first),
-        *zip(ADVANCES[1:], ADVANCES, [other * of_turn for other in others], strict=False),
-    ]
+    ties = [(ADVANCES[0], "pressure", first), *zip(ADVANCES[1:], ADVANCES, [other * of_turn for other in others], strict=False)]
     for name, quartic in zip(numbers, chain.quartics, strict=True):
         ties.append((name, ADVANCES[-1], quartic * of_turn / numbers[name]))
     for name, of, quartic in ties:
@@ -367,7 +362,7 @@ def table_csv(model: ReducedModel) -> str:
 def table_json(model: ReducedModel) -> str:
     """Return the table as JSON, with what it is of, where it ends and its errors in between."""
     known, low_high = columns(model), model.span
-    rows = {head: [_plain(float(read(state))) for state in model.states] for head, read in known.items()}
+    rows = {head: [files.json_number(float(read(state))) for state in model.states] for head, read in known.items()}
     about = {
         "written_by": deck.WRITTEN_BY, "case": model.case.name, "device": type(model.case.actuator).__name__, "tip": model.face,
         "support_m": model.base.tolist(), "length_m": model.length, "from_Pa": low_high[0], "to_Pa": low_high[1],
@@ -380,10 +375,6 @@ def table_json(model: ReducedModel) -> str:
         "table": rows,
     }  # fmt: skip
     return json.dumps(about, indent=1) + "\n"
-
-
-def _plain(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 # ----------------------------------------------------------------------------------------------------------------------

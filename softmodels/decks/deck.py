@@ -133,7 +133,6 @@ def needs_equations(case: Case) -> bool:
 
 
 def _by_node(mesh: MeshArrays, places: Array, forces: Array) -> Array:
-    """Return the forces in the order of a mesh's nodes."""
     away, nodes = scipy.spatial.cKDTree(places).query(mesh.points)
     if away.max() > NODE_TOLERANCE * np.ptp(mesh.points, axis=0).max():
         raise CaseError("the mesh and the equations have different nodes: the dead loads cannot be written")
@@ -328,7 +327,6 @@ def supports_of(case: Case, mesh: MeshArrays, freedoms: Mapping[str, regions.Fre
 
 
 def _region_nodes(mesh: MeshArrays, region: str) -> mesh_arrays.Ints:
-    """Return the nodes of a region's cells."""
     return np.unique(mesh.cells[mesh.regions[region]])
 
 

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from scipy.spatial.transform import Rotation
 
-from geometries import Actuator, Hold
+from geometries import Actuator, Hold, actuator
 from softmodels.case import materials
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
@@ -322,20 +322,6 @@ def fitted_rotation(A: Array) -> tuple[Array, Array]:
     return R, R @ np.linalg.inv(np.trace(P) * np.eye(3) - P)
 
 
-def group(actuator: Actuator) -> list[Array]:
-    """Return the motions that make the whole device of its slice: the reflections in its cut planes and their products."""
-    mirrors = [np.eye(3) - 2.0 * np.outer(plane.normal, plane.normal) for plane in actuator.cut_planes]
-    group = [np.eye(3)]
-    for turn in group:
-        for mirror in mirrors:
-            made = mirror @ turn
-            if len(group) < max(actuator.copies, 2 ** len(mirrors)) and all(
-                np.abs(made - known).max() > 1e-9 for known in group
-            ):
-                group.append(made)
-    return group
-
-
 class TipFace:
     """The pose of a face of a device as linear means of its displacement; ``of`` is the device whose slice this is, for
     motions against its symmetry.
@@ -352,7 +338,8 @@ class TipFace:
         area = on.integral(on.constant(1.0), role)
         hoop, measure = system.body.hoop, on.measure(role)
         places = [on.places[j] for j in range(d)]
-        images = group(device)
+        planes = [plane.normal for plane in device.cut_planes]
+        images = actuator.reflected(planes, max(device.copies, 2 ** len(planes)))
         means = np.array([on.integral(x, role) for x in places]) / area
         squares = np.array([[on.integral(x * y, role) for y in places] for x in places]) / area
         # An axisymmetric section stands for all its turns: means over the circle.

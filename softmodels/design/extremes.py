@@ -85,8 +85,7 @@ class PeakMeasure(quantities.FormMeasure):
         shown = f"{top / 1e3:.4g} kPa" if self.counted_in_stress else f"{top:.4g}"
         return (
             f"the mean over the {100 * state_values.PEAK_VOLUME_SHARE:g} % of the silicone where it is largest; the largest "
-            f"point value is {shown} "
-            f"on this mesh, and grows with refinement at sharp corners and clamped edges"
+            f"point value is {shown} on this mesh, and grows with refinement at sharp corners and clamped edges"
         )
 
 

@@ -87,13 +87,7 @@ class MeshedDesign:
         """The last evaluated design, and its states."""
 
     @classmethod
-    def fresh(
-        cls,
-        case: Case,
-        question: EvaluationRequest,
-        comm: MPI.Comm,
-        before: MeshedDesign | None = None,
-    ) -> MeshedDesign:
+    def fresh(cls, case: Case, question: EvaluationRequest, comm: MPI.Comm, before: MeshedDesign | None = None) -> MeshedDesign:
         """Return a fresh mesh of a device, with its states. Those of another mesh ``before`` that shows this device now are
         interpolated; without it, or where Newton's method does not find them so, they are found along the whole path.
         DesignFailure where it cannot be meshed, or a load is not met."""
@@ -334,7 +328,6 @@ class MeshedDesign:
 
 
 def _case_between(start: Case, end: Case, share: float, names: Sequence[str]) -> Case:
-    """Return the case on the straight line between two."""
     return varied(start, {name: (1.0 - share) * value_of(start, name) + share * value_of(end, name) for name in names})
 
 
@@ -499,7 +492,6 @@ def _combined_gradient(quantity: targets.CompositeQuantity, parts: Sequence[Eval
 
 
 def _finer_device(device: Actuator, times: float) -> Actuator:
-    """Return the same device with smaller cells, also around channels."""
     sizes = {field.name for field in dataclasses.fields(device)}
     changes = {"cell_size": getattr(device, "cell_size", 0.0) / times, "around": getattr(device, "around", 0.0) * times}
     return dataclasses.replace(device, **{name: value for name, value in changes.items() if name in sizes})
@@ -539,7 +531,6 @@ def evaluator(problem: DesignProblem, comm: MPI.Comm, how: SearchOptions) -> Des
 
 
 def _report(comm: MPI.Comm, how: SearchOptions, text: str) -> None:
-    """Report a line from rank 0."""
     if mpi.is_root(comm) and (listener := how.get("progress")) is not None:
         listener(text)
 
@@ -564,12 +555,7 @@ class Evaluator:
     """
 
     def __init__(
-        self,
-        problem: DesignProblem,
-        model: DesignEvaluator,
-        folder: DesignFolder | None,
-        comm: MPI.Comm,
-        how: SearchOptions,
+        self, problem: DesignProblem, model: DesignEvaluator, folder: DesignFolder | None, comm: MPI.Comm, how: SearchOptions
     ):
         self.problem, self.model, self.folder, self.comm, self.how = problem, model, folder, comm, how
         self.trials = Trials()

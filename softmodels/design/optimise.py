@@ -690,7 +690,6 @@ def _begin(problem: DesignProblem, folder: model.DesignFolder | None, how: Searc
 def _choice_folder(
     problem: DesignProblem, words: str, folder: model.DesignFolder | None, how: SearchOptions
 ) -> model.DesignFolder | None:
-    """Return the folder of one choice inside that of all."""
     return None if folder is None else model.DesignFolder(problem, folder.path / _name(words), how.get("resume", False))
 
 

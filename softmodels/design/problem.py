@@ -505,7 +505,6 @@ def label(asked: DesignQuantity, cm: float) -> str:
 
 
 def _tuples(value: object) -> object:
-    """Return the lists, and lists in them, as tuples."""
     return tuple(map(_tuples, value)) if isinstance(value, list | tuple) else value
 
 

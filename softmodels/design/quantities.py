@@ -187,8 +187,7 @@ class FormMeasure(Measure):
                 by_w = part if by_w is None else by_w + part
             by_X += rate * self.design.motion.assembled(covector)
         by_P = sum(
-            (share * system.integral(form) for share, form in zip(system.coupling.shares, self._by_pressure, strict=False)),
-            0.0,
+            (share * system.integral(form) for share, form in zip(system.coupling.shares, self._by_pressure, strict=False)), 0.0
         )
         return Slopes(value, by_w, float(rates[-1] * by_P), by_X, self.note(value))
 

@@ -154,10 +154,7 @@ class WorkingStates:
         # A step of the pressure up to a limit point may end behind it, on the other branch; one of the volume does not.
         try:
             path = Continuation(
-                self.solver,
-                control=stability.AddedVolume.name,
-                start=start,
-                largest_growth=continuation.FREE_GROWTH,
+                self.solver, control=stability.AddedVolume.name, start=start, largest_growth=continuation.FREE_GROWTH
             )
             for point in trace(path, goals):
                 self.newton += point.state.iterations
@@ -509,11 +506,7 @@ class Adjoint:
         x.scatter_forward()
 
     def gradient(
-        self,
-        slopes: quantities.Slopes,
-        kind: str,
-        velocities: Mapping[str, Array],
-        materials: Mapping[str, float] = _NONE,
+        self, slopes: quantities.Slopes, kind: str, velocities: Mapping[str, Array], materials: Mapping[str, float] = _NONE
     ) -> tuple[dict[str, float], dict[str, float]]:
         """Return the whole derivatives of a quantity at the prepared state by the lengths and by the other parameters, per
         their SI units. Kept is the load's "pressure" (in Pa) or "volume" (added). ``velocities`` are the boundary's with each
@@ -540,10 +533,8 @@ class Adjoint:
         is no length. One back-substitution, for quantities with more values than there are parameters."""
         comm, q, motion = self.system.comm, self._tangent_load, self.design.motion
         if isinstance(along, str):
-            nodes, own = (
-                np.zeros((motion.entries // motion.dimension, motion.dimension)),
-                self.sensitivity.force(along),
-            )
+            nodes = np.zeros((motion.entries // motion.dimension, motion.dimension))
+            own = self.sensitivity.force(along)
             force, opened = own.residual, own.opened
             if kind != trials.VOLUME:  # constant in Pa, so P falls as the shear modulus rises
                 force = force + self._state.P * own.stress / self.system.stress_unit * q

@@ -495,9 +495,8 @@ def _by_cluster(scheduler: str, tasks: Mapping[int, tuple[Case, str]]) -> Iterat
         client = distributed.Client(scheduler, timeout=10, set_as_default=False)
     except (OSError, ValueError) as error:
         raise StudyError(
-            f"the scheduler {scheduler} does not answer ({errors.reason(error)}); start one by: dask scheduler, "
-            "and workers by: "
-            f"dask worker {scheduler} --nthreads 1"
+            f"the scheduler {scheduler} does not answer ({errors.reason(error)}); start one by: dask scheduler, and workers "
+            f"by: dask worker {scheduler} --nthreads 1"
         ) from None
     with client, client.as_current():
         numbers = {client.submit(solved_beside, task, pure=False): k for k, task in tasks.items()}
@@ -629,10 +628,8 @@ def study(
     if not isinstance(plan, StudyPlan):
         plan = StudyPlan.from_file(names.place("file", plan, "a study file, or a StudyPlan"))
     names.callback("progress", progress)
-    count, address = (
-        names.whole("jobs", jobs, 0),
-        names.one_of("scheduler", scheduler, str, "an address, or an empty text"),
-    )
+    count = names.whole("jobs", jobs, 0)
+    address = names.one_of("scheduler", scheduler, str, "an address, or an empty text")
     again = names.flag("resume", resume)
     output = None if folder is None else folders.OwnFolder(names.place("folder", folder, "a folder"), KIND)
     kept = StudyFolder(plan, output, again)
@@ -658,11 +655,7 @@ def open_folder(plan: StudyPlan, output: Path | None, resume: bool, inputs: Sequ
 
 
 def solve_into(
-    kept: StudyFolder,
-    plan: StudyPlan,
-    jobs: int = 0,
-    scheduler: str = "",
-    progress: Callable[[str], object] | None = None,
+    kept: StudyFolder, plan: StudyPlan, jobs: int = 0, scheduler: str = "", progress: Callable[[str], object] | None = None
 ) -> Study:
     """Solve the samples that a folder does not have yet; see `study`."""
     cases, failures = plan.cases

@@ -107,11 +107,7 @@ class OutlineMeasure(quantities.TargetMeasure):
             return closest, closest.piece, closest.weights
         shadow = shapes.shadow_of(curve)
         closest = shadow.curve.closest(self.points)
-        return (
-            closest,
-            shadow.source[closest.piece],
-            np.einsum("ka,kab->kb", closest.weights, shadow.weights[closest.piece]),
-        )
+        return (closest, shadow.source[closest.piece], np.einsum("ka,kab->kb", closest.weights, shadow.weights[closest.piece]))
 
     def slopes(self, state: State | None) -> quantities.Slopes:
         assert state is not None

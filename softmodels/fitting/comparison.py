@@ -743,9 +743,9 @@ def _law_json(law: FittedLaw, report: FitReport) -> dict[str, object]:
         "parameters": [
             {
                 "name": p.name, "unit": p.unit, "value": fit.values[p.name], "fixed": p.fixed,
-                "standard_error": _finite(fit.error(p.name)),
-                "interval_95": [_finite(end) for end in law.interval(p.name)],
-                "start": p.start, "bounds": [_finite(p.lower), _finite(p.upper)],
+                "standard_error": files.json_number(fit.error(p.name)),
+                "interval_95": [files.json_number(end) for end in law.interval(p.name)],
+                "start": p.start, "bounds": [files.json_number(p.lower), files.json_number(p.upper)],
                 "prior": dataclasses.asdict(p.prior) if p.prior else None,
             }
             for p in fit.parameters if not p.hidden
@@ -753,18 +753,18 @@ def _law_json(law: FittedLaw, report: FitReport) -> dict[str, object]:
         "hidden": [
             {
                 "name": p.words, "unit": p.unit, "value": fit.values[p.name],
-                "standard_error": _finite(fit.error(p.name)),
+                "standard_error": files.json_number(fit.error(p.name)),
             }
             for p in fit.parameters if p.hidden
         ],
         "free": [fit.free[i].name for i in shown],
-        "covariance": [[_finite(v) for v in row] for row in fit.covariance[np.ix_(shown, shown)]],
-        "correlations": [[_finite(v) for v in row] for row in fit.correlations[np.ix_(shown, shown)]],
+        "covariance": [[files.json_number(v) for v in row] for row in fit.covariance[np.ix_(shown, shown)]],
+        "correlations": [[files.json_number(v) for v in row] for row in fit.correlations[np.ix_(shown, shown)]],
         "devices": [{"name": device.device, "chi2": device.chi2, "values": device.count} for device in law.devices],
         "singular_values": least_squares.singular_values(fit)[0].tolist(),
         "residuals": {name: dataclasses.asdict(group) for name, group in fit.summaries.items()},
         "profiles": {
-            name: {"values": p.values.tolist(), "rises": [*map(_finite, p.rises)], "limit": p.limit}
+            name: {"values": p.values.tolist(), "rises": [*map(files.json_number, p.rises)], "limit": p.limit}
             for name, p in law.profiles.items()
         },
         "deviance": fit.deviance, "scatter": fit.scatter, "independent": fit.independent, "loss": fit.loss,
@@ -774,11 +774,6 @@ def _law_json(law: FittedLaw, report: FitReport) -> dict[str, object]:
         "converged": fit.converged, "warnings": list(law.warnings), "unseen": list(least_squares.unseen(fit)),
         "stability": list(law.verdict.notes),
     }  # fmt: skip
-
-
-def _finite(value: float) -> float | None:
-    """Return a number, or None for infinity, which JSON does not have."""
-    return float(value) if math.isfinite(value) else None
 
 
 def write_curves(path: Path, laws: Sequence[FittedLaw], curves: Sequence[TensileCurve]) -> None:

@@ -349,13 +349,7 @@ def shares_figure(indices: dict[str, Indices]) -> Figure:
     for axes, (response, sobol) in zip(np.ravel(figure.subplots(1, len(indices), sharey=True)), indices.items(), strict=True):
         places = np.arange(len(names))
         axes.barh(
-            places - 0.2,
-            sobol.first,
-            0.38,
-            xerr=sobol.first_half,
-            color=style.CURVE,
-            ecolor=style.FAINT,
-            label="first order",
+            places - 0.2, sobol.first, 0.38, xerr=sobol.first_half, color=style.CURVE, ecolor=style.FAINT, label="first order"
         )
         axes.barh(places + 0.2, sobol.total, 0.38, xerr=sobol.total_half, color=style.FAINT, ecolor=style.CURVE, label="total")
         axes.set(xlim=(0, None), xlabel="share of the variance", title=_label(response))

@@ -251,7 +251,6 @@ def _value(value: float) -> str:
 
 
 def _change(share: float) -> str:
-    """Return a difference in percent; empty where there is none."""
     return f"{100 * share:+.3g} %" if math.isfinite(share) else ""
 
 

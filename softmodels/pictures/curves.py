@@ -20,21 +20,7 @@ from geometries import Actuator
 from softmodels.common import pages, units
 from softmodels.common.arrays import Array
 from softmodels.materials import silicones
-from softmodels.pictures.style import (
-    BRANCH,
-    CURVE,
-    DPI,
-    EDGE,
-    FAINT,
-    INK,
-    LINE_COLOURS,
-    SPAN,
-    STYLE,
-    WARNING,
-    WIDTH_INCHES,
-    chart,
-    shades,
-)
+from softmodels.pictures import style
 from softmodels.runs import columns, grid, labels, notes, states, table
 from softmodels.runs.states import Line, StoredStates
 
@@ -73,7 +59,7 @@ def curves(
         wanted.insert(0, (("stroke", f"stroke of the {words.driver} in ml"), _pressure(words)))
     figures = []
     for (place, below), (variable, label) in wanted:
-        figure, axes = chart(4.2, WIDTH_INCHES / 2)
+        figure, axes = style.chart(4.2, style.WIDTH_INCHES / 2)
         _sources(axes, sources, rows, variable, place)
         _path(axes, rows, variable, branch, place, words.fitted)
         for name, colour, marker, events in _events(rows):
@@ -123,7 +109,7 @@ def rise(
     all states, of the branch that was followed, if one was, and of each source of the silicone where they were
     solved; ``pascal_per_cm`` is Pa in one cm of the column."""
     gauge = words.gauge
-    figure, axes = chart(6.4)
+    figure, axes = style.chart(6.4)
 
     def place(row: table.Row) -> str:
         kilopascals = f" ({row['pressure'] / 1e3:.4g} kPa)" if over[0] == PRESSURE else ""
@@ -154,7 +140,7 @@ def drawing(figure: Figure, pascal_per_cm: float) -> str:
     """Return a figure for a page, marked as HTML, with axes for each unit of pressure that the page can have; those of the
     figure are in cm of the column, as their labels say; ``pascal_per_cm`` is Pa in one cm of the column."""
     stream = io.StringIO()
-    with matplotlib.rc_context({**STYLE, "svg.hashsalt": "softmodels"}):
+    with matplotlib.rc_context({**style.STYLE, "svg.hashsalt": "softmodels"}):
         for axes in figure.axes:
             for axis in (axes.xaxis, axes.yaxis):
                 if units.column_unit(pascal_per_cm) in axis.label.get_text():
@@ -185,26 +171,23 @@ class _OtherUnits(Artist):
 
 def along_line(line: Line, title: str) -> Figure:
     """Plot the stresses along a line through the body over the distance from its beginning."""
-    figure, axes = chart(6.0)
+    figure, axes = style.chart(6.0)
     distance = line.distance * 1e3
-    axes.plot(distance, line["von_mises"] / 1e3, color=INK, label="von Mises stress")
-    for k, (stress, style) in enumerate(zip(line["principal_stresses"].T, ("-", "--", ":"), strict=True), 1):
-        axes.plot(distance, stress / 1e3, style, color=CURVE, label=f"principal stress {k}")
-    axes.plot(distance, line.normal_stress / 1e3, "-.", color=WARNING, label="normal stress along the line")
+    axes.plot(distance, line["von_mises"] / 1e3, color=style.INK, label="von Mises stress")
+    for k, (stress, stroke) in enumerate(zip(line["principal_stresses"].T, ("-", "--", ":"), strict=True), 1):
+        axes.plot(distance, stress / 1e3, stroke, color=style.CURVE, label=f"principal stress {k}")
+    axes.plot(distance, line.normal_stress / 1e3, "-.", color=style.WARNING, label="normal stress along the line")
     begin, end = (states.told(place) for place in line.points[[0, -1]])
     axes.set(xlabel=f"undeformed distance in mm, from {begin} to {end}", ylabel="Cauchy stress in kPa")
     axes.set_title(title, fontsize=11)
-    axes.axhline(0.0, color=FAINT, linewidth=0.8)
+    axes.axhline(0.0, color=style.FAINT, linewidth=0.8)
     axes.legend(loc="best")
     return figure
 
 
 def _events(rows: table.PathTable) -> list[tuple[str, str, str, table.PathTable]]:
     """Return the events of a path that occur: name, colour, marker and states."""
-    kinds = (
-        ("limit point", WARNING, "D", limits(rows)),
-        ("bifurcation", BRANCH, "s", rows.where("bifurcation")),
-    )
+    kinds = (("limit point", style.WARNING, "D", limits(rows)), ("bifurcation", style.BRANCH, "s", rows.where("bifurcation")))
     return [kind for kind in kinds if kind[3]]
 
 
@@ -220,28 +203,28 @@ def _path(
     # States skipped by a supply's snap-through are on the path too.
     parts = np.split(np.column_stack([places, rows.get("max_stretch")]), [k for k in jumps if held[k - 1]])
     lines = [smooth(part).T for part in parts]
-    for style, shown, label in (
+    for dashes, shown, label in (
         ("-", lambda stretch: stretch <= fitted, "simulated path"),
         ("--", lambda stretch: stretch > fitted, f"beyond the fitted stretch, {fitted:.3g}"),
     ):
         for k, (x, y, stretch) in enumerate(line for line in lines if shown(line[2]).any()):
-            axes.plot(x, np.where(shown(stretch), y, np.nan), style, color=CURVE, label="" if k else label)
-    axes.plot(*places[held].T, "o", color=CURVE, markersize=3.5, label="steps")
+            axes.plot(x, np.where(shown(stretch), y, np.nan), dashes, color=style.CURVE, label="" if k else label)
+    axes.plot(*places[held].T, "o", color=style.CURVE, markersize=3.5, label="steps")
     if not held.all():
-        axes.plot(*places[~held].T, "x", color=WARNING, markersize=6, label="steps skipped by snap-through")
+        axes.plot(*places[~held].T, "x", color=style.WARNING, markersize=6, label="steps skipped by snap-through")
     _band(axes, rows, variable, over)
     asked = places[rows["requested"] != 0]
     if len(asked):
-        axes.plot(*asked.T, "o", color=CURVE, mfc="white", markersize=8, markeredgewidth=2, label="requested")
+        axes.plot(*asked.T, "o", color=style.CURVE, mfc="white", markersize=8, markeredgewidth=2, label="requested")
     for k in jumps:
         start, end = places[:k][held[:k]][-1], places[k]
-        axes.plot(*np.array([start, end]).T, ":", color=WARNING, label="" if k > jumps[0] else "jump")
-        way = {"arrowstyle": "-|>", "color": WARNING, "mutation_scale": 16}
+        axes.plot(*np.array([start, end]).T, ":", color=style.WARNING, label="" if k > jumps[0] else "jump")
+        way = {"arrowstyle": "-|>", "color": style.WARNING, "mutation_scale": 16}
         axes.annotate("", 0.45 * start + 0.55 * end, 0.55 * start + 0.45 * end, arrowprops=way)
     if branch and over in branch:
         whole = table.PathTable([rows.where("bifurcation")[0], *branch])
         aside = np.column_stack([whole.shown(over), whole.shown(variable)])
-        axes.plot(*smooth(aside).T, "--", color=BRANCH, label="branch")
+        axes.plot(*smooth(aside).T, "--", color=style.BRANCH, label="branch")
 
 
 def _sources(axes: Axes, sources: columns.SourceTables, rows: table.PathTable, variable: str, over: str) -> None:
@@ -255,10 +238,10 @@ def _sources(axes: Axes, sources: columns.SourceTables, rows: table.PathTable, v
         farthest = min(line[:, 0].max() for line in pair)
         soft, stiff = (line[line[:, 0] <= farthest] for line in pair)
         label = "" if k else f"band of the {len(lines)} sources of {silicones.product_of(next(iter(lines)))}"
-        axes.fill(*np.vstack([soft, stiff[::-1]]).T, color=SPAN, linewidth=0, zorder=0.5, label=label)
+        axes.fill(*np.vstack([soft, stiff[::-1]]).T, color=style.SPAN, linewidth=0, zorder=0.5, label=label)
     others = [name for name in lines if sources[name] != rows]
     for name, dashes in zip(others, itertools.cycle(DASHES), strict=False):
-        axes.plot(*lines[name].T, linestyle=dashes, color=FAINT, linewidth=1.2, label=columns.key_of(name), zorder=1.5)
+        axes.plot(*lines[name].T, linestyle=dashes, color=style.FAINT, linewidth=1.2, label=columns.key_of(name), zorder=1.5)
 
 
 def _band(axes: Axes, rows: table.PathTable, variable: str, over: str) -> None:
@@ -275,7 +258,7 @@ def _band(axes: Axes, rows: table.PathTable, variable: str, over: str) -> None:
     width = np.interp(y, *smooth(band[:, 1:]).T) if (np.diff(band[:, 1]) > 0).all() else None
     x, y, width = (x, y, width) if width is not None else band.T
     label = f"95 % band of the pressure at equal {'volume' if variable == 'added_volume' else 'rise'}"
-    axes.fill_betweenx(y, x - width, x + width, color=CURVE, alpha=0.18, linewidth=0, label=label)
+    axes.fill_betweenx(y, x - width, x + width, color=style.CURVE, alpha=0.18, linewidth=0, label=label)
 
 
 def limits(rows: table.PathTable) -> table.PathTable:
@@ -332,20 +315,20 @@ def steps(rows: table.PathTable, words: labels.StateLabels) -> Figure:
         *([(["kinetic_energy"], "kinetic energy\nin mJ")] if "kinetic_energy" in rows else []),
     ]
     panels = [panel for panel in panels if panel[0]]
-    figure = Figure((WIDTH_INCHES, 7.6 + 1.8 * (len(panels) - 3)), dpi=DPI, layout="constrained")
+    figure = Figure((style.WIDTH_INCHES, 7.6 + 1.8 * (len(panels) - 3)), dpi=style.DPI, layout="constrained")
     places = figure.subplots(len(panels), 1, sharex=True, height_ratios=(1.4, *(1.0 for _ in panels[1:])))
     timed = "time" in rows
     along = "time" if timed else "load_step"
     passed_rows, asked = rows[along], rows["requested"] != 0
     for axes, (variables, label) in zip(places, panels, strict=True):
         count = len(variables)
-        for k, (name, colour) in enumerate(zip(variables, itertools.cycle(LINE_COLOURS), strict=False), 1):
+        for k, (name, colour) in enumerate(zip(variables, itertools.cycle(style.LINE_COLOURS), strict=False), 1):
             values = rows.shown(name)
             cavity = f"cavity{k}" if count > 1 else None
             axes.plot(passed_rows, values, _line_style(rows), color=colour, markersize=3.5, label=cavity)
             axes.plot(passed_rows[asked], values[asked], "o", color=colour, mfc="white", markersize=8, markeredgewidth=2)
             for row in limits(rows):
-                axes.plot(row[along], row.shown(name), "D", color=WARNING, markersize=8)
+                axes.plot(row[along], row.shown(name), "D", color=style.WARNING, markersize=8)
         axes.set(ylabel=label)
         axes.margins(0.03, 0.08)
         if count > 1:
@@ -362,7 +345,6 @@ MOST_MARKED = 150
 
 
 def _line_style(rows: table.PathTable) -> str:
-    """Return matplotlib's style of a line through states."""
     return "o-" if len(rows) <= MOST_MARKED else "-"
 
 
@@ -370,9 +352,9 @@ def loop(rows: table.PathTable, words: labels.StateLabels) -> Figure:
     """Plot the pressure over the added volume and over the gauge's rise in each cycle of a load with times, with the areas of
     the loops."""
     loops = notes.cycles(rows)
-    figure = Figure((WIDTH_INCHES, 5.4), dpi=DPI, layout="constrained")
+    figure = Figure((style.WIDTH_INCHES, 5.4), dpi=style.DPI, layout="constrained")
     places = figure.subplots(1, 2, sharey=True)
-    for count, (cycle, colour) in enumerate(zip(loops, shades(len(loops)), strict=True), 1):
+    for count, (cycle, colour) in enumerate(zip(loops, style.shades(len(loops)), strict=True), 1):
         label = f"cycle {count}: loses {cycle.loss}" if cycle.closed else f"cycle {count}, not closed"
         marker, wide = {1: ("o", 2.0), len(loops): ("s", 2.0)}.get(count, ("", 0.9))
         shown = label if marker or len(loops) <= MOST_CYCLES else None
@@ -438,15 +420,15 @@ def cut_profiles(
     upwards, shape (2, 3)."""
     flat = np.concatenate([rest, *lines.values()]).reshape(-1, 3) @ axes_of_plane.T
     wide, tall = np.ptp(flat, axis=0)
-    figure, axes = chart(min(max(0.72 * WIDTH_INCHES * tall / wide + 1.4, 3.5), WIDTH_INCHES))
+    figure, axes = style.chart(min(max(0.72 * style.WIDTH_INCHES * tall / wide + 1.4, 3.5), style.WIDTH_INCHES))
     names = _labels(*path, _labelled_steps(list(lines)))
-    drawn: list[tuple[Array, ColorType, float, str, str | None]] = [(rest, EDGE, 1.4, ":", "undeformed")]
-    coloured = zip(shades(len(lines)), lines.items(), strict=True)
+    drawn: list[tuple[Array, ColorType, float, str, str | None]] = [(rest, style.EDGE, 1.4, ":", "undeformed")]
+    coloured = zip(style.shades(len(lines)), lines.items(), strict=True)
     drawn += [(line, colour, 2.0, "-", names.get(step)) for colour, (step, line) in coloured]
-    for pieces, colour, width, style, label in drawn:
+    for pieces, colour, width, stroke, label in drawn:
         flat = 1e3 * pieces @ axes_of_plane.T
-        axes.add_collection(LineCollection(list(flat), colors=[colour], linewidths=width, linestyles=style))
-        axes.plot([], [], style, color=colour, linewidth=width, label=label)
+        axes.add_collection(LineCollection(list(flat), colors=[colour], linewidths=width, linestyles=stroke))
+        axes.plot([], [], stroke, color=colour, linewidth=width, label=label)
     axes.autoscale()
     axes.set_aspect("equal")
     axes.margins(0.05)
@@ -487,14 +469,16 @@ def profiles(
     height = inner * tall / (right - left)
     names = _labels(*path, _labelled_steps(list(lines)))
     whole = max(height + 1.25, 0.24 * sum(1.3 + name.count("\n") for name in names.values()) + 1.1)
-    figure = Figure((WIDTH_INCHES, whole), dpi=DPI)
-    axes = figure.add_axes((0.85 / WIDTH_INCHES, (whole - height + 0.25) / 2 / whole, inner / WIDTH_INCHES, height / whole))
+    figure = Figure((style.WIDTH_INCHES, whole), dpi=style.DPI)
+    axes = figure.add_axes(
+        (0.85 / style.WIDTH_INCHES, (whole - height + 0.25) / 2 / whole, inner / style.WIDTH_INCHES, height / whole)
+    )
     axes.set(xlim=(left, right), ylim=(bottom, bottom + (right - left) * height / inner), aspect="equal")
-    axes.plot(*_outline(rest, axial).T, "--", color=EDGE, linewidth=1.4, label="undeformed")
-    for colour, (step, line) in zip(shades(len(lines)), lines.items(), strict=True):
+    axes.plot(*_outline(rest, axial).T, "--", color=style.EDGE, linewidth=1.4, label="undeformed")
+    for colour, (step, line) in zip(style.shades(len(lines)), lines.items(), strict=True):
         axes.plot(*_outline(line, axial).T, color=colour, label=names.get(step))
     if plate is not None:
-        axes.axhline(plate * 1e3, color=WARNING, linewidth=1.5, linestyle="--", label="rigid plane")
+        axes.axhline(plate * 1e3, color=style.WARNING, linewidth=1.5, linestyle="--", label="rigid plane")
     axes.set(xlabel=f"distance from the {'axis' if axial else 'clamped base'} in mm", ylabel="height in mm")
     axes.set_title("Outer surface, from the side" if axial else "Outline in the middle, from the side")
     _legend_beside(axes, path[1])

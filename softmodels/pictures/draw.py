@@ -162,16 +162,13 @@ def _solids(shown: offscreen.Look, out: style.PictureFolder, few: bool) -> None:
     """Draw the rendered pictures of the deformed solid."""
     states, scale = shown.states, shown.scales["von_mises"]
     images, camera = solid.stress(shown)
-    texts = {
-        "Camera": camera.text,
-        "Scale": f"{scale.low:g} to {scale.top:.9g} {scale.unit}",
-    }
+    texts = {"Camera": camera.text, "Scale": f"{scale.low:g} to {scale.top:.9g} {scale.unit}"}
     for k, (step, image) in enumerate(images, 1):
         caption = shown.caption(step, camera, scale)
         again = "cut" if k == len(images) and shown.opened and not few else ""
         out.save(
             f"stress-{k}",
-            solid.page(image, caption, scale),
+            style.page(image, caption, scale),
             {**texts, "Title": caption.title, "Largest": caption.largest},
             again,
         )

@@ -99,7 +99,6 @@ def history(told: result.DesignRecord) -> Figure:
 
 
 def _numbers(values: Sequence[float | None]) -> Array:
-    """Return the numbers with nan for None."""
     return np.array([float("nan") if value is None else value for value in values])
 
 
@@ -132,10 +131,8 @@ def _limit_curves(axes: Axes, told: result.DesignRecord, numbers: Array, starts:
     nearest = [told["limits"][k] for k in np.argsort([-value for value in largest], kind="stable")]
     near = nearest[: min(sum(value > NEAR_LIMIT for value in largest), SHOWN_LIMITS)]
     for limit, colour in zip(near, style.LINE_COLOURS, strict=False):
-        passed, label = (
-            np.maximum(_numbers(limit["passed"]), MIN_VIOLATION_SHOWN),
-            style.wrapped(limit["words"], 4.4, 10),
-        )
+        passed = np.maximum(_numbers(limit["passed"]), MIN_VIOLATION_SHOWN)
+        label = style.wrapped(limit["words"], 4.4, 10)
         for start in dict.fromkeys(starts):
             mine = starts == start
             axes.plot(numbers[mine], passed[mine], "o-", markersize=4, linewidth=1.5, color=colour, label=label)
@@ -247,8 +244,7 @@ def draw(folder: Path, colormap: str = commands.COLORMAP) -> list[Path]:
     for path in out.written:
         shown.setdefault(path.name, pages.Picture(files.image_uri(path), result.CAPTIONS[path.name]))
     files.write_text(
-        folder / result.REPORT,
-        page(folder, told, [shown[name] for name in result.CAPTIONS if name in shown], (before, after)),
+        folder / result.REPORT, page(folder, told, [shown[name] for name in result.CAPTIONS if name in shown], (before, after))
     )
     return [*out.written, folder / result.REPORT]
 
@@ -256,10 +252,7 @@ def draw(folder: Path, colormap: str = commands.COLORMAP) -> list[Path]:
 def page(folder: Path, told: result.DesignRecord, drawn: Sequence[pages.Part], pair: tuple[StoredStates, StoredStates]) -> str:
     """Return the report of a design: ``told`` is its ``design.json``, ``drawn`` are its pictures."""
     rows = [
-        (
-            record["name"],
-            *(f"{record[name]:.5g} {record['unit']}".strip() for name in ("low", "before", "after", "high")),
-        )  # type: ignore[literal-required]
+        (record["name"], *(f"{record[name]:.5g} {record['unit']}".strip() for name in ("low", "before", "after", "high")))  # type: ignore[literal-required]
         for record in told["parameters"]
     ]
     finer = f", refined {told['finer']} times" if told["finer"] != 1.0 else ""

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from PIL import Image as Picture, ImageFilter
 
 from softmodels.common import commands
-from softmodels.common.arrays import Array
+from softmodels.common.arrays import Array, triple
 from softmodels.common.lazy import pyvista
 from softmodels.components import contact, shapes
 from softmodels.components.contact import RigidShape
@@ -106,7 +106,7 @@ class ViewCamera:
         height = 2 * (int(np.clip(width * tall / wide, 0.3 * width, tallest * width)) // 2)
         focus = (low + high) / 2 @ axes
         scale = max(tall, wide * height / width) / 2
-        return cls(_triple(direction), _triple(up), _triple(focus), float(scale), (width, height))
+        return cls(triple(direction), triple(up), triple(focus), float(scale), (width, height))
 
     @property
     def metres(self) -> float:
@@ -125,11 +125,6 @@ class ViewCamera:
         """The camera as text, for a picture's metadata."""
         names = ("direction", "up", "focus", "scale", "size")
         return "; ".join(f"{name} {np.round(getattr(self, name), 9).tolist()}" for name in names)
-
-
-def _triple(vector: Array) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in vector)
-    return x, y, z
 
 
 FACETS_AROUND = 48

@@ -194,16 +194,7 @@ def _steps(states: StoredStates) -> list[int]:
     return sorted(spread | {0, states.main, *(round(step) for step in states.shown())})
 
 
-SUBTETRAHEDRA = (
-    (0, 4, 6, 7),
-    (1, 5, 4, 8),
-    (2, 6, 5, 9),
-    (3, 7, 9, 8),
-    (4, 9, 5, 6),
-    (4, 9, 6, 7),
-    (4, 9, 7, 8),
-    (4, 9, 8, 5),
-)
+SUBTETRAHEDRA = ((0, 4, 6, 7), (1, 5, 4, 8), (2, 6, 5, 9), (3, 7, 9, 8), (4, 9, 5, 6), (4, 9, 6, 7), (4, 9, 7, 8), (4, 9, 8, 5))
 """A tetrahedron of ten nodes, in VTK's order, as eight of four nodes, whose faces are those of `QUARTERS`."""
 
 
@@ -403,7 +394,6 @@ def _last_frame(path: Path) -> str:
 
 
 def _notes(states: StoredStates) -> list[str]:
-    """Return the warnings of the report."""
     actuator, words = states.actuator, states.words
     kept = words.kept[0]
     notes = [stability_text(states.rows, actuator, words, states.branch)]

@@ -24,26 +24,7 @@ from softmodels.case.entries import CaseError
 from softmodels.common import files
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import pyvista
-from softmodels.pictures import offscreen
-from softmodels.pictures.style import (
-    CURVE,
-    DPI,
-    EDGE,
-    FAINT,
-    FOOT_INCHES,
-    INK,
-    SOLID,
-    STYLE,
-    WARNING,
-    WIDTH_INCHES,
-    Pixels,
-    Scale,
-    page,
-    png,
-    rulers,
-    title_colour,
-    wrapped,
-)
+from softmodels.pictures import offscreen, style
 from softmodels.runs import grid, labels, states
 from softmodels.runs.states import StoredStates
 from softmodels.runs.store import ResultsError
@@ -62,7 +43,7 @@ def section_mesh(look: offscreen.Look) -> Figure:
     flat, cells = look.states.points[:, ::2] * 1e3, look.states.cells
     figure, axes = _section_axes(flat, 0.0, f"Undeformed half section, {len(cells)} cells", look.caption(0).subject)
     around = grid.parabolas(flat[cells[:, grid.EDGES]].reshape(-1, 3, 2), 8).reshape(len(cells), -1, 2)
-    axes.add_collection(PolyCollection(list(around), facecolors=SOLID, edgecolors=EDGE, linewidths=0.9, zorder=2))
+    axes.add_collection(PolyCollection(list(around), facecolors=style.SOLID, edgecolors=style.EDGE, linewidths=0.9, zorder=2))
     return figure
 
 
@@ -71,10 +52,10 @@ def section_stress(look: offscreen.Look, step: float, plate: float | None = None
     that stops it."""
     states, scale, caption = look.states, look.scales["von_mises"], look.caption(step)
     title = caption.title + ("" if plate is None else "; the rigid plane dashed")
-    figure, axes = _section_axes(_section_points(states, step), FOOT_INCHES, title, caption.subject)
+    figure, axes = _section_axes(_section_points(states, step), style.FOOT_INCHES, title, caption.subject)
     _coloured_section(axes, states, step, scale)
     if plate is not None:
-        axes.axhline(plate * 1e3, color=WARNING, linewidth=1.5, linestyle="--")
+        axes.axhline(plate * 1e3, color=style.WARNING, linewidth=1.5, linestyle="--")
     scale.bar(figure, look.largest(scale, step))
     return figure
 
@@ -84,13 +65,13 @@ def _section_points(states: StoredStates, step: float) -> Array:
     return np.concatenate([states.points, states.moved(step)])[:, ::2] * 1e3
 
 
-def _coloured_section(axes: Axes, states: StoredStates, step: float, scale: Scale) -> None:
+def _coloured_section(axes: Axes, states: StoredStates, step: float, scale: style.Scale) -> None:
     """Draw a deformed half section in the colours of a field, over the undeformed outline."""
     after, values = states.moved(step)[:, ::2] * 1e3, scale.factor * states.field(step, scale.field)
     fine, triangles = grid.fine_triangles(np.column_stack([after, values]), states.cells)
     flat = Triangulation(fine[:, 0], fine[:, 1], triangles)
     axes.tripcolor(flat, fine[:, 2], shading="gouraud", cmap=scale.colours, norm=scale.norm)
-    for shown, colour in ((after, INK), (states.points[:, ::2] * 1e3, FAINT)):  # thin, as walls may be
+    for shown, colour in ((after, style.INK), (states.points[:, ::2] * 1e3, style.FAINT)):  # thin, as walls may be
         axes.add_collection(LineCollection(list(grid.outline(shown, states.cells)), colors=colour, linewidths=0.6))
 
 
@@ -100,24 +81,24 @@ def section_sheet(look: offscreen.Look) -> Figure:
     flat = np.concatenate([states.points, *(states.moved(step) for step in steps)])[:, ::2] * 1e3
     low, (wide, tall) = flat.min(axis=0), np.ptp(flat, axis=0)
     columns = COLUMNS[len(steps)] if tall < 1.2 * wide else len(steps)
-    titles = [wrapped(labels.load(states.row(step), states.words), WIDTH_INCHES / columns, 11) for step in steps]
-    inner = WIDTH_INCHES / columns - 0.4
+    titles = [style.wrapped(labels.load(states.row(step), states.words), style.WIDTH_INCHES / columns, 11) for step in steps]
+    inner = style.WIDTH_INCHES / columns - 0.4
     head = max(0.55, 0.15 + 1.25 * 11 / 72 * max(1 + title.count("\n") for title in titles))
     height = min(inner * tall / wide, 5.0)
     used, rows = height * wide / tall, -(-len(steps) // columns)
-    whole = rows * (height + head) + 0.35 + FOOT_INCHES
-    figure = Figure((WIDTH_INCHES, whole), dpi=DPI)
+    whole = rows * (height + head) + 0.35 + style.FOOT_INCHES
+    figure = Figure((style.WIDTH_INCHES, whole), dpi=style.DPI)
     for k, (step, title) in enumerate(zip(steps, titles, strict=True)):
-        left, down = (k % columns + 0.5) * WIDTH_INCHES / columns - used / 2, 0.3 + (height + head) * (k // columns + 1)
-        axes = figure.add_axes((left / WIDTH_INCHES, 1 - down / whole, used / WIDTH_INCHES, height / whole))
+        left, down = (k % columns + 0.5) * style.WIDTH_INCHES / columns - used / 2, 0.3 + (height + head) * (k // columns + 1)
+        axes = figure.add_axes((left / style.WIDTH_INCHES, 1 - down / whole, used / style.WIDTH_INCHES, height / whole))
         _coloured_section(axes, states, step, scale)
         axes.set(xlim=(low[0], low[0] + wide), ylim=(low[1], low[1] + tall))
         axes.set_axis_off()
-        axes.set_title(title, fontsize=11, color=title_colour(title))
+        axes.set_title(title, fontsize=11, color=style.title_colour(title))
     name = look.caption(states.main).subject
-    figure.text(0.5, 1 - 0.08 / whole, name, ha="center", va="top", fontsize=11, color=EDGE)
+    figure.text(0.5, 1 - 0.08 / whole, name, ha="center", va="top", fontsize=11, color=style.EDGE)
     scale.bar(figure, look.largest(scale, *steps))
-    rulers(figure, 1e-3 * tall / (height * DPI), np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 1.0]]))
+    style.rulers(figure, 1e-3 * tall / (height * style.DPI), np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 1.0]]))
     return figure
 
 
@@ -125,12 +106,12 @@ def section_hot(look: offscreen.Look) -> Figure:
     """Draw the deformed half section coloured by stretch, with a ring around the largest one."""
     states, step, scale = look.states, look.states.main, look.scales["largest_stretch"]
     hot, points = offscreen.hot_spot(states, step), _section_points(states, step)
-    figure, axes = _section_axes(points, FOOT_INCHES + 0.3, hot_title(hot), look.caption(step).subject)
+    figure, axes = _section_axes(points, style.FOOT_INCHES + 0.3, hot_title(hot), look.caption(step).subject)
     _coloured_section(axes, states, step, scale)
     x, _, z = 1e3 * hot.place
     for colour, wide in (("white", 5.0), ("black", 2.0)):
         axes.plot(x, z, "o", mfc="none", color=colour, markersize=16, markeredgewidth=wide)
-    figure.text(0.5, 1.2 / figure.get_figheight(), hot.note, ha="center", color=WARNING, fontsize=11)
+    figure.text(0.5, 1.2 / figure.get_figheight(), hot.note, ha="center", color=style.WARNING, fontsize=11)
     scale.bar(figure, look.largest(scale, step))
     return figure
 
@@ -146,10 +127,12 @@ def section_mode(look: offscreen.Look, step: int, amount: float = 0.15) -> Figur
     states, cells = look.states, look.states.cells
     before, after = states.points[:, ::2] * 1e3, states.moved(step)[:, ::2] * 1e3
     mode = amount * np.ptp(before[:, 0]) * states.field(step, "mode")[:, ::2]
-    shapes = [(before, FAINT), (after, INK), (after + mode, WARNING), (after - mode, CURVE)]
+    shapes = [(before, style.FAINT), (after, style.INK), (after + mode, style.WARNING), (after - mode, style.CURVE)]
     caption = look.caption(step)
-    title = wrapped(f"Bifurcation at {caption.title}: the mode in both directions (arbitrary amplitude)", WIDTH_INCHES, 13)
-    everything = np.concatenate([shape for shape, colour in shapes if colour != INK])
+    title = style.wrapped(
+        f"Bifurcation at {caption.title}: the mode in both directions (arbitrary amplitude)", style.WIDTH_INCHES, 13
+    )
+    everything = np.concatenate([shape for shape, colour in shapes if colour != style.INK])
     figure, axes = _section_axes(everything, 0.0, title, caption.subject)
     for shown, colour in shapes:
         axes.add_collection(LineCollection(list(grid.outline(shown, cells)), colors=colour, linewidths=1.4))
@@ -165,15 +148,15 @@ def _section_axes(points: Array, foot: float, title: str, subject: str) -> tuple
     height = min(8.6 * tall / wide, 6.4)
     head, below = 0.55, foot + 0.75
     whole = head + height + below
-    figure = Figure((WIDTH_INCHES, whole), dpi=DPI)
-    used = height * wide / tall / WIDTH_INCHES
+    figure = Figure((style.WIDTH_INCHES, whole), dpi=style.DPI)
+    used = height * wide / tall / style.WIDTH_INCHES
     axes = figure.add_axes(((1.0 - used) / 2 + 0.02, below / whole, used, height / whole))
     axes.set(xlim=(left - margin, right + margin), ylim=(low - margin, high + margin))
     axes.set(xlabel="radius in mm", ylabel="height in mm")
-    axes.axvline(0.0, color=FAINT, linestyle=(0, (8, 3, 1, 3)), linewidth=1.0)
+    axes.axvline(0.0, color=style.FAINT, linestyle=(0, (8, 3, 1, 3)), linewidth=1.0)
     axes.grid(False)
-    axes.set_title(title, pad=22, color=title_colour(title))
-    figure.text(0.5, (below + height + 0.06) / whole, subject, ha="center", va="bottom", fontsize=11, color=EDGE)
+    axes.set_title(title, pad=22, color=style.title_colour(title))
+    figure.text(0.5, (below + height + 0.06) / whole, subject, ha="center", va="bottom", fontsize=11, color=style.EDGE)
     return figure, axes
 
 
@@ -245,7 +228,7 @@ def _section_area(corners: Array, normal: Array, place: Array) -> float:
     return float(abs((np.cross(begin - place, end - place) @ normal).sum()) / 2)
 
 
-def cut_open(states: StoredStates, step: float, plane: Plane, viewer: Array, scale: Scale) -> list[offscreen.Layer]:
+def cut_open(states: StoredStates, step: float, plane: Plane, viewer: Array, scale: style.Scale) -> list[offscreen.Layer]:
     """Return the layers of a state whose material before a plane of the undeformed device is taken away; the cut is turned to
     the viewer."""
     normal, place = plane
@@ -256,8 +239,8 @@ def cut_open(states: StoredStates, step: float, plane: Plane, viewer: Array, sca
     shell = offscreen.surface(skin.device(skin.points(states.points)), skin.device_triangles(skin.part != grid.CUT_LABEL))
     shell.point_data["displacement"] = skin.device(skin.points(u))
     shell.point_data["values"] = np.tile(values[skin.nodes], len(skin.images))
-    style: offscreen.Style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0)}
-    layers: list[offscreen.Layer] = [(shell.clip(normal=normal, origin=place).warp_by_vector("displacement"), style)]
+    painted: offscreen.Style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0)}
+    layers: list[offscreen.Layer] = [(shell.clip(normal=normal, origin=place).warp_by_vector("displacement"), painted)]
     rest, moved, shares, faces, count = list[Array](), list[Array](), list[Array](), list[grid.Cells](), 0
     for image in skin.images:
         piece = _section(states.points, states.cells, u, values, image.T @ normal, image.T @ place)
@@ -271,7 +254,7 @@ def cut_open(states: StoredStates, step: float, plane: Plane, viewer: Array, sca
         # Images of the slice meet in their symmetry plane: one face, so that no edge is drawn there.
         corners = offscreen.joined_places(np.concatenate(rest), states.actuator.size)[np.concatenate(faces)]
         points = np.concatenate(moved)
-        layers.append((offscreen.surface(points, corners, None, np.concatenate(shares)), style))
+        layers.append((offscreen.surface(points, corners, None, np.concatenate(shares)), painted))
         layers += offscreen.seen_lines(points, border_of(corners))
     return layers
 
@@ -315,7 +298,7 @@ def undeformed(look: offscreen.Look) -> Figure:
         image = shoot(look.translucent(0, {"color": AIR_COLOUR}, {"opacity": 0.35, "culling": "back"}))
     count = states.skin.cavities
     what = {0: "", 1: ", its cavity inside"}.get(count, f", its {count} cavities inside")
-    return page(image, look.caption(0, camera, title=f"Undeformed device{what}: {_size(whole)}"))
+    return style.page(image, look.caption(0, camera, title=f"Undeformed device{what}: {_size(whole)}"))
 
 
 def _size(points: Array) -> str:
@@ -333,9 +316,11 @@ def mesh(look: offscreen.Look) -> Figure:
     with offscreen.studio(camera) as shoot:
         solid = offscreen.surface(points, skin.triangles, skin.normals(points))
         edges = offscreen.lines(curves.reshape(-1, 3), pairs)
-        image = shoot([(solid, {**offscreen.SOLID_STYLE, "color": SOLID}), (edges, {"color": EDGE, "line_width": 1.0})])
+        image = shoot(
+            [(solid, {**offscreen.SOLID_STYLE, "color": style.SOLID}), (edges, {"color": style.EDGE, "line_width": 1.0})]
+        )
     title = f"Undeformed {_slice_name(states.actuator)}, {len(states.cells)} cells"
-    return page(image, look.caption(0, camera, title=title))
+    return style.page(image, look.caption(0, camera, title=title))
 
 
 def _slice_name(actuator: Actuator) -> str:
@@ -351,18 +336,18 @@ def slice_stress(look: offscreen.Look) -> Figure:
     rest, moved = skin.points(states.points), skin.points(states.moved(step))
     values = scale.share(states.field(step, scale.field))[skin.nodes]
     edges = np.concatenate([skin.edges, skin.rims])
-    style: offscreen.Style = {"culling": "back", "scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0)}
+    painted: offscreen.Style = {"culling": "back", "scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0)}
     camera = offscreen.ViewCamera.around([rest, moved], offscreen.towards_slice(states), look.up)
     with offscreen.studio(camera) as shoot:
         image = shoot(
             [
-                (offscreen.surface(moved, skin.triangles, None, values), style),
+                (offscreen.surface(moved, skin.triangles, None, values), painted),
                 *offscreen.seen_lines(moved, edges),
-                (offscreen.lines(rest, edges), {"color": FAINT, "line_width": 2.0}),
+                (offscreen.lines(rest, edges), {"color": style.FAINT, "line_width": 2.0}),
                 *look.plate_layers(step),
             ]
         )
-    return page(image, look.caption(step, camera, scale), scale)
+    return style.page(image, look.caption(step, camera, scale), scale)
 
 
 def mode(look: offscreen.Look, step: int, amount: float = 0.15) -> Figure:
@@ -378,14 +363,14 @@ def mode(look: offscreen.Look, step: int, amount: float = 0.15) -> Figure:
             [
                 (
                     offscreen.surface(moved, skin.triangles, skin.normals(moved)),
-                    {**offscreen.SOLID_STYLE, "color": SOLID},
+                    {**offscreen.SOLID_STYLE, "color": style.SOLID},
                 ),
-                (offscreen.lines(moved, edges), {"color": INK, "line_width": 2.0}),
-                (offscreen.lines(before, edges), {"color": FAINT, "line_width": 2.0}),
+                (offscreen.lines(moved, edges), {"color": style.INK, "line_width": 2.0}),
+                (offscreen.lines(before, edges), {"color": style.FAINT, "line_width": 2.0}),
             ]
         )
     title = f"Bifurcation at {labels.headline(states.rows[step], states.words)}: the mode (arbitrary amplitude)"
-    return page(image, look.caption(step, camera, title=title))
+    return style.page(image, look.caption(step, camera, title=title))
 
 
 def stress(look: offscreen.Look) -> tuple[list[tuple[float, offscreen.Image]], offscreen.ViewCamera]:
@@ -403,10 +388,10 @@ def sheet(images: list[tuple[float, offscreen.Image]], look: offscreen.Look, cam
     """Return the images of `stress` side by side over one colour bar."""
     states = look.states
     named = [(labels.load(states.row(step), states.words), image) for step, image in images]
-    figure = tiled(named, FOOT_INCHES, look.caption(states.main).subject)
+    figure = tiled(named, style.FOOT_INCHES, look.caption(states.main).subject)
     scale = look.scales["von_mises"]
     scale.bar(figure, look.largest(scale, *(step for step, _ in images)))
-    rulers(figure, COLUMNS[len(images)] * camera.metres, camera.axes)
+    style.rulers(figure, COLUMNS[len(images)] * camera.metres, camera.axes)
     return figure
 
 
@@ -414,20 +399,20 @@ def tiled(images: Sequence[tuple[str, offscreen.Image]], foot: float = 0.0, name
     """Return up to four images side by side under their titles and a name, with ``foot`` inches free below them."""
     columns = COLUMNS[len(images)]
     rows_ = -(-len(images) // columns)
-    wide = WIDTH_INCHES / columns
+    wide = style.WIDTH_INCHES / columns
     tall = wide * images[0][1].shape[0] / images[0][1].shape[1]
-    titles = [wrapped(title, wide, 12) for title, _ in images]
+    titles = [style.wrapped(title, wide, 12) for title, _ in images]
     head = 0.4 + 0.2 * max(title.count("\n") for title in titles)
     above = 0.3 if name else 0.0
     whole = rows_ * (tall + head) + above + foot
-    figure = Figure((WIDTH_INCHES, whole), dpi=DPI)
-    figure.text(0.5, 1 - 0.1 / whole, name, ha="center", va="top", fontsize=11, color=EDGE)
+    figure = Figure((style.WIDTH_INCHES, whole), dpi=style.DPI)
+    figure.text(0.5, 1 - 0.1 / whole, name, ha="center", va="top", fontsize=11, color=style.EDGE)
     for k, (_, image) in enumerate(images):
         left, top = k % columns * wide, whole - above - k // columns * (tall + head)
-        small = Picture.fromarray(image).resize((round(wide * DPI), round(tall * DPI)), Picture.Resampling.BOX)
-        figure.add_artist(Pixels(np.asarray(small), round(left * DPI), round((top - head - tall) * DPI)))
-        place = (left + wide / 2) / WIDTH_INCHES, (top - 0.6 * head) / whole
-        figure.text(*place, titles[k], ha="center", va="center", color=title_colour(titles[k]))
+        small = Picture.fromarray(image).resize((round(wide * style.DPI), round(tall * style.DPI)), Picture.Resampling.BOX)
+        figure.add_artist(style.Pixels(np.asarray(small), round(left * style.DPI), round((top - head - tall) * style.DPI)))
+        place = (left + wide / 2) / style.WIDTH_INCHES, (top - 0.6 * head) / whole
+        figure.text(*place, titles[k], ha="center", va="center", color=style.title_colour(titles[k]))
     return figure
 
 
@@ -446,7 +431,7 @@ def cut(look: offscreen.Look) -> Figure:
     with offscreen.studio(camera) as shoot:
         image = shoot(layers)
     caption = look.caption(step, camera, scale)
-    return page(image, dataclasses.replace(caption, title=caption.title + where), scale)
+    return style.page(image, dataclasses.replace(caption, title=caption.title + where), scale)
 
 
 def hot_spots(look: offscreen.Look) -> Figure:
@@ -460,8 +445,8 @@ def hot_spots(look: offscreen.Look) -> Figure:
     points = skin.device(skin.points(states.moved(step)))
     values = np.tile(scale.share(states.field(step, scale.field))[skin.nodes], len(skin.images))
     walls = skin.device_triangles(skin.part == grid.OUTSIDE_LABEL if outside else skin.part > grid.OUTSIDE_LABEL)
-    style: offscreen.Style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0)}
-    layers = [(offscreen.surface(points, walls, None, values), style)]
+    painted: offscreen.Style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0)}
+    layers = [(offscreen.surface(points, walls, None, values), painted)]
     # Of the translucent outside only what is behind the walls, whose colours are those of the bar.
     layers += look.translucent(step, None, {"opacity": 0.0 if outside else 0.3, "culling": "front"})
     camera = offscreen.ViewCamera.around([points, look.rest(everything)], look.direction, look.up)
@@ -471,7 +456,7 @@ def hot_spots(look: offscreen.Look) -> Figure:
     layers += [(circle, {"color": colour, "line_width": wide}) for colour, wide in (("white", 7.0), ("black", 3.0))]
     with offscreen.studio(camera) as shoot:
         (image,) = offscreen.outlined([shoot(layers)], look.at_rest(shoot, everything))
-    return page(image, look.caption(step, camera, scale, title=hot_title(hot), note=hot.note), scale)
+    return style.page(image, look.caption(step, camera, scale, title=hot_title(hot), note=hot.note), scale)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -494,17 +479,16 @@ class AtRest:
         """Return PNG files by their stems, drawn now unless already drawn of this device."""
         if self._of is None or not _same_view(self._of, shown):
             figures = {}
-            with matplotlib.rc_context(STYLE):
+            with matplotlib.rc_context(style.STYLE):
                 if shown.states.actuator.dimension == 2:
                     figures["mesh"] = section_mesh(shown)
                 elif offscreen.can_render():
                     figures = {"undeformed": undeformed(shown), "mesh": mesh(shown)}
-                self._of, self._drawn = shown, {stem: png(figure) for stem, figure in figures.items()}
+                self._of, self._drawn = shown, {stem: style.png(figure) for stem, figure in figures.items()}
         return self._drawn
 
 
 def _same_view(first: offscreen.Look, other: offscreen.Look) -> bool:
-    """Return whether two looks show the same mesh in the same way."""
     pairs = [(look.states.points, look.states.cells, look.kept, look.direction) for look in (first, other)]
     return first.states.actuator == other.states.actuator and all(map(np.array_equal, *pairs))
 
@@ -548,7 +532,7 @@ def render_frames(look: offscreen.Look, count: int = MAX_FRAMES) -> list[offscre
     return frames
 
 
-def _captioned_frame(image: offscreen.Image, text: str, scale: Scale) -> offscreen.Image:
+def _captioned_frame(image: offscreen.Image, text: str, scale: style.Scale) -> offscreen.Image:
     """Return a frame with its caption above and its colour bar below."""
     height, width, _ = image.shape
     framed = Picture.new("RGB", (width, 2 * ((height + FILM_HEAD + FILM_FOOT) // 2)), "white")
@@ -583,8 +567,7 @@ def gif(images: list[offscreen.Image]) -> bytes:
     some = sorted({int((k + 0.5) / SIZE_SAMPLE_FRAMES * len(images)) for k in range(SIZE_SAMPLE_FRAMES)})
     each = len(encoded(some)) / len(some)
     begin = next(
-        (k for k, count in enumerate(FRAME_COUNTS) if each * min(count, len(images)) <= MAX_GIF_BYTES),
-        len(FRAME_COUNTS) - 1,
+        (k for k, count in enumerate(FRAME_COUNTS) if each * min(count, len(images)) <= MAX_GIF_BYTES), len(FRAME_COUNTS) - 1
     )
     for count in FRAME_COUNTS[begin:]:
         places = np.unique(np.linspace(0, len(images) - 1, min(count, len(images))).round().astype(int))
@@ -600,7 +583,6 @@ def webp(images: list[offscreen.Image]) -> bytes:
 
 
 def _animation(frames: Sequence[Picture.Image], kind: str, **how: object) -> bytes:
-    """Return frames as a film in one of Pillow's formats, with its options."""
     times = [round(1000 * MOTION_SECONDS / len(frames))] * (len(frames) - 1) + [round(1000 * LAST_FRAME_SECONDS)]
     stream = io.BytesIO()
     frames[0].save(stream, kind, save_all=True, append_images=frames[1:], duration=times, loop=0, **how)

@@ -20,7 +20,7 @@ from softmodels.path.supply import Syringe
 from softmodels.pictures import curves as curves_module, draw as pictures, offscreen, solid
 from softmodels.pictures.offscreen import look
 from softmodels.pictures.solid import cut_open
-from softmodels.pictures.style import Caption, Scale, png
+from softmodels.pictures.style import Caption, Scale, page as page_of, png
 from softmodels.runs import grid
 from softmodels.runs.grid import CUT_LABEL
 from softmodels.runs.labels import StateLabels
@@ -306,7 +306,7 @@ def test_a_cut_in_a_symmetry_plane_has_no_cracks(kind, name, slices, request):
 
 def test_a_rendered_image_stands_on_its_page_as_it_is():
     image = np.random.default_rng(5).integers(0, 256, (200, offscreen.WIDTH_PX, 3), dtype=np.uint8)
-    drawn = png(solid.page(image, Caption("a title", note="and a note")), {"Title": "a title"})
+    drawn = png(page_of(image, Caption("a title", note="and a note")), {"Title": "a title"})
     with Image.open(io.BytesIO(drawn)) as page:
         found = np.asarray(page)
         assert page.mode == "RGB" and page.text["Title"] == "a title" and found.shape[1] == offscreen.WIDTH_PX

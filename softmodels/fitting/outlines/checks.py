@@ -13,18 +13,7 @@ import numpy.typing as npt
 from softmodels.common import units
 from softmodels.common.arrays import Array
 from softmodels.fitting import comparison, least_squares, problem
-from softmodels.fitting.outlines import device
-from softmodels.fitting.outlines.residuals import (
-    LENGTH_ERROR,
-    HeightResiduals,
-    OutlineResiduals,
-    fits_badly,
-    is_length,
-    length_parameters,
-    misfits,
-    plain_path,
-    residuals_by_source,
-)
+from softmodels.fitting.outlines import device, residuals
 from softmodels.fitting.outlines.shapes import Shape, half_outline, shadow_of
 from softmodels.runs import grid
 
@@ -245,19 +234,14 @@ OUTLINE_SPACING = 2e-5
 
 
 def series_of(
-    model: device.DeviceModel,
-    sources: Sequence[str],
-    heights: Array,
-    pressures: Array,
-    pressure_errors: Array,
-    errors: Array,
+    model: device.DeviceModel, sources: Sequence[str], heights: Array, pressures: Array, pressure_errors: Array, errors: Array
 ) -> tuple[list[HeightRow], list[grid.QuadraticCurve]]:
     """Return the series of photographs with the pressure of the device, under any law, at each height, and its curve there.
     Heights are in m and readings in Pa, with standard errors, shape (n,).
 
     Raises `OutlineFitError` where the device cannot rise as high as was measured.
     """
-    plain = plain_path(model, heights, pressures)
+    plain = residuals.plain_path(model, heights, pressures)
     model.set_parameters(plain.values)
     columns = (heights, pressures, pressure_errors, errors, plain.elastic / model.modulus, plain.borne, plain.silent)
     rows = [HeightRow(*row) for row in zip(sources, *(column.tolist() for column in columns), strict=True)]
@@ -362,11 +346,8 @@ def _large_corrections(fit: least_squares.LeastSquaresFit) -> Iterator[tuple[pro
     """Yield the corrections, with how many standard errors of their prior they are, whose they are, what they say, and the
     advice."""
     for p in fit.free:
-        if (p.own_name in FACTOR_TEXTS or is_length(p)) and p.prior and math.isfinite(value := fit.values[p.name]):
-            says, advice = FACTOR_TEXTS.get(p.own_name) or (
-                _length(p.own_name, p.prior.mean),
-                "measure it on the cast part",
-            )
+        if (p.own_name in FACTOR_TEXTS or residuals.is_length(p)) and p.prior and math.isfinite(value := fit.values[p.name]):
+            says, advice = FACTOR_TEXTS.get(p.own_name) or (_length(p.own_name, p.prior.mean), "measure it on the cast part")
             yield p, (value - p.prior.mean) / p.prior.error, f"{p.device}: " if p.device else "", says(value), advice
 
 
@@ -374,7 +355,7 @@ WALL_SHARES = (1, 3)
 """Change of a law's stresses in percent by 1 % of a wall's thickness: stretched like a membrane, bent like a plate."""
 
 
-def exact_lengths(source: OutlineResiduals | HeightResiduals, fit: least_squares.LeastSquaresFit) -> str:
+def exact_lengths(source: residuals.OutlineResiduals | residuals.HeightResiduals, fit: least_squares.LeastSquaresFit) -> str:
     """Return a sentence on the lengths of a device that a fit has taken as exact, and by how much the shear modulus changes
     with each, see `shifted`; or ""."""
     model, choice = source.model, source.model.choice
@@ -386,12 +367,12 @@ def exact_lengths(source: OutlineResiduals | HeightResiduals, fit: least_squares
             f"stresses by {low} to {high} %, and no interval contains that; measure the walls of the cast part"
         )
     said, modulus = [], choice.material(fit.values).shear_modulus_0
-    for p in length_parameters(model):
+    for p in residuals.length_parameters(model):
         name = p.name if p.name in fit.values else f"{source.device}.{p.name}"
         if p.name in source.considered:
             continue
         value = fit.values[name]
-        off = LENGTH_ERROR * value
+        off = residuals.LENGTH_ERROR * value
         moved = comparison.shifted(fit, choice, {name: value + off})
         share = 100 * abs(choice.material(moved).shear_modulus_0 / modulus - 1) if moved else math.nan
         much = f" changes the shear modulus by {share:.2g} %, and" if math.isfinite(share) else " changes the law;"
@@ -471,10 +452,7 @@ def by_course(rows: Sequence[HeightRow]) -> WrongRows | None:
 
 
 def by_fit(
-    fit: least_squares.LeastSquaresFit,
-    names: Sequence[str],
-    rows: Sequence[HeightRow],
-    good: Callable[[Sequence[str]], bool],
+    fit: least_squares.LeastSquaresFit, names: Sequence[str], rows: Sequence[HeightRow], good: Callable[[Sequence[str]], bool]
 ) -> WrongRows | None:
     """Return the photographs without which the fit matches its errors, by excluding them in turn; ``good`` says whether a fit
     without photographs of these names is within chance.
@@ -563,7 +541,7 @@ MIN_MISFIT_ERRORS = 5.0
 
 
 def judge_outlines(
-    sources: Sequence[OutlineResiduals],
+    sources: Sequence[residuals.OutlineResiduals],
     fit: least_squares.LeastSquaresFit,
     rows: Sequence[Sequence[HeightRow]],
     good: Callable[[Sequence[str]], bool],
@@ -572,8 +550,8 @@ def judge_outlines(
     for a plausible device and bench; ``good`` is as of `by_fit`."""
     bad: list[int] = []
     warnings: list[str] = []
-    for k, (source, residuals) in enumerate(zip(sources, residuals_by_source(sources, fit.residuals), strict=True)):
-        bad_misfits = {name: pair for name, pair in misfits(source, residuals).items() if fits_badly(*pair)}
+    for k, (source, remaining) in enumerate(zip(sources, residuals.residuals_by_source(sources, fit.residuals), strict=True)):
+        bad_misfits = {name: pair for name, pair in residuals.misfits(source, remaining).items() if residuals.fits_badly(*pair)}
         bad += [k] if bad_misfits else []
         of = f" of {source.device}" if source.device else ""
         warnings += [
@@ -590,7 +568,7 @@ def judge_outlines(
     return least_squares.Judgement(objections, tuple(warnings), () if objections else tuple(corrections(fit)))
 
 
-def judge_heights(source: HeightResiduals, fit: least_squares.LeastSquaresFit) -> least_squares.Judgement:
+def judge_heights(source: residuals.HeightResiduals, fit: least_squares.LeastSquaresFit) -> least_squares.Judgement:
     """Check a fit to heights against law and mesh errors."""
     left = np.abs(fit.residuals[: fit.count]) / 1e3
     i = int(np.argmax(left / source.measured))
@@ -606,13 +584,15 @@ def judge_heights(source: HeightResiduals, fit: least_squares.LeastSquaresFit) -
     return least_squares.Judgement()
 
 
-def within_chance(sources: Sequence[OutlineResiduals], fit: least_squares.LeastSquaresFit) -> bool:
+def within_chance(sources: Sequence[residuals.OutlineResiduals], fit: least_squares.LeastSquaresFit) -> bool:
     """Return whether a fit matches every photograph and the readings within their errors, with a plausible bench."""
-    parts = zip(sources, residuals_by_source(sources, fit.residuals), strict=True)
-    return not any(fits_badly(*pair) for part in parts for pair in misfits(*part).values()) and not unbelievable(fit)
+    parts = zip(sources, residuals.residuals_by_source(sources, fit.residuals), strict=True)
+    return not any(
+        residuals.fits_badly(*pair) for part in parts for pair in residuals.misfits(*part).values()
+    ) and not unbelievable(fit)
 
 
-def _photographs(sources: Sequence[OutlineResiduals], k: int, fit: least_squares.LeastSquaresFit) -> list[str]:
+def _photographs(sources: Sequence[residuals.OutlineResiduals], k: int, fit: least_squares.LeastSquaresFit) -> list[str]:
     """Return the name of the photograph of each measured residual of the k-th source; that of a reading is its photograph's."""
     source, before = sources[k], sum(earlier.count for earlier in sources[:k])
     outlines = source.groups.tolist()[: source.count - len(source.read)]
@@ -620,7 +600,7 @@ def _photographs(sources: Sequence[OutlineResiduals], k: int, fit: least_squares
     return [*names, *[""] * (fit.count - len(names))]
 
 
-def _large_misfits(source: OutlineResiduals, fit: least_squares.LeastSquaresFit) -> list[str]:
+def _large_misfits(source: residuals.OutlineResiduals, fit: least_squares.LeastSquaresFit) -> list[str]:
     """Return the misfits beyond any law's and mesh's error."""
     matches = source.matches(fit.values)
     away = [float(np.sqrt(np.mean(match.distances**2))) for match in matches]
@@ -629,10 +609,9 @@ def _large_misfits(source: OutlineResiduals, fit: least_squares.LeastSquaresFit)
     if shapes:
         i = max(shapes, key=lambda k: away[k] / limits[k])
         return [
-            f"{len(shapes)} of {len(matches)} outlines do not have the shape of the case's "
-            f"device: {matches[i].shape.source} is {away[i] * 1e3:.3g} mm (root mean square) off the closest state, at a "
-            f"height of {matches[i].shape.height * 1e3:.4g} mm; are they of another device, or is the geometry of the case "
-            f"wrong?"
+            f"{len(shapes)} of {len(matches)} outlines do not have the shape of the case's device: {matches[i].shape.source} "
+            f"is {away[i] * 1e3:.3g} mm (root mean square) off the closest state, at a height of "
+            f"{matches[i].shape.height * 1e3:.4g} mm; are they of another device, or is the geometry of the case wrong?"
         ]
     off = [match.pressure - match.true_pressure for match in matches]
     share = [

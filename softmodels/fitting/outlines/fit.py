@@ -18,20 +18,7 @@ from softmodels.common.errors import known_are, spoken
 from softmodels.common.lazy import MPI
 from softmodels.common.names import checked, one_of, several, wrong
 from softmodels.common.processes import one_at_a_time
-from softmodels.fitting import problem
-from softmodels.fitting.comparison import (
-    DeviceMisfit,
-    Expected,
-    FitReport,
-    FittedLaw,
-    caution,
-    compare,
-    contradictions,
-    expected,
-    hold_against,
-    stretch_of,
-    with_rubber,
-)
+from softmodels.fitting import comparison, problem
 from softmodels.fitting.curves import residuals
 from softmodels.fitting.curves.curve import TensileCurve, TensileError
 from softmodels.fitting.curves.fit import Curves, loop_notes, loop_objections, prepared
@@ -68,8 +55,10 @@ class _Task:
     curves: tuple[TensileCurve, ...]
 
     @property
-    def known(self) -> Expected:
-        return expected(self.options.silicone, next((device.material for device in self.devices if device.material), None))
+    def known(self) -> comparison.Expected:
+        return comparison.expected(
+            self.options.silicone, next((device.material for device in self.devices if device.material), None)
+        )
 
     def notes(self, more: Sequence[str] = ()) -> list[str]:
         """Return the warnings, and the excluded photographs."""
@@ -79,18 +68,17 @@ class _Task:
             compared = f"the fit is compared with that of {self.devices[0].name}"
             more = [*more, f"the cases have {len(named)} materials; {compared}"]
         liquid = (
-            f"heights of a column are {units.column_unit()} ({units.DENSITY_NOTE}), also where photographs were "
-            "measured by them without "
-            "--water-density"
+            f"heights of a column are {units.column_unit()} ({units.DENSITY_NOTE}), also where photographs were measured by "
+            "them without --water-density"
         )
-        return [*filter(None, (caution(self.known), *more)), *left_out, liquid]
+        return [*filter(None, (comparison.caution(self.known), *more)), *left_out, liquid]
 
     def changes(self, choice: problem.LawChoice) -> problem.Changes:
         """Return the changes without those of other laws."""
         foreign = problem.all_parameters().keys() - set(choice.names)
         return {name: change for name, change in self.options.changes.items() if name not in foreign}
 
-    def with_outlines(self, outlines: Sequence[Sequence[Outline]], comm: MPI.Comm) -> FitReport:
+    def with_outlines(self, outlines: Sequence[Sequence[Outline]], comm: MPI.Comm) -> comparison.FitReport:
         notes, rows = self.notes(), tuple[tuple[checks.HeightRow, ...], ...]()
         notes += [
             f"{own_match.source} is used in spite of doubts: {'; '.join(own_match.reasons)}"
@@ -120,7 +108,7 @@ class _Task:
             extra = dataclasses.replace(extra, sources=sources)
             trial = try_outlines(devices, free, extra, self.changes(choice), self.options.loss, rows)
             trials[choice.name], rows = trial, trial.rows
-        notes += [pair.sentence for pair in contradictions(self.curves, self.options.gauge_error)]
+        notes += [pair.sentence for pair in comparison.contradictions(self.curves, self.options.gauge_error)]
         robust = ", outliers counted by their size" if self.options.robust else ""
         fitted = [p for p in next(iter(trials.values())).fit.free if not p.hidden]
         lengths = [p for p in fitted if is_length(p)]
@@ -153,12 +141,11 @@ class _Task:
         except TensileError:
             shown = ", ".join(f"{hold:g} s" for hold in sorted(set(holds))) or "none"
             raise OutlineFitError(
-                f"photographs show a memory only at two hold times or more, one at least "
-                f"{residuals.SEVERAL_HOLDS:g} times the other; "
-                f"here there are {shown} (columns hold and rise of the list of photographs)"
+                f"photographs show a memory only at two hold times or more, one at least {residuals.SEVERAL_HOLDS:g} times the "
+                f"other; here there are {shown} (columns hold and rise of the list of photographs)"
             ) from None
 
-    def with_heights(self, heights: Sequence[Height], comm: MPI.Comm) -> FitReport:
+    def with_heights(self, heights: Sequence[Height], comm: MPI.Comm) -> comparison.FitReport:
         trials: dict[str, LawTrial[HeightResiduals]] = {}
         for choice in self.choices:
             model = self.devices[0].model(choice, comm)
@@ -178,9 +165,9 @@ class _Task:
 
     def _report[Source: (OutlineResiduals, HeightResiduals)](
         self, trials: Mapping[str, LawTrial[Source]], notes: Sequence[str], how: str
-    ) -> FitReport:
-        comparison = compare([trial.fit for trial in trials.values()])
-        laws = [self._law(trials[ranked.fit.label], ranked.fit) for ranked in comparison.ranked]
+    ) -> comparison.FitReport:
+        compared = comparison.compare([trial.fit for trial in trials.values()])
+        laws = [self._law(trials[ranked.fit.label], ranked.fit) for ranked in compared.ranked]
         first: LawTrial[Source] = next(iter(trials.values()))
         devices, notes = [], [*notes]
         for source in first.sources:
@@ -190,12 +177,14 @@ class _Task:
             of_device = list(source.model.system.mesh_notes) + ([told] if told else [])
             notes += [f"{source.device}: {note}" if source.device else note for note in of_device]
             notes += [exact] if (exact := checks.exact_lengths(source, first.fit)) else []
-        report = FitReport(tuple(laws), comparison, self.curves, how, devices=tuple(devices))
+        report = comparison.FitReport(tuple(laws), compared, self.curves, how, devices=tuple(devices))
         curves = residuals.counted_from(self.curves, report.chosen.fit.values)
         notes += loop_notes(curves, report.chosen.material) if self.options.memory else []
         return dataclasses.replace(report, curves=tuple(curves), notes=tuple(map(spoken, notes)))
 
-    def _law[Source: (OutlineResiduals, HeightResiduals)](self, trial: LawTrial[Source], fit: LeastSquaresFit) -> FittedLaw:
+    def _law[Source: (OutlineResiduals, HeightResiduals)](
+        self, trial: LawTrial[Source], fit: LeastSquaresFit
+    ) -> comparison.FittedLaw:
         first = trial.sources[0].model
         choice: problem.LawChoice = first.choice
         stretch = max(_largest_stretch(source, fit) for source in trial.sources)
@@ -208,8 +197,12 @@ class _Task:
             material = residuals.remembering(material, first.spectrum, fit.values)
             of_loops = loop_objections(residuals.counted_from(self.curves, fit.values), material)
             judgement = dataclasses.replace(judgement, objections=judgement.objections + tuple(of_loops))
-        judgement = hold_against(material, stretch_of(strain), self.known, with_rubber(choice, fit, judgement))
-        law = FittedLaw(choice, fit, material, specimens.judge(material, strain), {}, judgement, self._misfits(trial, fit))
+        judgement = comparison.hold_against(
+            material, comparison.stretch_of(strain), self.known, comparison.with_rubber(choice, fit, judgement)
+        )
+        law = comparison.FittedLaw(
+            choice, fit, material, specimens.judge(material, strain), {}, judgement, self._misfits(trial, fit)
+        )
         wanted = [p.name for p in fit.free if p.name in first.common and self.options.profiles]
         if first.spectrum is not None:  # many states in time: only where the covariance's interval is not above 0
             wanted = [p.name for p in fit.free if p.name in first.spectrum.names and not fit.interval(p.name)[0] > 0.0]
@@ -219,7 +212,7 @@ class _Task:
 
     def _misfits[Source: (OutlineResiduals, HeightResiduals)](
         self, trial: LawTrial[Source], fit: LeastSquaresFit
-    ) -> tuple[DeviceMisfit, ...]:
+    ) -> tuple[comparison.DeviceMisfit, ...]:
         """Return the misfits; none for heights, whose errors follow from the misfit."""
         sources: list[OutlineResiduals] = []
         for source in trial.sources:
@@ -227,7 +220,7 @@ class _Task:
                 sources.append(source)
         parts = residuals_by_source(sources, fit.residuals)
         return tuple(
-            DeviceMisfit(source.device or self.devices[0].name, float((part**2).sum()), len(part))
+            comparison.DeviceMisfit(source.device or self.devices[0].name, float((part**2).sum()), len(part))
             for source, part in zip(sources, parts, strict=False)
         )
 
@@ -246,7 +239,7 @@ def fit(
     *,
     curves: Curves = (),
     comm: MPI.Comm | None = None,
-) -> FitReport:
+) -> comparison.FitReport:
     """Fit laws to outlines of one device or of several of one cast at all pressures, optionally with tensile curves.
 
     With ``options.memory`` the outlines carry times, and relaxing branches are fitted too; the law is then that of equilibrium.
@@ -361,7 +354,7 @@ def fit_heights(
     options: FitOptions = problem.DEFAULT_OPTIONS,
     *,
     comm: MPI.Comm | None = None,
-) -> FitReport:
+) -> comparison.FitReport:
     """Fit laws to the largest deflections of a device, as the thesis did; see `fit`, whose arguments it takes.
 
     Args:

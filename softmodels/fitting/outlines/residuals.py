@@ -172,13 +172,7 @@ class MatchedPhotograph:
     pressure."""
 
     def __init__(
-        self,
-        shape: Shape,
-        state: State,
-        curve: grid.QuadraticCurve,
-        pressure: float,
-        values: Mapping[str, float],
-        most: float,
+        self, shape: Shape, state: State, curve: grid.QuadraticCurve, pressure: float, values: Mapping[str, float], most: float
     ):
         self.shape, self.state, self.curve, self.pressure = shape, state, curve, pressure
         self.values, self.most = values, most
@@ -430,11 +424,7 @@ def _plain_at(model: DeviceModel, heights: Array) -> NeoHookeanDevice:
 
 
 def starts(
-    model: DeviceModel,
-    heights: Array,
-    pressures: Array,
-    errors: Array,
-    held: Mapping[str, float] = MappingProxyType({}),
+    model: DeviceModel, heights: Array, pressures: Array, errors: Array, held: Mapping[str, float] = MappingProxyType({})
 ) -> tuple[list[dict[str, float]], NeoHookeanDevice]:
     """Return the starting values of the law, best first, without the numbers that are held, and the path that they come from:
     heights in m, readings and their standard errors in Pa, or anything in proportion to these.
