@@ -124,8 +124,8 @@ def run(
     with contextlib.ExitStack() as stack:
         listener = _Each(progress) if callable(progress) else outcomes.Listener()
         if progress is True:
-            bar = outcomes.Progress(case.values[-1], case.load.told, labels.state_labels(case), not mpi.is_root(comm))
-            listener = stack.enter_context(bar)
+            words, goal = labels.state_labels(case), case.load.told(case.values[-1])
+            listener = stack.enter_context(outcomes.Progress(words, not mpi.is_root(comm), case.variable, goal))
         if output is None:
             return solve_in_memory(Simulation(case, comm, listener), branch)
         return solve_in_folder(recording.ResultsPlace(output, resume, inputs), case, comm, listener, branch)
@@ -137,7 +137,7 @@ class _Each(outcomes.Listener):
     def __init__(self, told: Callable[[dict[str, float]], object]):
         self.told = told
 
-    def step(self, row: table.Row, value: float) -> None:
+    def step(self, row: table.Row, share: float) -> None:
         self.told(row.written)
 
 

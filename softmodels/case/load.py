@@ -85,6 +85,11 @@ class Load:
         return self.asked.values if self.asked is not None and self.asked.quantity == quantity else ()
 
     @property
+    def doubts(self) -> list[str]:
+        """A sentence on each ambiguous text of requested values."""
+        return [driver.doubt for step in self.steps for driver in step.prescribed if driver.doubt]
+
+    @property
     def requested(self) -> Requested:
         if self.asked is None:
             return STEP if self.program else REQUESTED[STROKE]

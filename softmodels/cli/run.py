@@ -45,7 +45,8 @@ def run(
             here, as a command does by `asked_to_stop`.
     """
     comm = mpi.start(how.petsc)
-    progress = outcomes.Progress(case.values[-1], case.load.told, labels.state_labels(case), how.quiet or not mpi.is_root(comm))
+    quiet, goal = how.quiet or not mpi.is_root(comm), case.load.told(case.values[-1])
+    progress = outcomes.Progress(labels.state_labels(case), quiet, case.variable, goal)
     drawing = DrawingProcess(case, how) if how.draws and mpi.is_root(comm) else None
     reporter = Reporter(case, progress, drawing, comm.size, how)
 

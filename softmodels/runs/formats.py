@@ -305,7 +305,8 @@ def _grid(
 def write_light(heavy: Path, shapes: Shapes, stored: Sequence[StoredStep], gathered: bool) -> None:
     """Write ``path.csv``, the XDMF and the light VTKHDF of a run, each replaced whole; ``heavy`` has the grid, and if
     ``gathered`` all steps' fields."""
-    files.write_text(heavy.with_name("path.csv"), files.csv_text(stored[0].cells, (step.cells for step in stored)))
+    columns = stored[0].cells
+    files.write_text(heavy.with_name("path.csv"), files.csv_text(columns, (map(step.cells.get, columns) for step in stored)))
     light = xdmf(heavy.stem, heavy.name, shapes, stored)
     files.replace(heavy.with_suffix(".xdmf"), lambda path: path.write_bytes(light))
 

@@ -35,7 +35,7 @@ from softmodels.runs.outcomes import RunError
 def notes_of(case: Case, rows: table.PathTable, sources: columns.SourceTables = MappingProxyType({})) -> list[str]:
     """Return the warnings for a run's states, as sentences, from its table and those of every source of the silicone."""
     return [
-        *typed_notes(case),
+        *case.load.doubts,
         *vacuum_notes(case),
         *law_notes(case, rows),
         *stretch_notes(case, rows),
@@ -123,11 +123,6 @@ def fill_time(rows: table.PathTable) -> float | None:
         if low < (wanted := FILLED_SHARE * most) <= high:
             return float(before["time"] + (wanted - low) / (high - low) * (after["time"] - before["time"]))
     return None
-
-
-def typed_notes(case: Case) -> Iterator[str]:
-    """Yield a sentence on an ambiguous text of requested values, or none."""
-    yield from (driver.doubt for step in case.steps for driver in step.prescribed if driver.doubt)
 
 
 def vacuum_notes(case: Case) -> Iterator[str]:

@@ -7,7 +7,6 @@ import dataclasses
 import functools
 import hashlib
 import itertools
-import json
 import shutil
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -281,8 +280,6 @@ class Summary(TypedDict, total=False):
 
     status: int
     message: str
-    steps: int
-    last: object
     events: object
     stretch_at_break: float | None
     notes: list[str]
@@ -296,15 +293,14 @@ def gather(case: Case, results: store.Results, ended: outcomes.Ended) -> Summary
     results.finish()
     words = labels.state_labels(case)
     summary: Summary = {
-        "status": ended.status, "message": ended.message, "steps": len(results.stored), "last": results.rows[-1].cells,
-        "events": events(results.rows, words), "stretch_at_break": stretch_at_break(case.material),
+        "status": ended.status, "message": ended.message, "events": events(results.rows, words),
+        "stretch_at_break": stretch_at_break(case.material),
         "notes": [*results.mesh_notes, *notes.notes_of(case, results.rows, results.sources(case))],
         "stability": notes.stability_text(results.rows, case.actuator, words, results.branch_rows),
     }  # fmt: skip
     started = results.started
     made = commands.Provenance.now(None if started is None else monotonic() - started)
-    results.own.claim(["summary.json"], {"made": made.table()})
-    files.write_text(results.folder / "summary.json", json.dumps(summary, indent=2) + "\n")
+    results.write_summary(summary, made.table())
     return summary
 
 

@@ -156,7 +156,7 @@ class Simulation:
         for step in steps:
             yield step
             if mpi.is_root(self.comm):
-                self.listener.step(step.row, step.row[self.case.variable])
+                self.listener.step(step.row, step.row[self.case.variable] / self.case.values[-1])
             self._stop_if_asked()
 
     def _load_path(self, begun: RunStart) -> Iterator[formats.StateRecord]:

@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from softmodels.case import materials
 from softmodels.case.case import Case
-from softmodels.common import errors, folders
+from softmodels.common import errors, files, folders
 from softmodels.common.files import hdf5_reason, remove_steps, replace, replace_hdf5
 from softmodels.runs import columns, formats, table
 from softmodels.runs.columns import write_sources
@@ -235,6 +235,12 @@ class Results:
             name: values.reshape(-1, 3, 3) if values.shape[1:] == (formats.TENSOR_COMPONENTS,) else values
             for name, values in fields.items()
         }
+
+    def write_summary(self, summary: Mapping[str, object], made: Mapping[str, object]) -> None:
+        """Write what there is to say of a run, with its number of states and its last one; ``made`` is how it was made."""
+        self.own.claim(["summary.json"], {"made": made})
+        states = {"steps": len(self.stored), "last": self.stored[-1].cells}
+        files.write_text(self.folder / "summary.json", json.dumps({**summary, **states}, indent=2) + "\n")
 
     def finish(self) -> None:
         """Merge all steps into one HDF5 file, with every step readable at any moment; without room (`OSError`) all steps stay
