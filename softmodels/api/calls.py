@@ -257,7 +257,7 @@ def modes(
     if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= analyses.MAX_MODES:
         raise CaseError(f"count is {count!r}; it must be a whole number of modes from 1 to {analyses.MAX_MODES}")
     closed = names.flag("sealed", sealed)
-    if pressures is None or not any(prescribed(steps.PRESSURE, pressures, units.pascal_per_cm()).values):
+    if pressures is None or not any(prescribed(steps.PRESSURE, pressures, units.COLUMN.pascal).values):
         case: Case = AtRest("modes", device, material, **options)  # type: ignore[arg-type]
     else:
         case = case_of(device, material, pressures, **options)

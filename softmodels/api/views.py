@@ -75,7 +75,7 @@ def _figure(result: object) -> Drawing:
     if states.case.program:
         return curves.steps(states.rows, states.words)
     gauge, over = states.words.gauge, curves.over_of(states.case)
-    return curves.rise(states.rows, gauge, states.case.cm, states.branch, over, states.sources)
+    return curves.rise(states.rows, gauge, states.case.column, states.branch, over, states.sources)
 
 
 def _frame(states: StoredStates) -> Drawing:

@@ -357,9 +357,9 @@ class Case:
         return self.load.driven
 
     @property
-    def cm(self) -> float:
-        """Pa in one cm of the column."""
-        return units.pascal_per_cm(self.water_density)
+    def column(self) -> units.Column:
+        """The column of liquid in whose heights its pressures are shown."""
+        return units.Column(self.water_density)
 
     @property
     def timed(self) -> bool:
@@ -745,7 +745,7 @@ def _doubt_numbers(pressures: Values | None, case: Case) -> None:
     highest = max(typed, key=abs, default=LEAST_PRESSURE) if len(typed) == len(given) else LEAST_PRESSURE
     if abs(highest) < LEAST_PRESSURE:
         names.doubt(
-            f"the highest pressure is {highest:.4g} Pa, {highest / case.cm:.2g} {units.column_unit(case.cm)}; "
+            f"the highest pressure is {highest:.4g} Pa, {case.column.full(highest, '.2g')}; "
             "numbers are in Pa, so "
             f"write another unit as a text such as '{highest:g} kPa' or '{highest:g} cm'"
         )

@@ -146,7 +146,7 @@ class Load:
         """Return a value of the requested quantity, SI, in the unit of its key in case files, such as ``"177 cm"``."""
         if self.asked is None:
             return f"{value:{form}}"
-        amount = _amount(1.0, self.asked.quantity, self.case.cm)
+        amount = _amount(1.0, self.asked.quantity, self.case.column.pascal)
         as_typed = isinstance(value, units.Amount) and value.unit == amount.unit
         number = units.as_amount(value).number if as_typed else value / amount
         return f"{number:{form}} {amount.unit}"
@@ -169,8 +169,8 @@ class Load:
             )
         if (lowest := self.lowest()) <= -AMBIENT_PRESSURE:
             raise CaseError(
-                f"a pressure of {lowest / case.cm:g} cm ({lowest / 1e3:.4g} kPa) is below absolute vacuum, "
-                f"{-AMBIENT_PRESSURE / case.cm:.0f} cm ({-AMBIENT_PRESSURE / 1e3:.5g} kPa) at an ambient pressure of "
+                f"a pressure of {case.column.text(lowest, 'g')} ({lowest / 1e3:.4g} kPa) is below absolute vacuum, "
+                f"{case.column.text(-AMBIENT_PRESSURE, '.0f')} ({-AMBIENT_PRESSURE / 1e3:.5g} kPa) at an ambient pressure of "
                 f"{AMBIENT_PRESSURE / 1e3:.5g} kPa; "
                 "pumps reach about -90 kPa, ejectors -85 kPa"
             )
@@ -309,7 +309,7 @@ class Load:
     def check_size(self, shear_modulus: float, cavity: float) -> None:
         """Raise `CaseError` for values that suggest a wrong unit, given the material's shear modulus in Pa and the cavity's
         volume in m3."""
-        cm = self.case.cm
+        cm = self.case.column.pascal
         highest = max(map(abs, [*self.of(PRESSURE), *self._in_program(PRESSURE), self.preload]))
         if highest > STIFFNESS_RANGE * shear_modulus:
             usual_cm, usual_kPa = (f"{float(f'{shear_modulus / unit:.2g}'):g}" for unit in (cm, 1e3))
@@ -866,7 +866,7 @@ class Loaded(Protocol):
     @property
     def water_density(self) -> float: ...
     @property
-    def cm(self) -> float: ...
+    def column(self) -> units.Column: ...
 
 
 def settled(case: Loaded) -> Steps:
@@ -880,7 +880,7 @@ def settled(case: Loaded) -> Steps:
         dataclasses.replace(
             step,
             prescribed=tuple(
-                dataclasses.replace(p, values=tuple(as_written(v, p.quantity, case.cm) for v in p.values))
+                dataclasses.replace(p, values=tuple(as_written(v, p.quantity, case.column.pascal) for v in p.values))
                 for p in step.prescribed
             ),
         )

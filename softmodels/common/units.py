@@ -8,6 +8,7 @@ powers of any size. It gets only the unit, and that only where the unit is not a
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 import re
@@ -269,11 +270,33 @@ def pascal_per_cm(density: float = WATER_DENSITY) -> float:
     return 0.01 * density * STANDARD_GRAVITY
 
 
-def column_unit(pascal: float | None = None) -> str:
-    """Return the unit of the heights of a column, ``"cm, 0.97 g/ml"``: its liquid makes so many Pa of one cm, by default the
-    usual one's."""
-    density = (pascal_per_cm() if pascal is None else pascal) / pascal_per_cm(1e3)
-    return f"cm, {density:.4g} g/ml"
+@dataclasses.dataclass(frozen=True)
+class Column:
+    """The column of liquid, of a density in kg/m3, whose heights are pressures for people."""
+
+    density: float = WATER_DENSITY
+
+    @property
+    def pascal(self) -> float:
+        """Pa in one of its unit."""
+        return pascal_per_cm(self.density)
+
+    @property
+    def unit(self) -> str:
+        """The unit of its heights with its liquid: ``"cm, 0.97 g/ml"``."""
+        return f"cm, {self.density / 1e3:.4g} g/ml"
+
+    def text(self, pressure: float, form: str = ".4g") -> str:
+        """Return the height of a pressure in Pa, such as ``"20 cm"``."""
+        return f"{pressure / self.pascal:{form}} cm"
+
+    def full(self, pressure: float, form: str = ".4g") -> str:
+        """Return the same with the liquid, such as ``"20 cm, 0.97 g/ml"``."""
+        return f"{pressure / self.pascal:{form}} {self.unit}"
+
+
+COLUMN = Column()
+"""The usual one."""
 
 
 DENSITY_NOTE = "3 % less than water at 20 degC"

@@ -60,10 +60,10 @@ class Band:
         self,
         fields: Fields,
         errors: materials.MaterialErrors,
-        pascal_per_cm: float,
+        cm: float,
         kept: str = stability.Pressure.name,
     ):
-        self.fields, self.errors, self.cm, self.kept = fields, errors, pascal_per_cm, kept
+        self.fields, self.errors, self.cm, self.kept = fields, errors, cm, kept
         from softmodels.mechanics.sensitivity import Sensitivity
 
         self._sensitivity = Sensitivity(fields.solver)
@@ -194,7 +194,7 @@ def row_of(solved: Solved) -> table.Row:
     """Return the row of a state, on rank 0."""
     case = solved.case
     present = (variable for variable in every_variable() if variable.present is None or variable.present(case))
-    return table.Row.of(((variable, variable.value(solved)) for variable in present if variable.value), case.cm)
+    return table.Row.of(((variable, variable.value(solved)) for variable in present if variable.value), case.column.pascal)
 
 
 def every_variable() -> list[table.Variable]:

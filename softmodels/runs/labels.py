@@ -37,7 +37,7 @@ class StateLabels:
     along: tuple[str, str] = PRESSURE_AND_VOLUME
     loads: tuple[str, ...] = ()
     moved: tuple[str, ...] = ()
-    unit: str = units.column_unit()
+    unit: str = units.COLUMN.unit
 
     def loads_in(self, row: table.Row) -> list[str]:
         """Return the weights, forces and moments that a row has."""
@@ -107,7 +107,7 @@ def state_labels(case: Case) -> StateLabels:
         case.actuator.gauge, case.load.has_pressure, bool(case.actuator.ratios), case.load.driver,
         loads=tuple(load.variables[0] for load in loads),
         moved=tuple(load.variables[1] for load in loads),
-        unit=units.column_unit(case.cm),
+        unit=case.column.unit,
     )  # fmt: skip
     if case.driven is None:
         return words

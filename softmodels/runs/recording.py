@@ -170,7 +170,7 @@ def begin(case: Case, place: ResultsPlace) -> tuple[store.Results, bool]:
         if output is None and place.resume:
             output = _folder_to_resume(base, case, wanted)
         own = folders.take_default(base, store.RUN, wanted) if output is None else folders.OwnFolder(output, store.RUN)
-        results = store.Results(own.path, case.name, case.actuator.gauge, cm=case.cm)
+        results = store.Results(own.path, case.name, case.actuator.gauge, cm=case.column.pascal)
         results.own = own
         own.take()
         try:
@@ -192,7 +192,7 @@ def begin_together(case: Case, place: ResultsPlace, comm: MPI.Comm) -> tuple[sto
     """The same on all ranks, where rank 0 alone takes the folder and writes there."""
     begun = mpi.kept_on_root(comm, lambda: begin(case, place))
     home, at, resumed = comm.bcast(None if begun is None else (begun[0].own.path, begun[0].folder, begun[1]))
-    results = begun[0] if begun else store.Results(home, case.name, case.actuator.gauge, cm=case.cm)
+    results = begun[0] if begun else store.Results(home, case.name, case.actuator.gauge, cm=case.column.pascal)
     results.folder = at
     return results, resumed
 

@@ -121,7 +121,7 @@ class Simulation:
     def _make_band(self) -> columns.Band | None:
         case = self.case
         return (
-            columns.Band(self.fields, case.band, case.cm, case.quantity)
+            columns.Band(self.fields, case.band, case.column.pascal, case.quantity)
             if isinstance(case.band, materials.MaterialErrors)
             else None
         )
@@ -499,7 +499,7 @@ class Model(cards.ResultCard):
         if (pressures is None) == (volumes is None):
             raise CaseError("give the pressures or the added volumes that the path goes to, one of them")
         quantity, values = (steps.PRESSURE, pressures) if volumes is None else (steps.VOLUME, volumes)
-        asked = load.prescribed(quantity, values, self.case.cm)  # type: ignore[arg-type]
+        asked = load.prescribed(quantity, values, self.case.column.pascal)  # type: ignore[arg-type]
         if not any(asked.values):
             raise CaseError(f"the only {quantity} requested is 0; add a value above 0, or take the state at rest by solve()")
         return self.followed(
@@ -746,10 +746,11 @@ class Equilibrium(cards.ResultCard):
         """This state as pictures take it."""
         case, grid = self.model.case, self.model.fields.grid
         row = table.Row({
-            "pressure_Pa": self.pressure, "pressure_cm": self.pressure / case.cm, "added_volume_ml": self.volume * 1e6,
+            "pressure_Pa": self.pressure, "pressure_cm": self.pressure / case.column.pascal,
+            "added_volume_ml": self.volume * 1e6,
             **{f"{name}_mm": rise * 1e3 for name, rise in self.rises.items()}, "max_stretch": self.largest_stretch,
             "requested": 1, "limit": 0,
-        }, case.cm)  # fmt: skip
+        }, case.column.pascal)  # fmt: skip
         nodes = self.points, grid.cells, grid.cell_name
         return StoredStates(case, [row], nodes, lambda step, name: self.fields[name])
 

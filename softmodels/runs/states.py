@@ -184,14 +184,14 @@ class FolderStates(StoredStates):
         if not self.results.rows:
             raise ResultsError(f"the results in {folder} hold no step yet, so there is nothing to draw")
         case = case or Case.from_file(folder / "case.toml")
-        self.results.cm = case.cm
+        self.results.cm = case.column.pascal
         with formats.opened(self.results.heavy) as file:
             points, cells = (np.asarray(formats.read_values(file, f"mesh/{name}")) for name in ("points", "cells"))
             grid = points, cells, str(file["mesh"].attrs["cell_name"])
         read = functools.lru_cache(maxsize=24)(lambda step, field: self.fields(step, (field,))[field])
         super().__init__(case, self.results.rows, grid, read)
         self._mesh = (home or folder) / f"{case.name}.msh"
-        self.others = columns.read_sources(folder, case.cm) if isinstance(case.band, materials.SourceBand) else {}
+        self.others = columns.read_sources(folder, case.column.pascal) if isinstance(case.band, materials.SourceBand) else {}
         self.branch, self.mesh_notes = self.results.branch_rows, self.results.mesh_notes
         self.made = commands.Provenance.from_table(self.results.own.about.get("made"))
 

@@ -96,7 +96,7 @@ class Results:
         return columns.in_order(
             case,
             self.rows,
-            columns.read_sources(self.folder, case.cm) if isinstance(case.band, materials.SourceBand) else {},
+            columns.read_sources(self.folder, case.column.pascal) if isinstance(case.band, materials.SourceBand) else {},
         )
 
     @property

@@ -121,7 +121,7 @@ def test_two_short_numbers_are_told_of(text):
         (note,) = case.load.doubts
         assert words in note and f"{first}:{second} for both" in note
     both = Case.from_toml(CASE.format(membrane="6 mm", load=f'pressure_cm = "{first}:{second}"', more=""))
-    assert [value / both.cm for value in both.values] == pytest.approx([float(first), float(second)], rel=1e-12)
+    assert [value / both.column.pascal for value in both.values] == pytest.approx([float(first), float(second)], rel=1e-12)
 
 
 @pytest.mark.parametrize("load", ['"2, 8"', '"2:8"', '"0,40"', '"2,8,9"', '"2,800"', '"2.0,8.0"', "[2, 8]"])
