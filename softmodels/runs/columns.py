@@ -24,10 +24,10 @@ from softmodels.case.case import Case
 from softmodels.common import files, units
 from softmodels.common.arrays import Array
 from softmodels.materials import silicones
-from softmodels.mechanics import component, controls, newton
+from softmodels.mechanics import component, controls, mpi, newton
 from softmodels.path import schedule, stability, steps, supply
 from softmodels.path.supply import Reservoir
-from softmodels.runs import state_values, table
+from softmodels.runs import formats, state_values, table
 from softmodels.runs.fields import OUTPUTS, Fields, Figures, OutputField, device_columns, outputs, register_output
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -190,11 +190,21 @@ class Solved:
         return (self.gap is not None and self.gap.overlaps) or self.fields.walls.folded(self.nodal["displacement"])
 
 
-def row_of(solved: Solved) -> table.Row:
-    """Return the row of a state, on rank 0."""
-    case = solved.case
-    present = (variable for variable in every_variable() if variable.present is None or variable.present(case))
-    return table.Row.of(((variable, variable.value(solved)) for variable in present if variable.value), case.column.pascal)
+def record_of(
+    case: Case, fields: Fields, point: stability.Point, number: int, reached: float, band: Band | None
+) -> formats.StateRecord:
+    """Return what is stored of a point of the path; ``reached`` is the number of program steps taken. All ranks call it."""
+    figures, nodal = fields.figures(point.state), fields.nodal(point.state) or {}  # on rank 0 only
+    mode = None if point.mode is None else fields.shape(point.mode)
+    if mode is not None:
+        nodal["mode"] = mode / np.abs(mode).max()
+    solved = Solved(case, fields, point, figures, nodal, number, reached, band.cells(point) if band else {})
+
+    def row() -> table.Row:
+        present = (variable for variable in every_variable() if variable.present is None or variable.present(case))
+        return table.Row.of(((variable, variable.value(solved)) for variable in present if variable.value), case.column.pascal)
+
+    return formats.StateRecord(mpi.on_root(fields.system.comm, row), nodal, formats.restart_of(point))
 
 
 def every_variable() -> list[table.Variable]:

@@ -284,18 +284,7 @@ class Simulation:
 
     def step_of(self, point: stability.Point, number: int, reached: float = 0.0) -> formats.StateRecord:
         """Return a point of the path in SI units; ``reached`` is the number of program steps taken."""
-        case, fields = self.case, self.fields
-        figures = fields.figures(point.state)
-        nodal = fields.nodal(point.state)  # on rank 0 only
-        mode = None if point.mode is None else fields.shape(point.mode)
-        if nodal is not None and mode is not None:
-            nodal["mode"] = mode / np.abs(mode).max()
-        band = self._band.cells(point) if self._band else {}
-        row = mpi.on_root(
-            self.comm,
-            lambda: columns.row_of(columns.Solved(case, fields, point, figures, nodal or {}, number, reached, band)),
-        )
-        return formats.StateRecord(row, nodal or {}, formats.restart_of(point))
+        return columns.record_of(self.case, self.fields, point, number, reached, self._band)
 
 
 def _own_words() -> bool:

@@ -180,11 +180,11 @@ class FolderStates(StoredStates):
         self.folder, self.results = folder, store.Results(folder, name or (case.name if case else ""))
         if not self.results.heavy.exists():
             raise ResultsError(f"{folder} holds no {self.results.heavy.name}, so there is nothing to draw")
-        self.results.load()
-        if not self.results.rows:
-            raise ResultsError(f"the results in {folder} hold no step yet, so there is nothing to draw")
         case = case or Case.from_file(folder / "case.toml")
         self.results.cm = case.column.pascal
+        self.results.load()
+        if not self.results.stored:
+            raise ResultsError(f"the results in {folder} hold no step yet, so there is nothing to draw")
         with formats.opened(self.results.heavy) as file:
             points, cells = (np.asarray(formats.read_values(file, f"mesh/{name}")) for name in ("points", "cells"))
             grid = points, cells, str(file["mesh"].attrs["cell_name"])

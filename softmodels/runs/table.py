@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from softmodels.common import units
+from softmodels.common import files, units
 from softmodels.common.arrays import Array
 
 if TYPE_CHECKING:
@@ -153,6 +153,10 @@ class PathTable(Sequence[Row]):
     def columns(self) -> list[str]:
         """The columns of ``path.csv``."""
         return list(self._rows[0].cells) if self._rows else []
+
+    def csv(self) -> str:
+        """Return the file ``path.csv``."""
+        return files.csv_text(self.columns, (map(row.cells.get, self.columns) for row in self._rows))
 
     def get(self, name: str, default: float = 0.0) -> Array:
         """Return a variable over the states, or another number where a state has none of this name."""
