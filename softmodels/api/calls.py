@@ -24,7 +24,7 @@ from softmodels.mechanics import compiling, mpi
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.system import System
 from softmodels.path import steps
-from softmodels.runs import analyses, labels, notes, outcomes, recording, states, table
+from softmodels.runs import analyses, labels, notes, outcomes, recording, states
 from softmodels.runs.analyses import Limit, NaturalFrequencies
 from softmodels.runs.outcomes import RunError
 from softmodels.runs.simulation import AtRest, MemoryStates, Simulation, solve_sources, temporary_folder
@@ -122,23 +122,13 @@ def run(
         raise CaseError("resuming needs the run's folder; give it (folder=...), or leave out --resume")
     comm = mpi.start()
     with contextlib.ExitStack() as stack:
-        listener = _Each(progress) if callable(progress) else outcomes.Listener()
+        listener = outcomes.Listener(progress if callable(progress) else None)
         if progress is True:
             words, goal = labels.state_labels(case), case.load.told(case.values[-1])
             listener = stack.enter_context(outcomes.Progress(words, not mpi.is_root(comm), case.variable, goal))
         if output is None:
             return solve_in_memory(Simulation(case, comm, listener), branch)
         return solve_in_folder(recording.ResultsPlace(output, resume, inputs), case, comm, listener, branch)
-
-
-class _Each(outcomes.Listener):
-    """Passes each row to a function."""
-
-    def __init__(self, told: Callable[[dict[str, float]], object]):
-        self.told = told
-
-    def step(self, row: table.Row, share: float) -> None:
-        self.told(row.written)
 
 
 @checked

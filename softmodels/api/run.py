@@ -897,8 +897,8 @@ def _figure(simulation: Simulation, point: stability.Point, column: str) -> floa
 
 def _to_one(case: Case, quantity: str, wanted: float) -> Case:
     """Return a case that ends at one value."""
-    if case.driven is not None:
-        last = dataclasses.replace(case.driven, values=(wanted,))
+    if case.load.driven is not None:
+        last = dataclasses.replace(case.load.driven, values=(wanted,))
         steps = (*case.steps[:-1], dataclasses.replace(case.steps[-1], prescribed=(last,)))
     else:
         steps = one_step(quantity, [wanted])

@@ -92,7 +92,7 @@ class _Solved:
     def __init__(self, folder: str):
         self.source, comm = FolderStates(Path(folder)), mpi.start()
         case = self.source.case
-        if case.timed or case.program or case.driven is not None:
+        if case.timed or case.program or case.load.driven is not None:
             raise ValueError("states that depend on time or on a program of loads have no linear answer")
         self.pressures = self.source.rows["pressure"]
         self.simulation = Simulation(case, comm)

@@ -413,7 +413,7 @@ def steps_of(*, water_density: float | str = units.WATER_DENSITY, **load: object
         CaseError: Several quantities, or what belongs to another one.
         SeriesError, FieldError, StepError: Invalid values.
     """
-    cm = units.pascal_per_cm(schema.Quantity("kg/m^3").settled(DENSITY, water_density))
+    cm = units.Column(schema.Quantity("kg/m^3").settled(DENSITY, water_density)).pascal
     given = {key: value for key, value in load.items() if value is not None and not _empty(value)}
     in_time = {key: given.pop(key) for key in ("rate", "hold", "cycles") if key in given}
     own = [key for key in request_keys() if key in given]

@@ -265,11 +265,6 @@ def _unit(text: str) -> Any:
         return None
 
 
-def pascal_per_cm(density: float = WATER_DENSITY) -> float:
-    """Return the pressure in Pa of one centimetre of a column of liquid with this density in kg/m3."""
-    return 0.01 * density * STANDARD_GRAVITY
-
-
 @dataclasses.dataclass(frozen=True)
 class Column:
     """The column of liquid, of a density in kg/m3, whose heights are pressures for people."""
@@ -279,7 +274,7 @@ class Column:
     @property
     def pascal(self) -> float:
         """Pa in one of its unit."""
-        return pascal_per_cm(self.density)
+        return 0.01 * self.density * STANDARD_GRAVITY
 
     @property
     def unit(self) -> str:

@@ -98,7 +98,7 @@ def _pressure(words: labels.StateLabels) -> tuple[str, str]:
 
 def over_of(case: Case) -> tuple[str, str]:
     """Return the abscissa of a case's plots: the variable and its label; the pressure unless a dead load is requested."""
-    if case.driven is None:
+    if case.load.driven is None:
         return _pressure(labels.state_labels(case))
     load = case.load.driven_part
     column = next(name for name in (*load.named_columns, load.share_column) if table.parsed(name)[0] == case.variable)

@@ -350,10 +350,6 @@ def _eigenvalue(solved: Solved) -> float | None:
     return None if math.isnan(lowest) else units.Amount(1e6 * number, number, table.UNITS["Pa_per_mm2"].symbol)
 
 
-def _supplied(case: Case) -> bool:
-    return case.supply is not None
-
-
 def _at_rest(case: Case) -> bool:
     """Return whether the states are equilibria."""
     return not case.inertia
@@ -384,10 +380,6 @@ def _flow(solved: Solved) -> float:
     return supply.supplied(_source(solved), solved.figures.pressure)[0] / supply.ambient
 
 
-def _gas(case: Case) -> bool:
-    return case.supply is not None and case.supply.stores_energy
-
-
 _VARIABLES: tuple[table.Variable, ...] = (
     table.Variable("step", "", "step", "number of the state along the path, from rest", lambda s: s.number),
     table.Variable("pressure", "cm", "pressure",
@@ -404,13 +396,14 @@ _VARIABLES: tuple[table.Variable, ...] = (
            _in_time),
     table.Variable("gas", "ml", "gas", "amount of gas in tubes, fittings and cavity, as its volume at ambient pressure",
            _stroke, _in_time),
-    table.Variable("gas_energy", "mJ", "gas energy", "work stored in the gas of {supply}, tubes and cavity", _gas_energy, _gas),
+    table.Variable("gas_energy", "mJ", "gas energy", "work stored in the gas of {supply}, tubes and cavity", _gas_energy,
+           lambda case: case.supply is not None and case.supply.stores_energy),
     table.Variable("stroke_limit", "", "stroke limit",
            "1 where the stroke has a limit point: beyond it the device snaps through",
            lambda s: int(s.point.turn), _by_strokes),
     table.Variable("stable_under_supply", "", "stable under the {supply}",
            "1 if this state is stable with the gas of the supply, 0 if the device snaps through", _held,
-           lambda case: _supplied(case) and _at_rest(case)),
+           lambda case: case.supply is not None and _at_rest(case)),
     table.Variable("load_step", "", "load step", "number of the step in a program of several cavities",
            lambda s: s.load_step, lambda case: case.program),
     table.Variable("time", "s", "time", "since the load began", lambda s: steps.time_at(s.case.steps, s.load_step),

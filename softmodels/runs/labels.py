@@ -109,7 +109,7 @@ def state_labels(case: Case) -> StateLabels:
         moved=tuple(load.variables[1] for load in loads),
         unit=case.column.unit,
     )  # fmt: skip
-    if case.driven is None:
+    if case.load.driven is None:
         return words
     load = case.load.driven_part
     return dataclasses.replace(words, along=(load.variables[0], load.variables[1]))

@@ -796,7 +796,7 @@ def explain(case: Case, end: stability.PathEnd, fields: Fields, path: Continuati
     if end.limit is None:
         return f"{asked} was not reached: {end}. {where}{advice(case, row, petsc)}"
     at = fields.figures(end.limit.state)
-    if case.driven is not None:
+    if case.load.driven is not None:
         load = case.load.driven_part
         most = table.Row(at.device, case.column.pascal).told(load.variables[0], ".5g")
         return (

@@ -15,6 +15,8 @@ from softmodels.common.lazy import consoles, progress
 from softmodels.mechanics import body, compiling, mpi
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from IPython.display import DisplayHandle
 
     from softmodels.runs import labels, table
@@ -70,13 +72,18 @@ class Ended:
 
 
 class Listener:
-    """Receives the progress of a run, and does nothing with it; a program's log and a notebook are derived from it."""
+    """Receives the progress of a run; passes on each row to a function, if one is given, in the columns of ``path.csv``."""
+
+    def __init__(self, told: Callable[[dict[str, float]], object] | None = None):
+        self.told = told
 
     def say(self, text: str) -> None:
         """Report a sentence on the current step."""
 
     def step(self, row: table.Row, share: float) -> None:
         """Report a solved state: its row of the table, and its share of the last requested value."""
+        if self.told is not None:
+            self.told(row.written)
 
 
 class Progress(Listener):

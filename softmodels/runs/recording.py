@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from time import monotonic
-from typing import TypedDict
+from typing import Any
 
 import numpy as np
 
@@ -275,24 +275,13 @@ def mesh_is_known(results: store.Results, mesh: Path) -> bool:
 # Write a simulation into a results folder while it runs.
 
 
-class Summary(TypedDict, total=False):
-    """What ``summary.json`` holds; nothing where there is none."""
-
-    status: int
-    message: str
-    events: object
-    stretch_at_break: float | None
-    notes: list[str]
-    stability: str
-
-
-def gather(case: Case, results: store.Results, ended: outcomes.Ended) -> Summary:
+def gather(case: Case, results: store.Results, ended: outcomes.Ended) -> dict[str, Any]:
     """Bring all steps into one file, and write and return the summary; on rank 0. `OSError` if there is no room."""
     if ended.status in (commands.EXIT_DONE, commands.EXIT_NO_EQUILIBRIUM):
         results.later.clear()  # the path has ended before them
     results.finish()
     words = labels.state_labels(case)
-    summary: Summary = {
+    summary = {
         "status": ended.status, "message": ended.message, "events": events(results.rows, words),
         "stretch_at_break": stretch_at_break(case.material),
         "notes": [*results.mesh_notes, *notes.notes_of(case, results.rows, results.sources(case))],
@@ -313,7 +302,7 @@ class Observer:
     def begun(self, results: store.Results) -> None:
         """The folder holds the first state of this run."""
 
-    def closed(self, results: store.Results | None, ended: outcomes.Ended, summary: Summary) -> None:
+    def closed(self, results: store.Results | None, ended: outcomes.Ended, summary: Mapping[str, Any]) -> None:
         """The run has ended and its folder is complete, and still locked; None where no folder could be taken. The summary is
         empty where there are no states, or it could not be written."""
 
@@ -369,7 +358,7 @@ def solved_into(
 
 def _complete(case: Case, results: store.Results | None, ended: outcomes.Ended, observer: Observer) -> tuple[str, bool]:
     """Gather the states of a run that has ended, on rank 0; return why only that failed, else "", and whether it is loaded."""
-    failure, summary = "", Summary()
+    failure, summary = "", dict[str, Any]()
     if results is not None and results.stored and ended.status != commands.EXIT_BAD_INPUT:
         try:
             summary = gather(case, results, ended)

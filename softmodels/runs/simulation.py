@@ -521,7 +521,7 @@ class Model(cards.ResultCard):
         """The state in which the device hangs under its preload (``preload``, where it is known), from which the path to
         requested values starts; None without dead loads, `RunError` if there is none. ``report`` takes sentences on what is
         going on."""
-        preload, driven = self.preload(report) if preload is None else preload, self.case.driven
+        preload, driven = self.preload(report) if preload is None else preload, self.case.load.driven
         if preload is None:
             self.system.coupling = self.system.inflating(np.empty(0))
             return None
@@ -536,7 +536,7 @@ class Model(cards.ResultCard):
         if not dead.loads:
             return None
         changed = {driver.of for step in case.steps for driver in step.prescribed}
-        changed |= {case.load.driven_part.key} if case.driven else set()
+        changed |= {case.load.driven_part.key} if case.load.driven else set()
         kept = [0.0 if load.key in changed else amount for load, amount in zip(dead.loads, dead.amounts, strict=True)]
         ratios = np.array(case.actuator.ratios)
         magnitudes = np.concatenate([np.zeros(len(ratios)), np.array(kept) / dead.units])
@@ -557,13 +557,13 @@ class Model(cards.ResultCard):
     @property
     def driven_load(self) -> int:
         """Place among the dead loads of the one whose values are requested."""
-        assert self.case.driven is not None
+        assert self.case.load.driven is not None
         return self.system.dead.index(self.case.load.driven_part.key)
 
     def unit_of(self, quantity: str) -> float:
         """SI units in one dimensionless value of a quantity, by its name; of shares of the weight the weight; below 0 for
         pressures and volumes of a path to vacuum, see `System.direction`."""
-        system, driven = self.system, self.case.driven
+        system, driven = self.system, self.case.load.driven
         if quantity == stability.Pressure.name:
             return system.direction * system.stress_unit
         if driven is not None and quantity in (stability.DeadForce.name, stability.LoadDisplacement.name):

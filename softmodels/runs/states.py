@@ -176,12 +176,10 @@ class FolderStates(StoredStates):
                 f"{folder} is relative to the working directory, which no longer exists; change the working "
                 f"directory, or give an absolute path"
             ) from None
-        case = Case.from_file(folder / "case.toml") if name is None else None
-        self.folder, self.results = folder, store.Results(folder, name or (case.name if case else ""))
+        case = Case.from_file(folder / "case.toml")
+        self.folder, self.results = folder, store.Results(folder, name or case.name, cm=case.column.pascal)
         if not self.results.heavy.exists():
             raise ResultsError(f"{folder} holds no {self.results.heavy.name}, so there is nothing to draw")
-        case = case or Case.from_file(folder / "case.toml")
-        self.results.cm = case.column.pascal
         self.results.load()
         if not self.results.stored:
             raise ResultsError(f"the results in {folder} hold no step yet, so there is nothing to draw")

@@ -38,7 +38,7 @@ class Row(Mapping[str, float]):
 
     def __init__(self, cells: Mapping[str, Cell] | Iterable[tuple[str, Cell]], cm: float | None = None):
         self.cells: dict[str, Cell] = dict(cells)
-        self.cm = units.pascal_per_cm() if cm is None else cm
+        self.cm = units.COLUMN.pascal if cm is None else cm
         self._places, self._shown = _places(tuple(self.cells), self.cm)
 
     @classmethod
