@@ -149,9 +149,9 @@ def field_option(
     again = kind.several and not kind.unit  # several quantities stand between commas
     text += "  [may be repeated]" if again else ""
     text += "" if default is None else f"  [default: {_friendly(default, kind.unit)}]"
+    read = functools.partial(_choice_of_text, kind) if kind.several or isinstance(kind, schema.Choice) else None
     return click.option(
-        flag(name), name, type=_type(kind), metavar=metavar, default=None, help=text, multiple=again,
-        callback=functools.partial(_choice_of_text, kind),
+        flag(name), name, type=_type(kind), metavar=metavar, default=None, help=text, multiple=again, callback=read,
     )  # fmt: skip
 
 
@@ -201,7 +201,7 @@ def _choice_of_text(kind: schema.Kind, ctx: click.Context, param: click.Paramete
     """Turn the text of a choice back into the choice, which may be a number; several that are none into None."""
     if isinstance(kind, schema.Choice):
         return next((known for known in kind.choices if str(known) == value), value)
-    return (value or None) if kind.several else value
+    return value or None
 
 
 def _variant_help(device: type[Actuator]) -> str:

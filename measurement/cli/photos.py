@@ -69,7 +69,7 @@ def photos(listing: Path, setup_file: Path, output: Path | None, **given: Any) -
         cli.stop(str(error))
     if given["water_density"] is None and not given["quiet"] and any(photo.by_length for photo in listed):
         processes.say(
-            f"pressures are read in {units.column_unit()}, {units.DENSITY_NOTE}; --water-density sets another liquid's density",
+            f"pressures are read in {units.COLUMN.unit}, {units.DENSITY_NOTE}; --water-density sets another liquid's density",
             err=True,
         )
     # Of the photographs only the names: their contents are gigabytes. Whoever replaces one has another list to measure.

@@ -273,7 +273,7 @@ def _facts(outlines: Sequence[Outline]) -> list[pages.Fact]:
         return []
     highest = max(outlines, key=lambda outline: outline.height)
     height, error = highest.height * 1e3, highest.height_error * 1e3
-    column = f"{highest.pressure / units.pascal_per_cm():.4g} {units.column_unit()} ({highest.pressure / 1e3:.4g} kPa)"
+    column = f"{highest.pressure / units.COLUMN.pascal:.4g} {units.COLUMN.unit} ({highest.pressure / 1e3:.4g} kPa)"
     at = f"at {column}, {highest.source}"
     return [pages.Fact("Largest height", f"{height:.4f} ± {error:.4f} mm", at)]
 

@@ -24,7 +24,7 @@ from softmodels.mechanics import compiling, mpi
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.system import System
 from softmodels.path import steps
-from softmodels.runs import analyses, labels, notes, outcomes, recording, states, table
+from softmodels.runs import analyses, labels, notes, outcomes, recording, states
 from softmodels.runs.analyses import Limit, NaturalFrequencies
 from softmodels.runs.outcomes import RunError
 from softmodels.runs.simulation import AtRest, MemoryStates, Simulation, solve_sources, temporary_folder
@@ -122,23 +122,13 @@ def run(
         raise CaseError("resuming needs the run's folder; give it (folder=...), or leave out --resume")
     comm = mpi.start()
     with contextlib.ExitStack() as stack:
-        listener = _Each(progress) if callable(progress) else outcomes.Listener()
+        listener = outcomes.Listener(progress if callable(progress) else None)
         if progress is True:
-            bar = outcomes.Progress(case.values[-1], case.load.told, labels.state_labels(case), not mpi.is_root(comm))
-            listener = stack.enter_context(bar)
+            words, goal = labels.state_labels(case), case.load.told(case.values[-1])
+            listener = stack.enter_context(outcomes.Progress(words, not mpi.is_root(comm), case.variable, goal))
         if output is None:
             return solve_in_memory(Simulation(case, comm, listener), branch)
         return solve_in_folder(recording.ResultsPlace(output, resume, inputs), case, comm, listener, branch)
-
-
-class _Each(outcomes.Listener):
-    """Passes each row to a function."""
-
-    def __init__(self, told: Callable[[dict[str, float]], object]):
-        self.told = told
-
-    def step(self, row: table.Row, value: float) -> None:
-        self.told(row.written)
 
 
 @checked
@@ -257,7 +247,7 @@ def modes(
     if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= analyses.MAX_MODES:
         raise CaseError(f"count is {count!r}; it must be a whole number of modes from 1 to {analyses.MAX_MODES}")
     closed = names.flag("sealed", sealed)
-    if pressures is None or not any(prescribed(steps.PRESSURE, pressures, units.pascal_per_cm()).values):
+    if pressures is None or not any(prescribed(steps.PRESSURE, pressures, units.COLUMN.pascal).values):
         case: Case = AtRest("modes", device, material, **options)  # type: ignore[arg-type]
     else:
         case = case_of(device, material, pressures, **options)

@@ -251,15 +251,15 @@ class Run(cards.ResultCard):
             raise CaseError("states of a program are requested by step number, such as run.at(2)")
         if own not in VARIABLES:
             raise CaseError(f"the states of a run to {self.case.load.requested.words} are requested by a number in SI units")
-        quantity, wanted = case.one_value(value, self.case.cm)
+        quantity, wanted = case.one_value(value, self.case.column.pascal)
         return ("stroke" if quantity == "volume" and own == "stroke" else quantity), wanted
 
     def _not_there(self, value: str | float, quantity: str, there: Array) -> str:
         if quantity == self.case.quantity:
             low, high = self.case.load.told(there.min()), self.case.load.told(there.max())
         else:
-            scale, unit = (self.case.cm, "cm") if quantity == "pressure" else (1e-6, "ml")
-            low, high = (f"{end / scale:.4g} {unit}" for end in (there.min(), there.max()))
+            told = self.case.column.text if quantity == "pressure" else lambda end: f"{end * 1e6:.4g} ml"
+            low, high = told(there.min()), told(there.max())
         why = f"; {self.limit.why}" if self.limit is not None else ""
         return f"the run has no state at {value}: its {quantity}s go from {low} to {high}{why}"
 
@@ -414,7 +414,7 @@ class Run(cards.ResultCard):
             figure = (
                 curves.steps(self.table, words)
                 if self.case.program
-                else curves.rise(self.table, words, self.case.cm, None, curves.over_of(self.case), self._source.sources)
+                else curves.rise(self.table, words, self.case.column, None, curves.over_of(self.case), self._source.sources)
             )
 
         def png() -> bytes:
@@ -895,8 +895,8 @@ def _figure(simulation: Simulation, point: stability.Point, column: str) -> floa
 
 def _to_one(case: Case, quantity: str, wanted: float) -> Case:
     """Return a case that ends at one value."""
-    if case.driven is not None:
-        last = dataclasses.replace(case.driven, values=(wanted,))
+    if case.load.driven is not None:
+        last = dataclasses.replace(case.load.driven, values=(wanted,))
         steps = (*case.steps[:-1], dataclasses.replace(case.steps[-1], prescribed=(last,)))
     else:
         steps = one_step(quantity, [wanted])

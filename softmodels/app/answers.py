@@ -66,7 +66,7 @@ def limit(case: str) -> str:
     limit = calls.limit(
         asked.actuator, asked.material, formulation=asked.formulation, components=asked.components, solver=asked.solver
     )
-    pressure = f"{limit.pressure / asked.cm:.4g} cm ({limit.pressure / 1e3:.4g} kPa)"
+    pressure = f"{asked.column.text(limit.pressure)} ({limit.pressure / 1e3:.4g} kPa)"
     if not limit.exists:
         return f"no limit point up to {pressure}, where the largest stretch is {limit.stretch:.3g}"
     what = "limit point" if limit.kind == "limit" else "bifurcation"
@@ -92,7 +92,7 @@ class _Solved:
     def __init__(self, folder: str):
         self.source, comm = FolderStates(Path(folder)), mpi.start()
         case = self.source.case
-        if case.timed or case.program or case.driven is not None:
+        if case.timed or case.program or case.load.driven is not None:
             raise ValueError("states that depend on time or on a program of loads have no linear answer")
         self.pressures = self.source.rows["pressure"]
         self.simulation = Simulation(case, comm)

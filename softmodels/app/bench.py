@@ -259,7 +259,7 @@ class Photographs:
         read."""
         for photo in photo_list.read_photos(listing, self.column):
             row = dict(photo.row)
-            row.setdefault("pressure", f"{photo.pressure / self.project.case.cm:.7g} cm")
+            row.setdefault("pressure", f"{self.project.case.column.text(photo.pressure, '.7g')}")
             self.rows[photo.file.name] = {name: row.get(name, "") for name in COLUMNS}
         named = [name for name in self.rows if name in self.listed]
         self.listed = {name: self.listed[name] for name in (*named, *self.listed)}

@@ -58,7 +58,7 @@ class DevicePage(forms.TabPage):
                 self.slider.on("change", lambda _: self._solve_between())
                 self.about = forms.tagged(ui.label(), "linear", "text-sm", "")
                 self.numbers = ui.grid(columns="auto auto").classes("gap-x-6 gap-y-0")
-                self.chart = ui.echart(_chart([], "", units.column_unit(bench.project.case.cm))).classes("w-full h-64")
+                self.chart = ui.echart(_chart([], "", bench.project.case.column.unit)).classes("w-full h-64")
                 self.limit = forms.tagged(ui.label(), "limit", "", "")
                 self.spread = forms.tagged(ui.label(), "spread", "text-sm", "")
                 self.notes = ui.column().classes("gap-1")
@@ -94,9 +94,9 @@ class DevicePage(forms.TabPage):
             )
         )
         values = case.load.of(steps.PRESSURE)
-        text = f"{values[0] / case.cm:g}:{values[-1] / case.cm:g} cm" if values else ""
+        text = f"{values[0] / case.column.pascal:g}:{case.column.text(values[-1], 'g')}" if values else ""
         box = forms.tagged(ui.input("Pressures", value=text), "pressures")
-        box.tooltip(f"such as 0:60 cm ({units.column_unit(case.cm)}), or 0:6 kPa")
+        box.tooltip(f"such as 0:60 cm ({case.column.unit}), or 0:6 kPa")
         box.on("change", lambda _: self._take_pressures(str(box.value)))
         liquid = forms.tagged(ui.input("Liquid of the column", value=units.exact_text(case.water_density, "kg/m^3")), "liquid")
         liquid.tooltip(f"Its density: centimetres here and on the photographs are of it. 970 kg/m^3 is {units.DENSITY_NOTE}")
@@ -216,7 +216,8 @@ class DevicePage(forms.TabPage):
         """Ask for the state of the stored run at a pressure in cm, with its derivatives, and show it."""
         folder = str(self.project / OUTPUT)
         try:
-            self.linear = await self.bench.slower.ask("linear", folder, pressure * self.project.case.cm, kind="linear")
+            wanted = pressure * self.project.case.column.pascal
+            self.linear = await self.bench.slower.ask("linear", folder, wanted, kind="linear")
         except jobs.SupersededError:
             return
         except jobs.AnswerError as error:
@@ -226,7 +227,7 @@ class DevicePage(forms.TabPage):
 
     def _show_linear(self, device: Actuator) -> None:
         """Show the first-order answer of a solid with other lengths at the slider's pressure."""
-        linear, cm = self.linear, self.project.case.cm
+        linear, cm = self.linear, self.project.case.column.pascal
         if linear is None:
             return
         base, wanted = Case.from_toml(linear.case).actuator, float(self.slider.value or 0.0) * cm
@@ -253,7 +254,7 @@ class DevicePage(forms.TabPage):
         if job is None or not job.active or is_section(self.project.case.actuator):
             return
         try:
-            self._plot(path_rows(self.project / OUTPUT, self.project.case.cm))
+            self._plot(path_rows(self.project / OUTPUT, self.project.case.column.pascal))
         except (OSError, ValueError, KeyError, TypeError):  # not there yet, or a row half written
             return
 
@@ -262,7 +263,7 @@ class DevicePage(forms.TabPage):
         if gauge not in rows:
             return
         points = [(row.shown("pressure"), row.shown(gauge)) for row in rows]
-        self.chart.options.update(_chart(points, gauge, units.column_unit(self.project.case.cm)))
+        self.chart.options.update(_chart(points, gauge, self.project.case.column.unit))
         self.chart.update()
 
     def _report(self, answer: replies.PathAnswer) -> None:
@@ -316,7 +317,7 @@ class DevicePage(forms.TabPage):
         bands = {name: f" ± {row.shown(table.band_of(name)):.2g}" for name in row if table.band_of(name) in row}
         probes = [(name, f"{row.shown(name):.4g}{bands.get(name, '')} mm")
                   for name in row if name in self.project.case.actuator.probes]  # fmt: skip
-        unit = units.column_unit(self.project.case.cm)
+        unit = self.project.case.column.unit
         figures = [
             ("pressure", f"{row.shown('pressure'):.4g} {unit} ({row['pressure'] / 1e3:.4g} kPa)"),
             *((f"rise of the {name}", text) for name, text in probes),
@@ -377,7 +378,7 @@ def stored_run(project: bench.Project) -> tuple[Case | None, table.PathTable]:
     case, folder = project.case, project / OUTPUT
     try:
         stored = Case.from_file(folder / bench.CASE)
-        rows = path_rows(folder, stored.cm)
+        rows = path_rows(folder, stored.column.pascal)
         same = {name: actuator.parameter(case.actuator, name) for name in stored.actuator.movable}
         like = dataclasses.replace(
             stored, name=case.name, actuator=actuator.changed(stored.actuator, same), steps=case.steps, band=case.band

@@ -281,7 +281,7 @@ def python_lines(case: Case, file: str) -> str:
     """Return the Python lines that inflate a case's device as the page does; a case of more than a named silicone and pressures
     by its file."""
     device, silicone = case.actuator, silicones.named(case.material)
-    pressures = [value / case.cm for value in case.load.of(steps.PRESSURE)]
+    pressures = [value / case.column.pascal for value in case.load.of(steps.PRESSURE)]
     if silicone is None or not pressures or Case(case.name, device, case.material, case.steps) != case:
         return f"import softmodels as sm\n\nrun = sm.run({file!r})\nrun.pressure, run.rise, run.limit"
     changed = ", ".join(f"{name}={value!r}" for name, value in changed_fields(device).items())

@@ -238,7 +238,7 @@ class DesignPage(forms.TabPage):
         self.objective = forms.tagged(ui.select(list(OBJECTIVES), value="most rise", label="objective"), "objective")
         probes = list(device.probes)
         self.probe = forms.tagged(ui.select(probes, value=probes[0], label="of"), "probe")
-        highest = max(self.project.case.load.of(steps.PRESSURE), default=0.0) / self.project.case.cm
+        highest = max(self.project.case.load.of(steps.PRESSURE), default=0.0) / self.project.case.column.pascal
         self.at = forms.tagged(ui.input("at", value=f"{highest:g} cm"), "design-pressure")
         ui.label("Limits that it keeps").classes("font-bold")
         defaults = {"limit_margin": "1.25", "clearances": "0.8 mm"}

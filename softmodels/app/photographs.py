@@ -122,7 +122,7 @@ class PhotographsPage(forms.TabPage):
         if self.lens.options != lenses:
             self.lens.set_options(lenses, value=self.photos.lens if self.photos.lens in lenses else "none")
         count = len(self.project.files(BOARDS, photo_list.PICTURES))
-        unit = units.column_unit(self.project.case.cm)
+        unit = self.project.case.column.unit
         self.liquid.set_text(f"Pressures in {unit} (the liquid is set beside the device's pressures), or in kPa")
         self.boards.set_text(f"{count} photographs of the board" if count else "")
         shown = {shadow.file.name: shadow for shadow in self.photos.shadows}
@@ -464,6 +464,6 @@ class OverlayPage(forms.TabPage):
         self.image.set_visibility(True)
         self.image.set_content(f'<polyline class="simulated" points="{points_text(overlay.curve, scale)}"/>')
         self.about.set_text(
-            f"{pressure / case.cm:.4g} cm; measured and simulated heights differ by {overlay.difference * 1e6:.3g} um (rms)"
+            f"{case.column.text(pressure)}; measured and simulated heights differ by {overlay.difference * 1e6:.3g} um (rms)"
         )
         return ""

@@ -59,17 +59,7 @@ from softmodels.mechanics.component import Component
 from softmodels.mechanics.regions import RATIO_PREFIX, RegionPart, number_of, variable_numbers, with_number
 from softmodels.mechanics.solver import METHODS
 from softmodels.mechanics.system import FORMULATIONS
-from softmodels.path.steps import (
-    MIN_STRESS_TOLERANCE,
-    PRESSURE,
-    STRESS_TOLERANCE,
-    STROKE,
-    VOLUME,
-    Prescribed,
-    Step,
-    Steps,
-    timed,
-)
+from softmodels.path.steps import MIN_STRESS_TOLERANCE, PRESSURE, STRESS_TOLERANCE, STROKE, VOLUME, Step, Steps, timed
 from softmodels.path.supply import AirSupply
 
 __all__ = ["CONTROLS", "FORMULATIONS", "STIFFNESS_RANGE", "Case", "CaseError", "entries"]
@@ -352,14 +342,9 @@ class Case:
         return self.load.program
 
     @property
-    def driven(self) -> Prescribed | None:
-        """Requested values of a dead load; None where something else is requested."""
-        return self.load.driven
-
-    @property
-    def cm(self) -> float:
-        """Pa in one cm of the column."""
-        return units.pascal_per_cm(self.water_density)
+    def column(self) -> units.Column:
+        """The column of liquid in whose heights its pressures are shown."""
+        return units.Column(self.water_density)
 
     @property
     def timed(self) -> bool:
@@ -615,9 +600,9 @@ def identity(case: Case) -> dict[str, str]:
     """Return all input that a case's results depend on: texts by dotted names, such as ``"material.c1"``; `CaseError` for a
     file that cannot be read."""
     texts = {name: text for name, text in _texts("", case) if name not in ALIKE}
-    if case.driven is not None:
+    if case.load.driven is not None:
         texts |= {
-            "load": f"{case.driven.quantity} of {case.load.driven_part.where}",
+            "load": f"{case.load.driven.quantity} of {case.load.driven_part.where}",
             "load.preload": f"{case.load.preload!r} Pa",
         }
     for name, path in case.actuator.files.items():
@@ -714,7 +699,7 @@ def case_of(
     chosen = {key: value for key, value in options.items() if value is not None}
     try:
         density = schema.Quantity("kg/m^3").settled("water_density", options.get("water_density", units.WATER_DENSITY))
-        cm = units.pascal_per_cm(density)
+        cm = units.Column(density).pascal
         made = [prescribed(quantity, values, cm, times is not None) for quantity, values in asked.items() if values is not None]
         steps = tuple(Step((driver,)) for driver in made)
         if times is not None:
@@ -745,7 +730,7 @@ def _doubt_numbers(pressures: Values | None, case: Case) -> None:
     highest = max(typed, key=abs, default=LEAST_PRESSURE) if len(typed) == len(given) else LEAST_PRESSURE
     if abs(highest) < LEAST_PRESSURE:
         names.doubt(
-            f"the highest pressure is {highest:.4g} Pa, {highest / case.cm:.2g} {units.column_unit(case.cm)}; "
+            f"the highest pressure is {highest:.4g} Pa, {case.column.full(highest, '.2g')}; "
             "numbers are in Pa, so "
             f"write another unit as a text such as '{highest:g} kPa' or '{highest:g} cm'"
         )

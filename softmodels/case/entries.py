@@ -510,7 +510,7 @@ def _unit_at_the_end(separator: str, parts: list[object]) -> str:
 def _too_much(values: Sequence[str], unit: str) -> str:
     """Return the end of a sentence on pressures too high for silicone; else empty."""
     try:
-        highest = max(map(units.number, values)) * (units.pascal_per_cm() if unit == "cm" else factor_of(unit, "Pa") or 0.0)
+        highest = max(map(units.number, values)) * (units.COLUMN.pascal if unit == "cm" else factor_of(unit, "Pa") or 0.0)
     except units.UnitError:
         return ""
     if highest <= MAX_PRESSURE:

@@ -85,6 +85,11 @@ class Load:
         return self.asked.values if self.asked is not None and self.asked.quantity == quantity else ()
 
     @property
+    def doubts(self) -> list[str]:
+        """A sentence on each ambiguous text of requested values."""
+        return [driver.doubt for step in self.steps for driver in step.prescribed if driver.doubt]
+
+    @property
     def requested(self) -> Requested:
         if self.asked is None:
             return STEP if self.program else REQUESTED[STROKE]
@@ -141,7 +146,7 @@ class Load:
         """Return a value of the requested quantity, SI, in the unit of its key in case files, such as ``"177 cm"``."""
         if self.asked is None:
             return f"{value:{form}}"
-        amount = _amount(1.0, self.asked.quantity, self.case.cm)
+        amount = _amount(1.0, self.asked.quantity, self.case.column.pascal)
         as_typed = isinstance(value, units.Amount) and value.unit == amount.unit
         number = units.as_amount(value).number if as_typed else value / amount
         return f"{number:{form}} {amount.unit}"
@@ -164,8 +169,8 @@ class Load:
             )
         if (lowest := self.lowest()) <= -AMBIENT_PRESSURE:
             raise CaseError(
-                f"a pressure of {lowest / case.cm:g} cm ({lowest / 1e3:.4g} kPa) is below absolute vacuum, "
-                f"{-AMBIENT_PRESSURE / case.cm:.0f} cm ({-AMBIENT_PRESSURE / 1e3:.5g} kPa) at an ambient pressure of "
+                f"a pressure of {case.column.text(lowest, 'g')} ({lowest / 1e3:.4g} kPa) is below absolute vacuum, "
+                f"{case.column.text(-AMBIENT_PRESSURE, '.0f')} ({-AMBIENT_PRESSURE / 1e3:.5g} kPa) at an ambient pressure of "
                 f"{AMBIENT_PRESSURE / 1e3:.5g} kPa; "
                 "pumps reach about -90 kPa, ejectors -85 kPa"
             )
@@ -304,7 +309,7 @@ class Load:
     def check_size(self, shear_modulus: float, cavity: float) -> None:
         """Raise `CaseError` for values that suggest a wrong unit, given the material's shear modulus in Pa and the cavity's
         volume in m3."""
-        cm = self.case.cm
+        cm = self.case.column.pascal
         highest = max(map(abs, [*self.of(PRESSURE), *self._in_program(PRESSURE), self.preload]))
         if highest > STIFFNESS_RANGE * shear_modulus:
             usual_cm, usual_kPa = (f"{float(f'{shear_modulus / unit:.2g}'):g}" for unit in (cm, 1e3))
@@ -408,7 +413,7 @@ def steps_of(*, water_density: float | str = units.WATER_DENSITY, **load: object
         CaseError: Several quantities, or what belongs to another one.
         SeriesError, FieldError, StepError: Invalid values.
     """
-    cm = units.pascal_per_cm(schema.Quantity("kg/m^3").settled(DENSITY, water_density))
+    cm = units.Column(schema.Quantity("kg/m^3").settled(DENSITY, water_density)).pascal
     given = {key: value for key, value in load.items() if value is not None and not _empty(value)}
     in_time = {key: given.pop(key) for key in ("rate", "hold", "cycles") if key in given}
     own = [key for key in request_keys() if key in given]
@@ -861,7 +866,7 @@ class Loaded(Protocol):
     @property
     def water_density(self) -> float: ...
     @property
-    def cm(self) -> float: ...
+    def column(self) -> units.Column: ...
 
 
 def settled(case: Loaded) -> Steps:
@@ -875,7 +880,7 @@ def settled(case: Loaded) -> Steps:
         dataclasses.replace(
             step,
             prescribed=tuple(
-                dataclasses.replace(p, values=tuple(as_written(v, p.quantity, case.cm) for v in p.values))
+                dataclasses.replace(p, values=tuple(as_written(v, p.quantity, case.column.pascal) for v in p.values))
                 for p in step.prescribed
             ),
         )

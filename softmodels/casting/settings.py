@@ -343,7 +343,7 @@ def _read(file: Path, changes: Iterable[str]) -> tuple[Case, dict[str, object]]:
     geometry = tables.get("geometry")
     device = geometry.get("device") if isinstance(geometry, dict) else None
     solid = isinstance(device, str) and device in registry.ACTUATORS and registry.ACTUATORS[device].ratios == ()
-    load = {"gravity": {"direction": "-z"}, "load": {"share": [1.0]}} if solid else {"load": {"pressure_cm": [1.0]}}
+    load = {"gravity": {"direction": "-z"}, "load": {"share": [1.0]}} if solid else {"load": {"pressure": "100 Pa"}}
     try:
         return Case.from_toml(tomli_w.dumps({**({} if "load" in tables else load), **tables}), file.parent), table
     except CaseError as error:

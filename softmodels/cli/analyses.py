@@ -49,9 +49,9 @@ type Sampled = tuple[Mapping[str, float], Limit]
 
 @dataclasses.dataclass(frozen=True)
 class LimitColumn:
-    """Unit of the pressures: Pa in one cm of the column, and the working pressure in cm, if given."""
+    """Unit of the pressures: the column of liquid, and the working pressure as a height of it, if given."""
 
-    cm: float
+    scale: units.Column
     working: float | None
 
 
@@ -75,12 +75,12 @@ class Scatter:
 def row_of(name: str, limit: Limit, column: LimitColumn) -> Row:
     """Return the table row of a material's limit."""
     row: Row = {
-        "material": name, "kind": limit.kind, "limit_cm": limit.pressure / column.cm, "limit_Pa": limit.pressure,
+        "material": name, "kind": limit.kind, "limit_cm": limit.pressure / column.scale.pascal, "limit_Pa": limit.pressure,
         "added_volume_ml": limit.added_volume * 1e6, **{f"{k}_mm": v * 1e3 for k, v in limit.rises.items()},
         "max_stretch": limit.stretch, **{f"{axis}_mm": x * 1e3 for axis, x in zip("xyz", limit.place, strict=True)},
     }  # fmt: skip
     row |= {"hold_s": limit.held} if limit.held else {}
-    return row if column.working is None else {**row, "margin": abs(limit.pressure) / column.cm / column.working}
+    return row if column.working is None else {**row, "margin": abs(limit.pressure) / column.scale.pascal / column.working}
 
 
 def sentence(name: str, limit: Limit, column: LimitColumn) -> str:
@@ -89,7 +89,7 @@ def sentence(name: str, limit: Limit, column: LimitColumn) -> str:
     place = f"largest stretch {limit.stretch:.3g}, {radius:.3g} mm from the axis at height {height:.3g} mm"
     rises = ", ".join(f"{name} {rise * 1e3:+.4g} mm" for name, rise in limit.rises.items())
     state = f"{rises}, {limit.added_volume * 1e6:+.4g} ml; {place}"
-    at = f"{limit.pressure / column.cm:.4g} {units.column_unit(column.cm)} ({limit.pressure / 1e3:.4g} kPa)"
+    at = f"{column.scale.full(limit.pressure)} ({limit.pressure / 1e3:.4g} kPa)"
     what = {
         "limit": f"limit pressure {at}: {state}",
         "bifurcation": f"bifurcation at {at}: {state}",
@@ -102,7 +102,7 @@ def sentence(name: str, limit: Limit, column: LimitColumn) -> str:
         what = f"{at} is held for {limit.held:g} s, and then: {state}"
     text = f"{name}: {what}"
     if column.working is not None:
-        margin = abs(limit.pressure) / column.cm / column.working
+        margin = abs(limit.pressure) / column.scale.pascal / column.working
         text += f"; {margin:.2f} times the working pressure, {'above' if margin > 1 else 'BELOW'} it"
     return text
 
@@ -113,9 +113,9 @@ def scatter_text(scatter: Scatter, column: LimitColumn) -> str:
     count = len(scatter.sampled)
     if not counted:
         return f"none of the {count} devices within the tolerances has a limit"
-    pressures = np.array([limit.pressure / column.cm for _, limit in counted])
+    pressures = np.array([limit.pressure / column.scale.pascal for _, limit in counted])
     quantiles = np.percentile(pressures, PERCENTILES)
-    text = f"{count} devices within the tolerances: {what} ({units.column_unit(column.cm)}) " + ", ".join(
+    text = f"{count} devices within the tolerances: {what} ({column.scale.unit}) " + ", ".join(
         f"{q:.4g} cm ({p} %)" for p, q in zip(PERCENTILES, quantiles, strict=True)
     )
     text += f"; lowest {pressures.min():.4g} cm, highest {pressures.max():.4g} cm"
@@ -150,19 +150,19 @@ def write(folder: Path, limits: Mapping[str, Limit], scatter: Scatter, column: L
     """Write ``limit.json`` and ``limit.csv``, and of a scatter its table and picture, which is returned."""
     table = [row_of(name, limit, column) for name, limit in limits.items()]
     files.write_text(folder / "limit.json", json.dumps(table, indent=2) + "\n")
-    files.write_text(folder / "limit.csv", files.csv_text(table[0], table))
+    files.write_text(folder / "limit.csv", files.csv_text(table[0], (map(row.get, table[0]) for row in table)))
     if not scatter.sampled:
         return None
     rows = [{**changes, **row_of("", limit, column)} for changes, limit in scatter.sampled]
-    files.write_text(folder / "scatter.csv", files.csv_text(rows[0], rows))
+    files.write_text(folder / "scatter.csv", files.csv_text(rows[0], (map(row.get, rows[0]) for row in rows)))
     what, counted = scatter.borne
     if not counted:
         return None
     from softmodels.pictures import analyses
 
-    pressures = [(changes, limit.pressure / column.cm) for changes, limit in counted]
-    nominal = next(iter(limits.values())).pressure / column.cm
-    figure = analyses.scatter_figure(pressures, scatter.tolerances, what, nominal, column.working, units.column_unit(column.cm))
+    pressures = [(changes, limit.pressure / column.scale.pascal) for changes, limit in counted]
+    nominal = next(iter(limits.values())).pressure / column.scale.pascal
+    figure = analyses.scatter_figure(pressures, scatter.tolerances, what, nominal, column.working, column.scale.unit)
     figure.savefig(folder / "scatter.png")
     return figure
 
@@ -181,11 +181,11 @@ def write_page(
     column, device = question.column, question.case.actuator
     facts, told = [], registry.to_table(device, units.readable)
     for name, limit in limits.items():
-        margin = math.inf if column.working is None else abs(limit.pressure) / column.cm / column.working
+        margin = math.inf if column.working is None else abs(limit.pressure) / column.scale.pascal / column.working
         notes_of_it = [] if column.working is None else [f"{margin:.2f} times the working pressure of {column.working:g} cm"]
         kind = KINDS[limit.kind] if limit.pressure > 0.0 else KINDS[limit.kind].replace("up to", "down to")
         what = f"held for {limit.held:g} s" if limit.held else kind
-        pressure = f"{limit.pressure / column.cm:.4g} {units.column_unit(column.cm)} ({limit.pressure / 1e3:.4g} kPa)"
+        pressure = f"{column.scale.full(limit.pressure)} ({limit.pressure / 1e3:.4g} kPa)"
         note = "; ".join([*notes_of_it, f"largest stretch there {limit.stretch:.4g}"])
         facts.append(pages.Fact(f"{name}: {what}", pressure, note, margin < 1 or limit.kind == "lost"))
     sentences = [f"{sentence(name, limit, column)}." for name, limit in limits.items()]
@@ -195,7 +195,7 @@ def write_page(
         [
             ("Other materials", [pages.Bullets(sentences[1:])]),
             ("Scatter within the tolerances", [
-                pages.Charts([("scatter.svg", curves.drawing(figure, column.cm))] if figure else []),
+                pages.Charts([("scatter.svg", curves.drawing(figure, column.scale))] if figure else []),
                 pages.Bullets(scatter_text(scatter, column).split("\n  ") if scatter.sampled else []),
             ]),
             ("Convergence", [pages.Text(NO_MESH_ERROR)]),
@@ -203,7 +203,7 @@ def write_page(
         ],
         commands.Provenance.now(), facts, [note.removeprefix("note: ") for note in notes],
         [text for material in question.materials.values() for text in silicones.publications(material)],
-        {name: files.read_text(folder / name) for name in names if (folder / name).exists()}, column.cm,
+        {name: files.read_text(folder / name) for name in names if (folder / name).exists()}, column.scale,
     )  # fmt: skip
     files.write_text(folder / "report.html", page.html())
 
@@ -294,7 +294,7 @@ def _find_modes(case: Case, how: ModesOptions, asked: Mapping[str, object], file
 
 def _report_modes(case: Case, modes: NaturalFrequencies, how: ModesOptions, folder: commands.ResultFolder) -> None:
     def write(place: Path) -> None:
-        files.write_text(place / "modes.csv", modes_table(modes, case.cm))
+        files.write_text(place / "modes.csv", modes_table(modes, case.column.pascal))
         if not how.no_pictures:
             files.write_text(
                 place / "report.html", _modes_page(case, modes, _draw_modes(case, modes, how.sealed, place), place)
@@ -306,14 +306,14 @@ def _report_modes(case: Case, modes: NaturalFrequencies, how: ModesOptions, fold
     shown = [*np.flatnonzero(modes.requested), *([] if modes.requested[-1] else [len(modes.pressure) - 1])]
     for state in shown:
         values = ", ".join(f"{value:.4g}" for value in modes.frequency[state])
-        processes.say(f"{_pressure_text(modes, state, case.cm)}: {values} Hz")
+        processes.say(f"{_pressure_text(modes, state, case.column)}: {values} Hz")
     for text in [*modes.unstable, *(f"note: {note}" for note in modes.notes), f"results in {folder.path}"]:
         processes.say(text)
 
 
-def _pressure_text(modes: NaturalFrequencies, state: int, cm: float) -> str:
+def _pressure_text(modes: NaturalFrequencies, state: int, column: units.Column) -> str:
     pressure = modes.pressure[state]
-    return f"{pressure / cm:.4g} {units.column_unit(cm)} ({pressure / 1e3:.4g} kPa)" if pressure else "no pressure"
+    return f"{column.full(pressure)} ({pressure / 1e3:.4g} kPa)" if pressure else "no pressure"
 
 
 def modes_table(modes: NaturalFrequencies, cm: float) -> str:
@@ -334,12 +334,12 @@ def _modes_page(case: Case, modes: NaturalFrequencies, figure: Figure, place: Pa
 
     shapes, asked = place / "shapes.png", [0, *np.flatnonzero(modes.requested)[-1:]]
     facts = [
-        pages.Fact(f"Lowest frequency, {_pressure_text(modes, state, case.cm)}", f"{modes.frequency[state, 0]:.4g} Hz"
+        pages.Fact(f"Lowest frequency, {_pressure_text(modes, state, case.column)}", f"{modes.frequency[state, 0]:.4g} Hz"
              if np.isfinite(modes.frequency[state, 0]) else "unstable", "", not np.isfinite(modes.frequency[state, 0]))
         for state in dict.fromkeys(asked)
     ]  # fmt: skip
     rows: list[list[str | pages.Cell]] = [
-        [pages.Cell(f"{p / case.cm:.5g}", f"{p} Pa", p), f"{V * 1e6:.5g}", *(f"{f:.5g}" for f in values)]
+        [pages.Cell(f"{p / case.column.pascal:.5g}", f"{p} Pa", p), f"{V * 1e6:.5g}", *(f"{f:.5g}" for f in values)]
         for p, V, values in zip(modes.pressure, modes.added_volume, modes.frequency, strict=True)
     ]
     head: list[str | pages.Cell] = [
@@ -350,14 +350,14 @@ def _modes_page(case: Case, modes: NaturalFrequencies, figure: Figure, place: Pa
     return Page(
         f"Natural frequencies of {case.name}", f"{modes.ended.message}." if modes.ended.message else "",
         [
-            ("Pictures", [pages.Charts([("frequencies.svg", curves.drawing(figure, case.cm))]),
+            ("Pictures", [pages.Charts([("frequencies.svg", curves.drawing(figure, case.column))]),
                           pages.Picture(files.image_uri(shapes), "The modes of the last state") if shapes.exists() else None]),
             ("Frequencies", [pages.Table(rows, head)]),
             ("Notes", [pages.Bullets([*modes.notes, NO_MESH_ERROR])]),
             ("The case", [pages.Folded("case.toml", [pages.Listing(case.to_toml())])]),
         ],
         commands.Provenance.now(), facts, modes.unstable, silicones.publications(case.material),
-        {"modes.csv": files.read_text(place / "modes.csv")}, case.cm,
+        {"modes.csv": files.read_text(place / "modes.csv")}, case.column,
     ).html()  # fmt: skip
 
 
@@ -366,10 +366,10 @@ def _draw_modes(case: Case, modes: NaturalFrequencies, sealed: bool, place: Path
     from softmodels.cli import run
     from softmodels.pictures import analyses, style
 
-    figure = analyses.frequency_figure(modes.pressure / case.cm, modes.frequency, sealed, units.column_unit(case.cm))
+    figure = analyses.frequency_figure(modes.pressure / case.column.pascal, modes.frequency, sealed, case.column.unit)
     files.write_bytes(place / "frequencies.png", style.png(figure))
     last, state = modes.modes[-1][: analyses.MAX_MODES_DRAWN], len(modes.modes) - 1
-    at = _pressure_text(modes, state, case.cm)
+    at = _pressure_text(modes, state, case.column)
     titles = [f"f{k} = {mode.frequency:.4g} Hz" if mode.stable else f"f{k}: unstable" for k, mode in enumerate(last, 1)]
     titles[0] += f", {at}"
     moved, shapes = modes.points + modes.displacement[-1], [mode.displacement for mode in last]
@@ -476,7 +476,8 @@ def grasp_table(made: Grasp, states: Sequence[grasp.Held]) -> str:
     ]  # fmt: skip
     rows = []
     for held in states:
-        numbers = [held.pressure / made.case.cm, held.pressure, held.load, *held.moved * 1e3, math.degrees(held.turned),
+        height = held.pressure / made.case.column.pascal
+        numbers = [height, held.pressure, held.load, *held.moved * 1e3, math.degrees(held.turned),
                    float(held.closed(made.shape.friction)), held.bears(made.shape.friction)]  # fmt: skip
         for force, press, sliding in zip(held.forces, held.press, held.sliding, strict=True):
             numbers += [*force, press, sliding]
@@ -490,7 +491,7 @@ def told(made: Grasp, states: Sequence[grasp.Held]) -> list[str]:
     for held in states if not states[-1].load else [held for held in states if not held.load] + [states[-1]]:
         forces = ", ".join(f"{force:.4g}" for force in held.press)
         closed = "force closure" if held.closed(friction) else "no force closure"
-        pressure = f"{held.pressure / made.case.cm:.4g} {units.column_unit(made.case.cm)}"
+        pressure = made.case.column.full(held.pressure)
         lines.append(
             f"{pressure}, load {held.load:.4g} N: the fingers press with {forces} N, {closed}; the "
             f"object has moved {_zero(held.moved[0] * 1e3):.4g} mm along and {_zero(held.moved[1] * 1e3):.4g} mm across the "
@@ -586,7 +587,7 @@ class LimitRequest:
             if hold and getattr(how, other):
                 raise CaseError(f"--hold and --{other} cannot be combined; leave out one of them")
         around = _as_asked(case, device, materials, how.water_density, -100.0 if how.vacuum else 100.0)
-        column = LimitColumn(around.cm, _working_cm(how.working_pressure, around.cm))
+        column = LimitColumn(around.column, _working_cm(how.working_pressure, around.column.pascal))
         return cls(around, materials, tolerances, how.count or CURVE_SAMPLES, how.normal, column, hold)
 
 
@@ -636,7 +637,7 @@ def limit(
     comm = mpi.start()
     folder = None
     if how.output is not None or question.tolerances:
-        asked = {**values, **vars(how), "material": material, "cm": question.column.cm}
+        asked = {**values, **vars(how), "material": material, "cm": question.column.scale.pascal}
         files = [path for path in (case_file, *map(Path, material)) if path is not None and path.is_file()]
         folder = mpi.kept_on_root(comm, lambda: commands.open_folder(how.output, Path("results/limit"), "limits", asked, files))
     named, bands = analyses.with_sources(dict(question.materials))
@@ -647,7 +648,7 @@ def limit(
     notes = list(_notes(question, named, limits, scattered))
     for text in [
         *(sentence(name, limit, question.column) for name, limit in limits.items()),
-        *analyses.band_texts(bands, limits, question.column.cm), *notes,
+        *analyses.band_texts(bands, limits, question.column.scale), *notes,
         *([scatter_text(scattered, question.column)] if scattered.sampled else []),
     ]:  # fmt: skip
         processes.say(text)

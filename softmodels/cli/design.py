@@ -102,7 +102,7 @@ def _design(
     from softmodels.design import optimise
 
     quiet = how.quiet or not mpi.is_root(comm)
-    progress = outcomes.Progress(1.0, str, labels.StateLabels(""), quiet)
+    progress = outcomes.Progress(labels.StateLabels(""), quiet)
     if folder is not None:
         progress.say(f"writing results to {folder.path}")
     for note in problem.notes:

@@ -65,7 +65,7 @@ class DemoTruth:
 
 TRUTH = DemoTruth(
     HollowDisk(section="axisymmetric"), "yeoh", {"c1": 14e3, "c2": 900.0, "c3": 0.0},
-    tuple(cm * units.pascal_per_cm() for cm in np.linspace(20.0, 177.0, 9)),
+    tuple(cm * units.COLUMN.pascal for cm in np.linspace(20.0, 177.0, 9)),
 )  # fmt: skip
 
 
@@ -128,7 +128,7 @@ def take_photographs(
     for number, (half, reading, column) in enumerate(zip([rest, *halves], readings, columns, strict=True), first + 1):
         tell(f"photograph {number - first} of {len(readings)}")
         keep(folder / f"IMG_{number:04d}.JPG", photographer.photograph(scene, polygon(half), seed=number)[0])
-        half_column = reading / units.pascal_per_cm() / 2.0
+        half_column = reading / units.COLUMN.pascal / 2.0
         if reading != before:
             left, right = (100.0 + sign * half_column + 0.05 * rng.standard_normal() for sign in (1.0, -1.0))
             before, levels = reading, f"{left:.2f} cm,{right:.2f} cm"
@@ -151,7 +151,7 @@ def demo_commands(folder: Path, truth: DemoTruth) -> list[tuple[str, list[str]]]
 
 def write_case(folder: Path, truth: DemoTruth) -> None:
     """Write the case a user would have: device and pressures, with a silicone other than the true one."""
-    heights = tuple(p / units.pascal_per_cm() for p in truth.pressures)
+    heights = tuple(p / units.COLUMN.pascal for p in truth.pressures)
     text = Case("disk", truth.actuator, materials.DEFAULT, load.steps_of(pressure_cm=heights)).to_toml()
     (folder / "case.toml").write_text(text, encoding="utf-8")
 
@@ -440,7 +440,7 @@ def creeping() -> tuple[DemoTruth, list[Array], list[str]]:
     model = MeasuredDevice.of(TRUTH.actuator).model(choice, mpi.start(), residuals.spectrum([], HOLDS))
     corners, histories = [(0.0, 0.0)], []
     for level in LEVELS:
-        reached, pressure = corners[-1][0] + RISE, level * units.pascal_per_cm()
+        reached, pressure = corners[-1][0] + RISE, level * units.COLUMN.pascal
         corners.append((reached, pressure))
         for hold in HOLDS:
             corners.append((reached + hold, pressure))

@@ -424,7 +424,7 @@ def _curves_report(how: FitGiven) -> comparison.FitReport:
     curves = how.read(how.stretch, how.memory)
     choices = problem.law_choices(how.laws, how.poisson)
     residuals.StressError.from_text(how.stress_error)
-    progress = outcomes.Progress(len(choices), "{:g} laws".format, labels.StateLabels(""), how.quiet or not mpi.speaks())
+    progress = outcomes.Progress(labels.StateLabels(""), how.quiet or not mpi.speaks())
     return fit_curves(curves, how.laws, how.fit_options(curve_changes(how, choices)), progress=progress.say)
 
 

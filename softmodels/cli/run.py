@@ -13,9 +13,10 @@ import shlex
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 from softmodels.case import materials
 from softmodels.case.case import Case
@@ -45,7 +46,8 @@ def run(
             here, as a command does by `asked_to_stop`.
     """
     comm = mpi.start(how.petsc)
-    progress = outcomes.Progress(case.values[-1], case.load.told, labels.state_labels(case), how.quiet or not mpi.is_root(comm))
+    quiet, goal = how.quiet or not mpi.is_root(comm), case.load.told(case.values[-1])
+    progress = outcomes.Progress(labels.state_labels(case), quiet, case.variable, goal)
     drawing = DrawingProcess(case, how) if how.draws and mpi.is_root(comm) else None
     reporter = Reporter(case, progress, drawing, comm.size, how)
 
@@ -82,7 +84,7 @@ class Reporter(recording.Observer):
         if self.drawing is not None:
             self.drawing.begin(results)
 
-    def closed(self, results: store.Results | None, ended: outcomes.Ended, summary: recording.Summary) -> None:
+    def closed(self, results: store.Results | None, ended: outcomes.Ended, summary: Mapping[str, Any]) -> None:
         self.status, message = self._outcome(results, ended)
         if results is None:
             processes.say(f"softmodels: {commands.bounded(message)}", err=True)

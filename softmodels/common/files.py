@@ -19,7 +19,7 @@ import os
 import re
 import stat
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -258,12 +258,12 @@ def hdf5_reason(error: BaseException) -> str:
     return match[1] if match else str(error).strip().splitlines()[0]
 
 
-def csv_text(head: Iterable[str], rows: Iterable[Mapping[str, object] | Sequence[object]]) -> str:
-    """Return a table as CSV; rows are values by the names in the head, or in its order."""
-    text, names = io.StringIO(newline=""), list(head)
+def csv_text(head: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
+    """Return a table as CSV; rows are in the order of the head."""
+    text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(names)
-    writer.writerows([row.get(name, "") for name in names] if isinstance(row, Mapping) else row for row in rows)
+    writer.writerow(head)
+    writer.writerows(rows)
     return text.getvalue()
 
 

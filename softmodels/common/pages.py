@@ -15,7 +15,6 @@ from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 from softmodels.common import commands, files, units
-from softmodels.common.units import pascal_per_cm
 
 type Section = tuple[str, Sequence[Part | None]]
 """A heading and what stands below it; None and parts without content are left out, and so is a section of only those."""
@@ -30,7 +29,7 @@ class Page:
         warnings: What a reader must know before using them.
         sources: Publications of the laws and data used.
         downloads: Tables to download from the page: text by the name of the file.
-        pascal_per_cm: Pa in one cm of the column.
+        column: Whose heights its pressures are in.
         unit: Unit of pressure that its texts and tables are written in: ``"cm"`` or one of `UNITS`.
     """
 
@@ -42,7 +41,7 @@ class Page:
     warnings: Sequence[str] = ()
     sources: Sequence[str] = ()
     downloads: Mapping[str, str] = dataclasses.field(default_factory=dict)
-    pascal_per_cm: float = pascal_per_cm()
+    column: units.Column = units.COLUMN
     unit: str = "cm"
 
     def html(self) -> str:
@@ -52,10 +51,10 @@ class Page:
             (name, f"data:text/csv;base64,{base64.b64encode(text.encode()).decode('ascii')}")
             for name, text in self.downloads.items()
         ]
-        factors = json.dumps({"cm": self.pascal_per_cm, **{unit: pascal(unit) for unit in UNITS}})
+        factors = json.dumps({HEIGHT: self.column.pascal, **{unit: pascal(unit) for unit in UNITS}})
         return files.render(
             "page.html", "softmodels.common", page=self, links=links, factors=factors,
-            column=units.column_unit(self.pascal_per_cm),
+            column=self.column.unit,
             sections=[(heading, parts) for heading, parts in sections if parts],
         )  # fmt: skip
 
@@ -93,7 +92,9 @@ def inline_svg(text: str) -> str:
 
 
 UNITS = {"kPa": "kPa", "mbar": "mbar", "psi": "psi"}
-"""Units of pressure beside the cm of a column, by their names in `softmodels.common.units`."""
+"""Units of pressure beside the heights of a column, by their names in `softmodels.common.units`."""
+HEIGHT = "cm"
+"""Unit of the heights of a column."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------

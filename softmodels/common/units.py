@@ -8,6 +8,7 @@ powers of any size. It gets only the unit, and that only where the unit is not a
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 import re
@@ -264,16 +265,33 @@ def _unit(text: str) -> Any:
         return None
 
 
-def pascal_per_cm(density: float = WATER_DENSITY) -> float:
-    """Return the pressure in Pa of one centimetre of a column of liquid with this density in kg/m3."""
-    return 0.01 * density * STANDARD_GRAVITY
+@dataclasses.dataclass(frozen=True)
+class Column:
+    """The column of liquid, of a density in kg/m3, whose heights are pressures for people."""
+
+    density: float = WATER_DENSITY
+
+    @property
+    def pascal(self) -> float:
+        """Pa in one of its unit."""
+        return 0.01 * self.density * STANDARD_GRAVITY
+
+    @property
+    def unit(self) -> str:
+        """The unit of its heights with its liquid: ``"cm, 0.97 g/ml"``."""
+        return f"cm, {self.density / 1e3:.4g} g/ml"
+
+    def text(self, pressure: float, form: str = ".4g") -> str:
+        """Return the height of a pressure in Pa, such as ``"20 cm"``."""
+        return f"{pressure / self.pascal:{form}} cm"
+
+    def full(self, pressure: float, form: str = ".4g") -> str:
+        """Return the same with the liquid, such as ``"20 cm, 0.97 g/ml"``."""
+        return f"{pressure / self.pascal:{form}} {self.unit}"
 
 
-def column_unit(pascal: float | None = None) -> str:
-    """Return the unit of the heights of a column, ``"cm, 0.97 g/ml"``: its liquid makes so many Pa of one cm, by default the
-    usual one's."""
-    density = (pascal_per_cm() if pascal is None else pascal) / pascal_per_cm(1e3)
-    return f"cm, {density:.4g} g/ml"
+COLUMN = Column()
+"""The usual one."""
 
 
 DENSITY_NOTE = "3 % less than water at 20 degC"

@@ -57,7 +57,7 @@ from softmodels.mechanics.component import Component, ComponentError
 
 
 MIN_STIFFNESS, MAX_STIFFNESS = 1.0, 1e7
-"""Accepted stiffnesses in N/m: from 0.1 mm of gel to 1 cm of nylon."""
+"""Accepted stiffnesses in N/m: from 0.1 mm of gel to 10 mm of nylon."""
 STIFF_SHEET = 50e3
 """Stiffness in N/m with which the seminar actuator still reaches 177 cm."""
 

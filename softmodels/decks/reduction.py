@@ -604,7 +604,7 @@ def table_of(source: StoredStates, face: str = "") -> ReducedModel:
         RunError: Too few states, or one cannot be solved again.
     """
     case, rows = source.case, source.rows
-    if case.program or case.driven is not None or case.supply is not None:
+    if case.program or case.load.driven is not None or case.supply is not None:
         raise CaseError("a reduced model needs a path over one pressure; run the case with pressures or added volumes")
     steps, end = usable(rows)
     if len(steps) < MIN_TABLE_STATES:

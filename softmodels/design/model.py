@@ -615,7 +615,7 @@ class Evaluator:
             made = Trial.of(place, self.model.evaluate(theta), time.monotonic() - begun)
         except (DesignFailure, GeometryError, MeshingError) as error:
             limit = getattr(error, "limit", None)
-            more = "" if limit is None else f" (its limit is at {limit / self.problem.case.cm:.4g} cm)"
+            more = "" if limit is None else f" (its limit is at {self.problem.case.column.text(limit)})"
             made = Trial(*place, seconds=time.monotonic() - begun, failure=f"{error}{more}")
         except ValueError as error:  # a quantity missing in this device
             if self.trials.all:
@@ -789,7 +789,7 @@ def table(problem: DesignProblem, trials: Sequence[Trial], form: Formulation | N
         for asked in problem.quantities:
             for key in trial.values:
                 if key == asked.key or key.startswith(f"{asked.key.removesuffix('s')}:"):
-                    words = label(asked, problem.case.cm) if key == asked.key else key
+                    words = label(asked, problem.case) if key == asked.key else key
                     unit = "" if shown(asked) == "1" else f" ({shown(asked)})"
                     keys[key] = words + unit, shown_factor(asked)
     units = [(free, shown_unit(free.unit) or "1") for free in problem.free]
@@ -826,6 +826,6 @@ def line(problem: DesignProblem, trial: Trial, form: Formulation | None, left: f
         limits = f"{'VIOLATED' if worst > LIMIT_TOLERANCE else 'satisfied'}: {row.compared(trial.values[row.key], worst)}"
     rest = "" if left is None else f", about {max(left, 0.0):.0f} s left"
     return (
-        f"{head}  {label(asked, problem.case.cm)} {in_words(asked, form.objective(trial), 5)}  "
+        f"{head}  {label(asked, problem.case)} {in_words(asked, form.objective(trial), 5)}  "
         f"{limits}  {trial.newton} iterations  {trial.seconds:.1f} s{rest}"
     )

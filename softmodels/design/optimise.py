@@ -639,7 +639,7 @@ class Variant:
         asked = self.problem.terms[0].quantity
         limits = "" if self.result.feasible else " (limits violated)"
         value = in_words(asked, self.result.end.objective, 5)
-        return f"{self.words}: {label(asked, self.problem.case.cm)} {value}{limits}, {len(self.result.trials)} designs"
+        return f"{self.words}: {label(asked, self.problem.case)} {value}{limits}, {len(self.result.trials)} designs"
 
 
 def run_variants(
@@ -701,7 +701,7 @@ def _write_best(folder: model.DesignFolder, best: Variant, variants: list[Varian
     out = io.StringIO()
     rows = csv.writer(out, lineterminator="\n")
     asked = best.problem.terms[0].quantity
-    rows.writerow(["variant", label(asked, best.problem.case.cm), "limits kept", "designs", "failure"])
+    rows.writerow(["variant", label(asked, best.problem.case), "limits kept", "designs", "failure"])
     for variant in variants:
         told = ["", "", 0] if variant.result is None else [
             in_words(asked, variant.result.end.objective, 7), int(variant.result.feasible), len(variant.result.trials),

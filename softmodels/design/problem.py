@@ -272,7 +272,7 @@ def _errors(given: object, case: Case, folder: Path | None) -> materials.Materia
 def _check_load(case: Case) -> None:
     """Reject loads unsuitable for designs."""
     if not (pressures := case.load.of(trials.PRESSURE)):
-        raise DesignError(f"the case asks for {case.load.requested.words}; designs need pressures (pressure_cm)")
+        raise DesignError(f"the case asks for {case.load.requested.words}; designs need pressures (--pressure)")
     if min(pressures) < 0.0 < max(pressures):
         raise DesignError("the case asks for pressures above and below ambient; designs need one side of it")
     if case.load_unload:
@@ -346,8 +346,8 @@ class Reader:
                 names = [name for name in fields if name != "at" or kind.of_state]
                 raise DesignError(f"{where} has an unknown entry {key!r}; {errors.known_are(key, [*names, *more])}")
         given = {key: self._given(key, value) for key, value in entry.items() if key in fields and key != "at"}
-        if "cm" in fields:  # of the column, in which a quantity's file may give pressures
-            given.setdefault("cm", self.case.cm)
+        if "cm" in fields:  # in whose heights a quantity's file may give pressures
+            given.setdefault("cm", self.case.column.pascal)
         places: Sequence[object] = [None]
         if kind.of_state:
             if "at" not in entry:
@@ -390,11 +390,11 @@ class Reader:
             raise DesignError(f"{where}: {asked.name} needs a pressure (at)")
         pressure, last = highest_pressure(asked), self.case.values[-1]
         if pressure is not None and pressure / last > 1 + 1e-9:
-            said, cm = getattr(asked.at, "text", ""), self.case.cm
+            said, told = getattr(asked.at, "text", ""), self.case.column.text
             beyond = "above" if last > 0.0 else "below"
             raise DesignError(
-                f"{where}: {asked.title} is at {said or f'{pressure / cm:.5g} cm'}, {beyond} the case's last pressure, "
-                f"{last / cm:.5g} cm ({last / 1e3:.5g} kPa)"
+                f"{where}: {asked.title} is at {said or told(pressure, '.5g')}, {beyond} the case's last pressure, "
+                f"{told(last, '.5g')} ({last / 1e3:.5g} kPa)"
             )
         self._check_sides(asked, where)
         return asked
@@ -416,7 +416,7 @@ class Reader:
         try:
             (amount, unit), kind = units.number_and_unit(value), trials.PRESSURE
             if unit == "cm":
-                number = amount * self.case.cm
+                number = amount * self.case.column.pascal
             elif unit and _is_volume(value):
                 kind, number = trials.VOLUME, quantity(value, "m^3")
             else:
@@ -495,13 +495,13 @@ def highest_pressure(asked: DesignQuantity) -> float | None:
     return max((pressure for pressure in pressures if pressure is not None), default=None, key=abs)
 
 
-def label(asked: DesignQuantity, cm: float) -> str:
-    """Return the label of a quantity, with its pressure as written by the user, or in cm of the column if it was
-    a number."""
+def label(asked: DesignQuantity, case: Case) -> str:
+    """Return the label of a quantity, with its pressure as written by the user, or as a height of the column if it
+    was a number."""
     pressure = pressure_of(asked)
     if pressure is None or asked.at is None:
         return asked.key
-    return f"{asked.title} at {trials.EvaluatedLoad.of(asked.at).text or f'{pressure / cm:.5g} cm'}"
+    return f"{asked.title} at {trials.EvaluatedLoad.of(asked.at).text or case.column.text(pressure, '.5g')}"
 
 
 def _tuples(value: object) -> object:
@@ -895,7 +895,7 @@ class Formulation:
         rows = []
         floor = MIN_VIOLATION_SCALE * self.problem.case.actuator.size if keep.quantity.unit == "m" else 0.0
         for key in keep.keys(values):
-            words = label(keep.quantity, self.problem.case.cm) if key == keep.quantity.key else key
+            words = label(keep.quantity, self.problem.case) if key == keep.quantity.key else key
             for sign, limit in ((-1.0, keep.at_least), (1.0, keep.at_most)):
                 if limit is not None:
                     scale = abs(limit) or max(abs(values[key]), floor) or 1.0

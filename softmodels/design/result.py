@@ -124,9 +124,9 @@ class DesignResult(cards.ResultCard):
     @property
     def headline(self) -> str:
         """The result in a sentence."""
-        cm, failed = self.problem.case.cm, sum(trial.failed for trial in self.trials)
+        case, failed = self.problem.case, sum(trial.failed for trial in self.trials)
         words = "; ".join(
-            f"{label(term.quantity, cm)} {in_words(term.quantity, self.first.values[term.quantity.key])} at the start, "
+            f"{label(term.quantity, case)} {in_words(term.quantity, self.first.values[term.quantity.key])} at the start, "
             f"{in_words(term.quantity, self.values[term.quantity.key])} in the design"
             for term in self.problem.terms
         )
@@ -214,7 +214,7 @@ class DesignResult(cards.ResultCard):
                 share = abs(fresh - in_search) / max(abs(fresh), 1e-300)
                 if share < 1e-9:  # depends only on the geometry
                     continue
-                words = label(asked, self.problem.case.cm) if key == asked.key else key
+                words = label(asked, self.problem.case) if key == asked.key else key
                 told.append(
                     f"{words}: {in_words(asked, fresh, 5)} on the fresh mesh, {in_words(asked, in_search, 5)} in the search "
                     f"({share:.2%} apart{', more than ' + format(MESH_TOLERANCE, '.0%') if share > MESH_TOLERANCE else ''})"
@@ -471,7 +471,7 @@ def _round(value: float) -> float:
 def _gain(form: Formulation, amount: float) -> str:
     """Return a gain of the objective in words."""
     asked = form.problem.terms[0].quantity
-    words = label(asked, form.problem.case.cm) if len(form.problem.terms) == 1 else asked.title
+    words = label(asked, form.problem.case) if len(form.problem.terms) == 1 else asked.title
     return f"{in_words(asked, amount, 2)} {'more' if form.problem.sign < 0 else 'less'} {words}"
 
 
@@ -725,7 +725,7 @@ def parameters_told(result: DesignResult) -> list[ParameterRecord]:
 def _objective(result: DesignResult) -> ObjectiveRecord:
     """Return the objective over all trials; None for failed trials."""
     form, asked = result.form, result.problem.terms[0].quantity
-    words = label(asked, result.problem.case.cm) if len(result.problem.terms) == 1 else f"mean {asked.title}"
+    words = label(asked, result.problem.case) if len(result.problem.terms) == 1 else f"mean {asked.title}"
     return {
         "words": words, "unit": "" if shown(asked) == "1" else shown(asked), "sense": result.problem.objective,
         "values": [None if trial.failed else form.objective(trial) / shown_factor(asked) for trial in result.trials],

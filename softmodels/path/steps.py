@@ -236,7 +236,7 @@ def goes_on(steps: Steps, old: Steps) -> bool:
 
 
 def step_text(steps: Steps, number: int) -> str:
-    """Return the values of the cavities and loads at a step, as written: ``"cavity1 60 cm, cavity2 2 ml added"``."""
+    """Return the values of the cavities and loads at a step, as written: ``"cavity1 6 kPa, cavity2 2 ml added"``."""
     row = number - 1 + int(begins_at_rest(steps))
     texts = [
         f"{course.name} {units.written(course.values[row])}{' added' if course.quantity == VOLUME else ''}"

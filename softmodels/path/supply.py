@@ -216,7 +216,7 @@ class Stroke(stability.Supply):
 class Reservoir(AirSupply):
     """A source of pressure, and the valve, tube and leak between it and the device; SI units.
 
-    Its pressure is a series of the load (``source_pressure_cm``), and so is the opening of its valve (``valve``); or the series
+    Its pressure is a series of the load (``source_pressure``), and so is the opening of its valve (``valve``); or the series
     is the flow of a pump (``flow_ml_per_min``).
 
     Attributes:

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from geometries import Actuator
-from softmodels.common import commands, files, pages, processes, units
+from softmodels.common import commands, files, pages, processes
 from softmodels.common.arrays import Array
 from softmodels.common.errors import MissingPackageError
 from softmodels.common.pages import Page
@@ -73,7 +73,7 @@ def grasp_figure(made: Grasp, held_states: Sequence[grasp.Held], outlines: Seque
         axes.set_aspect("equal")
         axes.autoscale_view()
         axes.set(xlabel="across the load, mm", ylabel="against the load, mm")
-        pressure = f"{held.pressure / made.case.cm:.4g} {units.column_unit(made.case.cm)}"
+        pressure = made.case.column.full(held.pressure)
         press = ", ".join(f"{force * 1e3:.3g}" for force in held.press)
         figure.supxlabel("arrows: force of each finger on the object, and its load (downwards)", fontsize="small")
         axes.set_title(f"{pressure}, load {held.load * 1e3:.3g} mN\nfingers press with {press} mN", fontsize="medium")
@@ -90,8 +90,8 @@ def scatter_figure(
     unit: str,
 ) -> Figure:
     """Plot the distribution of the limit, and the limit over each parameter: ``limits`` are parameters (SI) and limit
-    pressure (cm of the column) of each device, ``nominal`` that of the device as drawn, in cm as the working pressure. ``what``
-    the pressure is stands at the axes, such as ``"limit pressure"``, with the ``unit`` of the column."""
+    pressure (height of the column) of each device, ``nominal`` that of the device as drawn, like the working pressure.
+    ``what`` the pressure is stands at the axes, such as ``"limit pressure"``, with the ``unit`` of the column."""
     label = f"{what}, {unit}"
     pressures = np.sort([pressure for _, pressure in limits])
     figure = Figure((style.WIDTH_INCHES, 4.8 if len(tolerances) < 3 else 4.4), dpi=style.DPI, layout="constrained")
@@ -380,7 +380,7 @@ def study_table(study: Study) -> str:
 
 def study_page(study: Study, seconds: float) -> tuple[str, dict[str, Figure]]:
     """Return the report, and its figures by their names."""
-    plan, cm = study.plan, study.plan.case.cm
+    plan, column = study.plan, study.plan.case.column
     figures = {"parallel": parallel(study)}
     indices, errors, notes = _surrogate_indices(study, figures)
     failures = study.failures
@@ -398,7 +398,7 @@ def study_page(study: Study, seconds: float) -> tuple[str, dict[str, Figure]]:
 
     def charts(start: str) -> pages.Charts:
         return pages.Charts(
-            [(f"{name}.svg", curves.drawing(figure, cm)) for name, figure in figures.items() if name.startswith(start)]
+            [(f"{name}.svg", curves.drawing(figure, column)) for name, figure in figures.items() if name.startswith(start)]
         )
 
     answer = f"{len(plan.points) - len(failures)} of {len(plan.points)} samples of {plan.case.name} have a result."
@@ -422,7 +422,7 @@ def study_page(study: Study, seconds: float) -> tuple[str, dict[str, Figure]]:
             ("The case", [pages.Folded("case.toml", [pages.Listing(plan.case.to_toml())])]),
         ],
         commands.Provenance.now(seconds), facts, notes, silicones.publications(plan.case.material),
-        {"study.csv": study_table(study)}, cm,
+        {"study.csv": study_table(study)}, column,
     )  # fmt: skip
     return report.html(), figures
 

@@ -108,8 +108,8 @@ class Comparison(cards.ResultCard):
         """Return the report as one self-contained page."""
         names, first = [result.name for result in self.results], self.results[0]
         outlines = self.outlines()
-        drawings = [("paths.svg", curves.drawing(self.plot(), first.case.cm))]
-        drawings += [("outlines.svg", curves.drawing(outlines, first.case.cm))] if outlines else []
+        drawings = [("paths.svg", curves.drawing(self.plot(), first.case.column))]
+        drawings += [("outlines.svg", curves.drawing(outlines, first.case.column))] if outlines else []
         same: list[pages.Part | None] = [pages.Text("The cases are the same.")]
         rows = [[difference.field, *difference.values] for difference in self.differences]
         head = ["", *names[:1], *itertools.chain(*((name, "difference") for name in names[1:]))]
@@ -132,7 +132,7 @@ class Comparison(cards.ResultCard):
                 ("What differs in the cases", [pages.Table(rows, ["", *names], numbers=False)] if rows else same),
                 ("Where the results come from", made),
             ],
-            commands.Provenance.now(), facts, (), list(sources), {}, first.case.cm,
+            commands.Provenance.now(), facts, (), list(sources), {}, first.case.column,
         ).html()  # fmt: skip
 
     def save(self, path: str | Path) -> None:
@@ -216,7 +216,7 @@ class Difference:
 @dataclasses.dataclass(frozen=True)
 class Figures:
     """A figure of each of the results, nan where one has none, in a unit that is ``""`` for pure numbers. ``pascal`` is Pa in
-    one of its unit for a pressure in cm of the column; 0 for all else."""
+    one of its unit for a height of the column; 0 for all else."""
 
     what: str
     unit: str
@@ -239,7 +239,7 @@ class Figures:
 def _cells(figures: Figures) -> list[str | pages.Cell]:
     """Return a row of the table of figures: each value, and behind all but the first its difference."""
     name = f"{figures.what} ({figures.unit})" if figures.unit else figures.what
-    cells: list[str | pages.Cell] = [pages.Cell(name, unit="cm" if figures.pascal else "")]
+    cells: list[str | pages.Cell] = [pages.Cell(name, unit=pages.HEIGHT if figures.pascal else "")]
     for value, change in zip(figures.values, (None, *figures.changes), strict=True):
         exact = value * figures.pascal if figures.pascal and math.isfinite(value) else None
         cells += [pages.Cell(_value(value), str(value), exact), *([] if change is None else [_change(change)])]
@@ -312,7 +312,7 @@ def _text(value: object) -> str:
 
 def _figures(results: Sequence[ComparedResult], over: str) -> tuple[tuple[Figures, ...], float | None]:
     """Return the main figures, and the highest common load; see `Comparison`."""
-    first_row, cm = results[0].rows[0], results[0].case.cm
+    first_row = results[0].rows[0]
     meaning = columns.term(first_row.column(over))
     figures, common, sign = [], min(float(result.rising[0][-1]) for result in results), results[0].sign
     common = common if len({result.sign for result in results}) == 1 else 0.0
@@ -330,7 +330,7 @@ def _figures(results: Sequence[ComparedResult], over: str) -> tuple[tuple[Figure
         for value in _common_loads(results, common):
             rises = tuple(_value_at_load(result, result.gauge, value) for result in results)
             figures.append(Figures(f"rise at {sign * value:.5g} {meaning.unit}", "mm", rises))
-    pascal = cm if meaning.unit == "cm" else 0.0
+    pascal = results[0].case.column.pascal if meaning.unit == pages.HEIGHT else 0.0
     first = [next(iter(curves.limits(result.rows)), None) for result in results]
     if any(first):
         values = tuple(math.nan if row is None else row.shown(over) for row in first)

@@ -41,7 +41,7 @@ def curves(
     rows: table.PathTable,
     words: labels.StateLabels,
     branch: table.PathTable | None = None,
-    over: tuple[str, str] = (PRESSURE, f"pressure in {units.column_unit()}"),
+    over: tuple[str, str] = (PRESSURE, f"pressure in {units.COLUMN.unit}"),
     sources: columns.SourceTables = MappingProxyType({}),
 ) -> list[Figure]:
     """Plot the gauge's rise, the added volume and the blocked force, if any, over the pressure.
@@ -85,7 +85,7 @@ def _pressure(words: labels.StateLabels) -> tuple[str, str]:
 
 def over_of(case: Case) -> tuple[str, str]:
     """Return the abscissa of a case's plots: the variable and its label; the pressure unless a dead load is requested."""
-    if case.driven is None:
+    if case.load.driven is None:
         return _pressure(labels.state_labels(case))
     load = case.load.driven_part
     column = next(name for name in (*load.named_columns, load.share_column) if table.parsed(name)[0] == case.variable)
@@ -94,20 +94,20 @@ def over_of(case: Case) -> tuple[str, str]:
 
 def rise_of(states: StoredStates) -> Figure:
     """Plot the rise of the gauge of stored states over their load; see `rise`."""
-    return rise(states.rows, states.words, states.case.cm, states.branch, over_of(states.case), states.sources)
+    return rise(states.rows, states.words, states.case.column, states.branch, over_of(states.case), states.sources)
 
 
 def rise(
     rows: table.PathTable,
     words: labels.StateLabels,
-    pascal_per_cm: float,
+    column: units.Column,
     branch: table.PathTable | None = None,
-    over: tuple[str, str] = (PRESSURE, f"pressure in {units.column_unit()}"),
+    over: tuple[str, str] = (PRESSURE, f"pressure in {units.COLUMN.unit}"),
     sources: columns.SourceTables = MappingProxyType({}),
 ) -> Figure:
     """Plot the rise of the device's `Actuator.gauge`, such as the disk's apex, over the pressure or else (see `over_of`), of
     all states, of the branch that was followed, if one was, and of each source of the silicone where they were
-    solved; ``pascal_per_cm`` is Pa in one cm of the column."""
+    solved."""
     gauge = words.gauge
     figure, axes = style.chart(6.4)
 
@@ -124,28 +124,28 @@ def rise(
     axes.set(xlabel=over[1], ylabel=f"rise of the {gauge} in mm")
     axes.margins(0.04)
     if over[0] == PRESSURE:
-        kilopascals(axes, pascal_per_cm)
+        kilopascals(axes, column)
     axes.legend(loc="best")
     return figure
 
 
-def kilopascals(axes: Axes, pascal_per_cm: float) -> None:
-    """Add a second scale in kPa above a pressure in cm of the column; ``pascal_per_cm`` is Pa in one of them."""
-    k = pascal_per_cm / 1e3
-    functions = (lambda cm: np.asarray(cm) * k, lambda kPa: np.asarray(kPa) / k)
+def kilopascals(axes: Axes, column: units.Column) -> None:
+    """Add a second scale in kPa above heights of a column."""
+    k = column.pascal / 1e3
+    functions = (lambda height: np.asarray(height) * k, lambda kPa: np.asarray(kPa) / k)
     axes.secondary_xaxis("top", functions=functions).set_xlabel("pressure in kPa", labelpad=8)
 
 
-def drawing(figure: Figure, pascal_per_cm: float) -> str:
+def drawing(figure: Figure, column: units.Column) -> str:
     """Return a figure for a page, marked as HTML, with axes for each unit of pressure that the page can have; those of the
-    figure are in cm of the column, as their labels say; ``pascal_per_cm`` is Pa in one cm of the column."""
+    figure are heights of the column, as their labels say."""
     stream = io.StringIO()
     with matplotlib.rc_context({**style.STYLE, "svg.hashsalt": "softmodels"}):
         for axes in figure.axes:
             for axis in (axes.xaxis, axes.yaxis):
-                if units.column_unit(pascal_per_cm) in axis.label.get_text():
-                    axis.set_gid("pu-cm")
-                    axes.add_artist(_OtherUnits(axis, pascal_per_cm))
+                if column.unit in axis.label.get_text():
+                    axis.set_gid(f"pu-{pages.HEIGHT}")
+                    axes.add_artist(_OtherUnits(axis, column))
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
     return pages.inline_svg(stream.getvalue())
 
@@ -153,17 +153,18 @@ def drawing(figure: Figure, pascal_per_cm: float) -> str:
 class _OtherUnits(Artist):
     """An axis of pressure drawn again for each other unit, one over the other; the page shows one of them."""
 
-    def __init__(self, axis: XAxis | YAxis, pascal_per_cm: float):
+    def __init__(self, axis: XAxis | YAxis, column: units.Column):
         super().__init__()
-        self._axis, self._pascal = axis, pascal_per_cm
+        self._axis, self._column = axis, column
         self.set_zorder(axis.get_zorder())
         self.set_in_layout(False)
 
     def draw(self, renderer: RendererBase) -> None:
         axis, label, (low, high) = self._axis, self._axis.label.get_text(), self._axis.get_view_interval()
-        for unit, share in {**{unit: self._pascal / pages.pascal(unit) for unit in pages.UNITS}, "cm": 1.0}.items():
+        shares = {unit: self._column.pascal / pages.pascal(unit) for unit in pages.UNITS}
+        for unit, share in {**shares, pages.HEIGHT: 1.0}.items():
             axis.set_view_interval(share * low, share * high, ignore=True)
-            axis.set_label_text(label.replace(units.column_unit(self._pascal), unit) if unit in pages.UNITS else label)
+            axis.set_label_text(label.replace(self._column.unit, unit) if unit in pages.UNITS else label)
             axis.set_gid(f"pu-{unit}")
             if unit in pages.UNITS:  # the figure draws its own
                 axis.draw(renderer)
@@ -487,7 +488,7 @@ def profiles(
 
 def _legend_beside(axes: Axes, words: labels.StateLabels) -> None:
     """A legend to the right of the axes, on no line."""
-    title = f"column of\n{words.unit.removeprefix('cm, ')}" if words.pressure else "load"
+    title = f"column of\n{words.unit.partition(', ')[2]}" if words.pressure else "load"
     axes.legend(title=title, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, alignment="left")
 
 

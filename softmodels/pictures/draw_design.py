@@ -45,9 +45,8 @@ MIN_VIOLATION_SHOWN = -0.6
 """Lower end of the plotted violations."""
 
 
-def paths(before: table.PathTable, after: table.PathTable, gauge: str, pascal_per_cm: float) -> Figure:
-    """Plot the gauge's rise over the pressure, of the given and the optimised device; ``pascal_per_cm`` is Pa in one cm of the
-    column."""
+def paths(before: table.PathTable, after: table.PathTable, gauge: str, column: units.Column) -> Figure:
+    """Plot the gauge's rise over the pressure, of the given and the optimised device."""
     figure, axes = style.chart(6.2)
     for rows, colour, words in ((before, GIVEN_COLOUR, "as given"), (after, DESIGN_COLOUR, "design")):
         places = np.column_stack([rows.shown("pressure"), rows.shown(gauge)])
@@ -59,9 +58,9 @@ def paths(before: table.PathTable, after: table.PathTable, gauge: str, pascal_pe
         for row in curves.limits(rows):
             label = f"limit point, {words}: {row.told('pressure')}"
             axes.plot(row.shown("pressure"), row.shown(gauge), "D", color=style.WARNING, markersize=9, label=label)
-    axes.set(xlabel=f"pressure in {units.column_unit(pascal_per_cm)}", ylabel=f"rise of the {gauge} in mm")
+    axes.set(xlabel=f"pressure in {column.unit}", ylabel=f"rise of the {gauge} in mm")
     axes.margins(0.06)
-    curves.kilopascals(axes, pascal_per_cm)
+    curves.kilopascals(axes, column)
     axes.legend(loc="best")
     return figure
 
@@ -227,7 +226,7 @@ def draw(folder: Path, colormap: str = commands.COLORMAP) -> list[Path]:
     actuator = before.actuator
     with style.PictureFolder(folder) as out, matplotlib.rc_context(style.STYLE):
         charts = {
-            "paths": paths(before.rows, after.rows, actuator.gauge, before.case.cm),
+            "paths": paths(before.rows, after.rows, actuator.gauge, before.case.column),
             "history": history(told),
             "parameters": parameters(told["parameters"]),
         }
@@ -238,7 +237,9 @@ def draw(folder: Path, colormap: str = commands.COLORMAP) -> list[Path]:
         if offscreen.can_render():
             out.save("shapes", shapes((before, after), colormap))
     shown: dict[str, pages.Part] = {
-        f"{name}.png": pages.Charts([(f"{name}.svg", curves.drawing(figure, before.case.cm))], result.CAPTIONS[f"{name}.png"])
+        (file := f"{name}.png"): pages.Charts(
+            [(f"{name}.svg", curves.drawing(figure, before.case.column))], result.CAPTIONS[file]
+        )
         for name, figure in charts.items()
     }
     for path in out.written:
@@ -283,7 +284,7 @@ def page(folder: Path, told: result.DesignRecord, drawn: Sequence[pages.Part], p
             f"{limit.shown('pressure'):.4g} {pair[1].words.unit}")] if limit else []),
         ],
         [*([f"{told['trouble']}."] if told["trouble"] else []), *told["missed"]],
-        silicones.publications(pair[1].case.material), downloads, pair[1].case.cm,
+        silicones.publications(pair[1].case.material), downloads, pair[1].case.column,
     ).html()  # fmt: skip
 
 

@@ -276,7 +276,7 @@ def page(report: comparison.FitReport, figures: Mapping[str, Figure], tables: Ma
     """Return the report as one self-contained page, with pictures by the stem of their file's name, and texts of CSV files to
     download by file name."""
     charts = {
-        name: pages.Charts([(f"{name}.svg", curves.drawing(figure, units.pascal_per_cm()))], _caption(name))
+        name: pages.Charts([(f"{name}.svg", curves.drawing(figure, units.COLUMN))], _caption(name))
         for name, figure in figures.items()
     }
     ranked = [

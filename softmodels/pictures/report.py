@@ -85,7 +85,7 @@ class Report:
         self._page = Page(
             name, ending(states.rows, states.rows[states.main], states.words, told), (), made,
             facts(states, told), warnings if isinstance(warnings, list) else [], silicones.publications(states.case.material),
-            {"path.csv": files.read_text(folder / "path.csv")} if (folder / "path.csv").exists() else {}, states.case.cm,
+            {"path.csv": files.read_text(folder / "path.csv")} if (folder / "path.csv").exists() else {}, states.case.column,
         )  # fmt: skip
 
     def write(self) -> Path:
@@ -137,7 +137,8 @@ def _load(states: StoredStates) -> Iterator[tuple[str, object, str]]:
     for what, text in asked:
         yield what, text, "requested"
     if case.load.has_pressure:
-        yield "water density", f"{case.water_density:g} kg/m^3", f"1 cm is {case.cm:.4g} Pa"
+        pascal = case.column.pascal
+        yield "water density", f"{case.water_density:g} kg/m^3", f"{case.column.text(pascal)} is {pascal:.4g} Pa"
     yield "control", case.control, "control of the continuation"
     yield "formulation", case.formulation, "unknowns of the equations"
     for part in case.components:
@@ -343,7 +344,7 @@ def _curves(states: StoredStates) -> list[tuple[str, str]]:
         else:
             drawings = curves.curves(rows, words, states.branch, curves.over_of(states.case), states.sources)
             figures = [(f"path-{number}", figure) for number, figure in enumerate(drawings, 1)]
-        return [(f"{states.name}-{name}.svg", curves.drawing(figure, states.case.cm)) for name, figure in figures]
+        return [(f"{states.name}-{name}.svg", curves.drawing(figure, states.case.column)) for name, figure in figures]
 
 
 def _contact(states: StoredStates) -> str:
@@ -368,13 +369,13 @@ def _lines(rows: table.PathTable, states: StoredStates) -> pages.Table:
         if name == "requested" or states.words.hides(name):
             continue
         meaning = columns.term(name, states.actuator, states.case.load.driver)
-        factor = states.case.cm if meaning.unit == "cm" else math.nan
+        pressed = meaning.unit == pages.HEIGHT
         cells = [(row.cells.get(name, ""), _shown_value(row.cells.get(name))) for row in rows]
         values = [
-            pages.Cell(shown, str(exact), factor * exact if isinstance(exact, float) and meaning.unit == "cm" else None)
+            pages.Cell(shown, str(exact), states.case.column.pascal * exact if pressed and isinstance(exact, float) else None)
             for exact, shown in cells
         ]
-        lines.append([pages.Cell(str(meaning), meaning.text, unit=meaning.unit if meaning.unit == "cm" else ""), *values])
+        lines.append([pages.Cell(str(meaning), meaning.text, unit=meaning.unit if pressed else ""), *values])
     return pages.Table(lines)
 
 

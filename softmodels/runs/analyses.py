@@ -171,7 +171,7 @@ def _held(case: Case, body: Body, material: Material, relaxed: Limit, hold: floa
                     last = point
             except stability.PathEnd as end:
                 if not isinstance(end, schedule.LostInTime):
-                    raise RunError(f"{tried / case.cm:.4g} cm could not be followed for {hold:g} s: {end}") from end
+                    raise RunError(f"{case.column.text(tried)} could not be followed for {hold:g} s: {end}") from end
                 high = tried
                 continue
             low, best = tried, _limit_of(model.fields, last, "limit")
@@ -332,7 +332,7 @@ def _like(source: Material, asked: Material) -> Material:
     return dataclasses.replace(source, poisson=asked.poisson)  # type: ignore[call-arg]
 
 
-def band_texts(bands: Mapping[str, tuple[str, ...]], limits: Mapping[str, Limit], cm: float) -> list[str]:
+def band_texts(bands: Mapping[str, tuple[str, ...]], limits: Mapping[str, Limit], column: units.Column) -> list[str]:
     """Return the range of the limits over each silicone's sources, as sentences; for a single source the scatter
     of other products."""
     texts = []
@@ -342,7 +342,7 @@ def band_texts(bands: Mapping[str, tuple[str, ...]], limits: Mapping[str, Limit]
             continue
         ranked = sorted(((limits[name], name) for name in names), key=lambda pair: pair[0].pressure)
         low, high = (
-            f"{limit.pressure / cm:.4g} {units.column_unit(cm)} ({limit.pressure / 1e3:.4g} kPa, {_what(limit, name)})"
+            f"{column.full(limit.pressure)} ({limit.pressure / 1e3:.4g} kPa, {_what(limit, name)})"
             for limit, name in (ranked[0], ranked[-1])
         )
         texts.append(f"{product} over its {len(names)} sources: {low} to {high}; see softmodels silicones {product}")

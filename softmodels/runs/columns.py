@@ -24,10 +24,10 @@ from softmodels.case.case import Case
 from softmodels.common import files, units
 from softmodels.common.arrays import Array
 from softmodels.materials import silicones
-from softmodels.mechanics import component, controls, newton
+from softmodels.mechanics import component, controls, mpi, newton
 from softmodels.path import schedule, stability, steps, supply
 from softmodels.path.supply import Reservoir
-from softmodels.runs import state_values, table
+from softmodels.runs import formats, state_values, table
 from softmodels.runs.fields import OUTPUTS, Fields, Figures, OutputField, device_columns, outputs, register_output
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -60,10 +60,10 @@ class Band:
         self,
         fields: Fields,
         errors: materials.MaterialErrors,
-        pascal_per_cm: float,
+        cm: float,
         kept: str = stability.Pressure.name,
     ):
-        self.fields, self.errors, self.cm, self.kept = fields, errors, pascal_per_cm, kept
+        self.fields, self.errors, self.cm, self.kept = fields, errors, cm, kept
         from softmodels.mechanics.sensitivity import Sensitivity
 
         self._sensitivity = Sensitivity(fields.solver)
@@ -190,11 +190,21 @@ class Solved:
         return (self.gap is not None and self.gap.overlaps) or self.fields.walls.folded(self.nodal["displacement"])
 
 
-def row_of(solved: Solved) -> table.Row:
-    """Return the row of a state, on rank 0."""
-    case = solved.case
-    present = (variable for variable in every_variable() if variable.present is None or variable.present(case))
-    return table.Row.of(((variable, variable.value(solved)) for variable in present if variable.value), case.cm)
+def record_of(
+    case: Case, fields: Fields, point: stability.Point, number: int, reached: float, band: Band | None
+) -> formats.StateRecord:
+    """Return what is stored of a point of the path; ``reached`` is the number of program steps taken. All ranks call it."""
+    figures, nodal = fields.figures(point.state), fields.nodal(point.state) or {}  # on rank 0 only
+    mode = None if point.mode is None else fields.shape(point.mode)
+    if mode is not None:
+        nodal["mode"] = mode / np.abs(mode).max()
+    solved = Solved(case, fields, point, figures, nodal, number, reached, band.cells(point) if band else {})
+
+    def row() -> table.Row:
+        present = (variable for variable in every_variable() if variable.present is None or variable.present(case))
+        return table.Row.of(((variable, variable.value(solved)) for variable in present if variable.value), case.column.pascal)
+
+    return formats.StateRecord(mpi.on_root(fields.system.comm, row), nodal, formats.restart_of(point))
 
 
 def every_variable() -> list[table.Variable]:
@@ -340,10 +350,6 @@ def _eigenvalue(solved: Solved) -> float | None:
     return None if math.isnan(lowest) else units.Amount(1e6 * number, number, table.UNITS["Pa_per_mm2"].symbol)
 
 
-def _supplied(case: Case) -> bool:
-    return case.supply is not None
-
-
 def _at_rest(case: Case) -> bool:
     """Return whether the states are equilibria."""
     return not case.inertia
@@ -374,10 +380,6 @@ def _flow(solved: Solved) -> float:
     return supply.supplied(_source(solved), solved.figures.pressure)[0] / supply.ambient
 
 
-def _gas(case: Case) -> bool:
-    return case.supply is not None and case.supply.stores_energy
-
-
 _VARIABLES: tuple[table.Variable, ...] = (
     table.Variable("step", "", "step", "number of the state along the path, from rest", lambda s: s.number),
     table.Variable("pressure", "cm", "pressure",
@@ -394,13 +396,14 @@ _VARIABLES: tuple[table.Variable, ...] = (
            _in_time),
     table.Variable("gas", "ml", "gas", "amount of gas in tubes, fittings and cavity, as its volume at ambient pressure",
            _stroke, _in_time),
-    table.Variable("gas_energy", "mJ", "gas energy", "work stored in the gas of {supply}, tubes and cavity", _gas_energy, _gas),
+    table.Variable("gas_energy", "mJ", "gas energy", "work stored in the gas of {supply}, tubes and cavity", _gas_energy,
+           lambda case: case.supply is not None and case.supply.stores_energy),
     table.Variable("stroke_limit", "", "stroke limit",
            "1 where the stroke has a limit point: beyond it the device snaps through",
            lambda s: int(s.point.turn), _by_strokes),
     table.Variable("stable_under_supply", "", "stable under the {supply}",
            "1 if this state is stable with the gas of the supply, 0 if the device snaps through", _held,
-           lambda case: _supplied(case) and _at_rest(case)),
+           lambda case: case.supply is not None and _at_rest(case)),
     table.Variable("load_step", "", "load step", "number of the step in a program of several cavities",
            lambda s: s.load_step, lambda case: case.program),
     table.Variable("time", "s", "time", "since the load began", lambda s: steps.time_at(s.case.steps, s.load_step),

@@ -110,12 +110,12 @@ ROW, RESTART = "row", "restart"
 
 @dataclasses.dataclass(frozen=True)
 class StoredStep:
-    """Location of a step's fields, a group of an HDF5 file relative to the folder of results, its cells of ``path.csv``, what a
+    """Location of a step's fields, a group of an HDF5 file relative to the folder of results, its row of the table, what a
     `Point` needs to be made again beside its fields, and these fields' shapes by name, (n,), (n, 3) or (n, 9) of tensors."""
 
     file: str
     group: str
-    cells: Mapping[str, table.Cell]
+    row: table.Row
     restart: Restart
     shapes: Mapping[str, tuple[int, ...]]
 
@@ -132,11 +132,11 @@ def shapes_of(fields: Mapping[str, Shaped]) -> dict[str, tuple[int, ...]]:
     return {name: fields[name].shape for name in sorted(fields)}
 
 
-def read_step(group: h5py.Group, file: str, path: str) -> StoredStep:
-    """Return a step from its group of an HDF5 file, named relative to the folder of results; `ForeignDataError` if a field is
-    not in it."""
-    fields = {name: inside(group, name) for name in group}
-    return StoredStep(file, path, files.parse_json(group.attrs[ROW]), files.parse_json(group.attrs[RESTART]), shapes_of(fields))
+def read_step(group: h5py.Group, file: str, path: str, cm: float | None) -> StoredStep:
+    """Return a step from its group of an HDF5 file, named relative to the folder of results, ``cm`` as `table.Row` has it;
+    `ForeignDataError` if a field is not in it."""
+    fields, row = {name: inside(group, name) for name in group}, table.Row(files.parse_json(group.attrs[ROW]), cm)
+    return StoredStep(file, path, row, files.parse_json(group.attrs[RESTART]), shapes_of(fields))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -240,10 +240,10 @@ def times_of(stored: Sequence[StoredStep]) -> list[float]:
     """Return the time of each step in ParaView and VTK, where it has to rise: that in s, the pressure in cm of the column or
     the added volume in ml, of a vacuum its size; the number of the step where the path turns in all of them."""
     for column in TIMES:
-        values = np.abs(np.array([step.cells.get(column) for step in stored], dtype=float))
+        values = np.abs(np.array([step.row.cells.get(column) for step in stored], dtype=float))
         if (np.diff(values) > 0.0).all() and np.isfinite(values).all():
             return values.tolist()
-    return [float(step.cells["step"] or 0) for step in stored]
+    return [step.row["step"] for step in stored]
 
 
 def link_vtkhdf(file: Path, heavy: Path) -> None:
@@ -305,7 +305,7 @@ def _grid(
 def write_light(heavy: Path, shapes: Shapes, stored: Sequence[StoredStep], gathered: bool) -> None:
     """Write ``path.csv``, the XDMF and the light VTKHDF of a run, each replaced whole; ``heavy`` has the grid, and if
     ``gathered`` all steps' fields."""
-    files.write_text(heavy.with_name("path.csv"), files.csv_text(stored[0].cells, (step.cells for step in stored)))
+    files.write_text(heavy.with_name("path.csv"), table.PathTable(step.row for step in stored).csv())
     light = xdmf(heavy.stem, heavy.name, shapes, stored)
     files.replace(heavy.with_suffix(".xdmf"), lambda path: path.write_bytes(light))
 

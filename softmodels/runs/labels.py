@@ -40,7 +40,7 @@ class StateLabels:
     along: tuple[str, str] = PRESSURE_AND_VOLUME
     loads: tuple[str, ...] = ()
     moved: tuple[str, ...] = ()
-    unit: str = units.column_unit()
+    unit: str = units.COLUMN.unit
     fitted: float = math.inf
 
     def loads_in(self, row: table.Row) -> list[str]:
@@ -111,10 +111,10 @@ def state_labels(case: Case) -> StateLabels:
         case.actuator.gauge, case.load.has_pressure, bool(case.actuator.ratios), case.load.driver,
         loads=tuple(load.variables[0] for load in loads),
         moved=tuple(load.variables[1] for load in loads),
-        unit=units.column_unit(case.cm),
+        unit=case.column.unit,
         fitted=(silicones.stretches_of(case.material) or (1.0, math.inf))[1],
     )  # fmt: skip
-    if case.driven is None:
+    if case.load.driven is None:
         return words
     load = case.load.driven_part
     return dataclasses.replace(words, along=(load.variables[0], load.variables[1]))

@@ -17,7 +17,7 @@ from geometries import Actuator
 from softmodels.case import entries, materials
 from softmodels.case.case import Case
 from softmodels.case.materials import Region
-from softmodels.common import commands, units
+from softmodels.common import commands
 from softmodels.components import contact
 from softmodels.components.contact import Walls
 from softmodels.components.loads import Gravity
@@ -35,7 +35,7 @@ from softmodels.runs.outcomes import RunError
 def notes_of(case: Case, rows: table.PathTable, sources: columns.SourceTables = MappingProxyType({})) -> list[str]:
     """Return the warnings for a run's states, as sentences, from its table and those of every source of the silicone."""
     return [
-        *typed_notes(case),
+        *case.load.doubts,
         *vacuum_notes(case),
         *law_notes(case, rows),
         *stretch_notes(case, rows),
@@ -125,16 +125,11 @@ def fill_time(rows: table.PathTable) -> float | None:
     return None
 
 
-def typed_notes(case: Case) -> Iterator[str]:
-    """Yield a sentence on an ambiguous text of requested values, or none."""
-    yield from (driver.doubt for step in case.steps for driver in step.prescribed if driver.doubt)
-
-
 def vacuum_notes(case: Case) -> Iterator[str]:
     """Yield a sentence on a vacuum that few sources reach, or none."""
     if (lowest := case.load.lowest()) <= LOWEST_USUAL_PRESSURE:
         yield (
-            f"{lowest / case.cm:.4g} cm are {lowest / 1e3:.4g} kPa: at sea level ejectors reach about -85 kPa, single-stage "
+            f"{case.column.text(lowest)} are {lowest / 1e3:.4g} kPa: at sea level ejectors reach about -85 kPa, single-stage "
             "pumps -90 kPa; check the source's data sheet"
         )
 
@@ -789,9 +784,9 @@ def explain(case: Case, end: stability.PathEnd, fields: Fields, path: Continuati
     """Return why and where the path ended and how to fix it; ``petsc`` is whether the user gave PETSc options."""
     asked = case.load.told(case.values[-1], "g")
     device, last = case.actuator, fields.figures(path.last.state)
-    pressure = f"{last.pressure / case.cm:.4g} {units.column_unit(case.cm)} ({last.pressure:.4g} Pa)"
+    pressure = f"{case.column.full(last.pressure)} ({last.pressure:.4g} Pa)"
     cells = {"pressure_Pa": last.pressure, "max_stretch": last.max_stretch, "J_min": last.extremes["J"][0]}
-    row = table.Row(cells | last.device, case.cm)
+    row = table.Row(cells | last.device, case.column.pascal)
     where = (
         f"The last state is at {labels.state_labels(case).under(row, pressure)}, {device.gauge} rise "
         f"{last.rises[device.gauge] * 1e3:+.4g} mm, largest stretch {last.max_stretch:.3g}. "
@@ -801,9 +796,9 @@ def explain(case: Case, end: stability.PathEnd, fields: Fields, path: Continuati
     if end.limit is None:
         return f"{asked} was not reached: {end}. {where}{advice(case, row, petsc)}"
     at = fields.figures(end.limit.state)
-    if case.driven is not None:
+    if case.load.driven is not None:
         load = case.load.driven_part
-        most = table.Row(at.device, case.cm).told(load.variables[0], ".5g")
+        most = table.Row(at.device, case.column.pascal).told(load.variables[0], ".5g")
         return (
             f"no equilibrium at {asked} on this path: the {load.table} has a limit point at {most}, "
             f"where {_risen(device, at.rises)}; beyond it the device collapses. Stay below, "
@@ -815,16 +810,16 @@ def explain(case: Case, end: stability.PathEnd, fields: Fields, path: Continuati
         gas = supply.its_gas or f"the gas of the {supply.name}"
         return (
             f"a stroke of {asked} was not reached: {end}. The stroke has a limit point at {stroke:.4g} ml "
-            f"({at.pressure / case.cm:.4g} cm), where {_risen(device, at.rises)} and the cavity has "
+            f"({case.column.text(at.pressure)}), where {_risen(device, at.rises)} and the cavity has "
             f"{gained(at.added_volume)}; beyond it {gas} expands and the device snaps "
             f"through. Stay below{f', or use {supply.gentler}' if supply.gentler else ''}"
         )
     happens = "balloons" if at.added_volume > 0.0 else "collapses"
     return (
-        f"no equilibrium at {asked} on this path: the pressure has a limit point at {at.pressure / case.cm:.4g} "
-        f"{units.column_unit(case.cm)} ({at.pressure:.5g} Pa), where {_risen(device, at.rises)} and the cavity has "
+        f"no equilibrium at {asked} on this path: the pressure has a limit point at "
+        f"{case.column.full(at.pressure)} ({at.pressure:.5g} Pa), where {_risen(device, at.rises)} and the cavity has "
         f"{gained(at.added_volume)}; beyond it the device {happens}. Stay below (with 25 % margin: "
-        f"{0.8 * at.pressure / case.cm:.4g} cm), use {device.stiffer} or a stiffer silicone, or drive it by volume "
+        f"{case.column.text(0.8 * at.pressure)}), use {device.stiffer} or a stiffer silicone, or drive it by volume "
         f"past the limit (--volume-ml, or --control volume)"
     )
 

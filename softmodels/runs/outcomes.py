@@ -72,21 +72,26 @@ class Ended:
 
 
 class Listener:
-    """Receives the progress of a run, and does nothing with it; a program's log and a notebook are derived from it."""
+    """Receives the progress of a run; passes on each row to a function, if one is given, in the columns of ``path.csv``."""
+
+    def __init__(self, told: Callable[[dict[str, float]], object] | None = None):
+        self.told = told
 
     def say(self, text: str) -> None:
         """Report a sentence on the current step."""
 
-    def step(self, row: table.Row, value: float) -> None:
-        """Report a solved state: its row of the table, and the progress towards the last requested value."""
+    def step(self, row: table.Row, share: float) -> None:
+        """Report a solved state: its row of the table, and its share of the last requested value."""
+        if self.told is not None:
+            self.told(row.written)
 
 
 class Progress(Listener):
-    """Reports the progress of a path towards its last requested value, unless quiet; ``text`` writes a value, SI."""
+    """Reports the progress of a path towards its last requested value, unless quiet: of a variable of the table to its
+    ``goal``, a text."""
 
-    def __init__(self, last: float, text: Callable[[float], str], words: labels.StateLabels, quiet: bool):
-        self.last, self.text, self.words, self.quiet = last, text, words, quiet
-        self._way = -1.0 if last < 0.0 else 1.0  # down to a vacuum
+    def __init__(self, words: labels.StateLabels, quiet: bool, variable: str = "", goal: str = ""):
+        self.words, self.quiet, self.variable, self.goal = words, quiet, variable, goal
         self.started = time.monotonic()
         self._console: consoles.Console | None = None
         self._bar: progress.Progress | None = None
@@ -118,7 +123,7 @@ class Progress(Listener):
                 progress.TimeRemainingColumn(),
             )
             self._bar = progress.Progress(*parts, console=self._console)
-            self._task = self._bar.add_task("starting", total=abs(self.last))
+            self._task = self._bar.add_task("starting", total=1.0)
             self._bar.start()
         return self
 
@@ -133,7 +138,7 @@ class Progress(Listener):
         if self._cell is not None:
             from IPython.display import HTML
 
-            bar = f'<progress value="{self._done:.6g}" max="{abs(self.last):.6g}" style="width:20em"></progress>'
+            bar = f'<progress value="{self._done:.6g}" max="1" style="width:20em"></progress>'
             self._cell.update(HTML(f"{bar} {escape(errors.spoken(text))}"))
             return
         try:
@@ -150,14 +155,14 @@ class Progress(Listener):
         if self._console is not None:
             self._console.quiet = True
 
-    def step(self, row: table.Row, value: float) -> None:
-        """Report a step: its row of the table, and the progress towards the last requested value."""
-        gauge, done = self.words.gauge, max(0.0, min(self._way * value, abs(self.last)))
+    def step(self, row: table.Row, share: float) -> None:
+        """Report a step: its row of the table, and its share of the last requested value."""
+        gauge, done = self.words.gauge, max(0.0, min(share, 1.0))
         if self._cell is not None:
             rise = f"{gauge} rise {row.told(gauge)}"
             spent = f"{row['step'] + 1} states in {time.monotonic() - self.started:.1f} s"
             self._done = done
-            self.say(f"{self.text(value)} of {self.text(self.last)}: {rise}, {spent}")
+            self.say(f"{row.told(self.variable)} of {self.goal}: {rise}, {spent}")
             return
         volume = f"{row.told('added_volume', '+8.3f')}  " if self.words.volume else ""
         when = f"{row.told('time', '8.3g')}  " if "time" in row else ""
@@ -167,16 +172,12 @@ class Progress(Listener):
         )
         if self._bar is not None:
             self.say(text)  # above the bar, where it stays
-            self._bar.update(
-                self._task,
-                completed=done,
-                description=f"{self.text(value)} of {self.text(self.last)}",
-            )
+            self._bar.update(self._task, completed=done, description=f"{row.told(self.variable)} of {self.goal}")
             return
         now = time.monotonic()
         if self._first is None:
-            self._first = (now, value)  # the time of meshing and compiling does not predict that of the steps
+            self._first = (now, share)  # the time of meshing and compiling does not predict that of the steps
         since, first = self._first
-        left = (now - since) * (self.last - value) / (value - first) if self._way * (value - first) > 0.0 else None
+        left = (now - since) * (1.0 - share) / (share - first) if share > first else None
         rest = "" if left is None else f", about {max(0.0, left):.0f} s left"
         self.say(f"{text}  {now - self.started:6.1f} s{rest}")

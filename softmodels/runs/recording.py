@@ -7,13 +7,12 @@ import dataclasses
 import functools
 import hashlib
 import itertools
-import json
 import shutil
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from time import monotonic
-from typing import TypedDict
+from typing import Any
 
 import numpy as np
 
@@ -171,7 +170,7 @@ def begin(case: Case, place: ResultsPlace) -> tuple[store.Results, bool]:
         if output is None and place.resume:
             output = _folder_to_resume(base, case, wanted)
         own = folders.take_default(base, store.RUN, wanted) if output is None else folders.OwnFolder(output, store.RUN)
-        results = store.Results(own.path, case.name, case.actuator.gauge, cm=case.cm)
+        results = store.Results(own.path, case.name, case.actuator.gauge, cm=case.column.pascal)
         results.own = own
         own.take()
         try:
@@ -193,7 +192,7 @@ def begin_together(case: Case, place: ResultsPlace, comm: MPI.Comm) -> tuple[sto
     """The same on all ranks, where rank 0 alone takes the folder and writes there."""
     begun = mpi.kept_on_root(comm, lambda: begin(case, place))
     home, at, resumed = comm.bcast(None if begun is None else (begun[0].own.path, begun[0].folder, begun[1]))
-    results = begun[0] if begun else store.Results(home, case.name, case.actuator.gauge, cm=case.cm)
+    results = begun[0] if begun else store.Results(home, case.name, case.actuator.gauge, cm=case.column.pascal)
     results.folder = at
     return results, resumed
 
@@ -276,35 +275,21 @@ def mesh_is_known(results: store.Results, mesh: Path) -> bool:
 # Write a simulation into a results folder while it runs.
 
 
-class Summary(TypedDict, total=False):
-    """What ``summary.json`` holds; nothing where there is none."""
-
-    status: int
-    message: str
-    steps: int
-    last: object
-    events: object
-    stretch_at_break: float | None
-    notes: list[str]
-    stability: str
-
-
-def gather(case: Case, results: store.Results, ended: outcomes.Ended) -> Summary:
+def gather(case: Case, results: store.Results, ended: outcomes.Ended) -> dict[str, Any]:
     """Bring all steps into one file, and write and return the summary; on rank 0. `OSError` if there is no room."""
     if ended.status in (commands.EXIT_DONE, commands.EXIT_NO_EQUILIBRIUM):
         results.later.clear()  # the path has ended before them
     results.finish()
     words = labels.state_labels(case)
-    summary: Summary = {
-        "status": ended.status, "message": ended.message, "steps": len(results.stored), "last": results.rows[-1].cells,
-        "events": events(results.rows, words), "stretch_at_break": stretch_at_break(case.material),
+    summary = {
+        "status": ended.status, "message": ended.message, "events": events(results.rows, words),
+        "stretch_at_break": stretch_at_break(case.material),
         "notes": [*results.mesh_notes, *notes.notes_of(case, results.rows, results.sources(case))],
         "stability": notes.stability_text(results.rows, case.actuator, words, results.branch_rows),
     }  # fmt: skip
     started = results.started
     made = commands.Provenance.now(None if started is None else monotonic() - started)
-    results.own.claim(["summary.json"], {"made": made.table()})
-    files.write_text(results.folder / "summary.json", json.dumps(summary, indent=2) + "\n")
+    results.write_summary(summary, made.table())
     return summary
 
 
@@ -317,7 +302,7 @@ class Observer:
     def begun(self, results: store.Results) -> None:
         """The folder holds the first state of this run."""
 
-    def closed(self, results: store.Results | None, ended: outcomes.Ended, summary: Summary) -> None:
+    def closed(self, results: store.Results | None, ended: outcomes.Ended, summary: Mapping[str, Any]) -> None:
         """The run has ended and its folder is complete, and still locked; None where no folder could be taken. The summary is
         empty where there are no states, or it could not be written."""
 
@@ -373,7 +358,7 @@ def solved_into(
 
 def _complete(case: Case, results: store.Results | None, ended: outcomes.Ended, observer: Observer) -> tuple[str, bool]:
     """Gather the states of a run that has ended, on rank 0; return why only that failed, else "", and whether it is loaded."""
-    failure, summary = "", Summary()
+    failure, summary = "", dict[str, Any]()
     if results is not None and results.stored and ended.status != commands.EXIT_BAD_INPUT:
         try:
             summary = gather(case, results, ended)

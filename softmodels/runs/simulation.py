@@ -121,7 +121,7 @@ class Simulation:
     def _make_band(self) -> columns.Band | None:
         case = self.case
         return (
-            columns.Band(self.fields, case.band, case.cm, case.quantity)
+            columns.Band(self.fields, case.band, case.column.pascal, case.quantity)
             if isinstance(case.band, materials.MaterialErrors)
             else None
         )
@@ -156,7 +156,7 @@ class Simulation:
         for step in steps:
             yield step
             if mpi.is_root(self.comm):
-                self.listener.step(step.row, step.row[self.case.variable])
+                self.listener.step(step.row, step.row[self.case.variable] / self.case.values[-1])
             self._stop_if_asked()
 
     def _load_path(self, begun: RunStart) -> Iterator[formats.StateRecord]:
@@ -284,18 +284,7 @@ class Simulation:
 
     def step_of(self, point: stability.Point, number: int, reached: float = 0.0) -> formats.StateRecord:
         """Return a point of the path in SI units; ``reached`` is the number of program steps taken."""
-        case, fields = self.case, self.fields
-        figures = fields.figures(point.state)
-        nodal = fields.nodal(point.state)  # on rank 0 only
-        mode = None if point.mode is None else fields.shape(point.mode)
-        if nodal is not None and mode is not None:
-            nodal["mode"] = mode / np.abs(mode).max()
-        band = self._band.cells(point) if self._band else {}
-        row = mpi.on_root(
-            self.comm,
-            lambda: columns.row_of(columns.Solved(case, fields, point, figures, nodal or {}, number, reached, band)),
-        )
-        return formats.StateRecord(row, nodal or {}, formats.restart_of(point))
+        return columns.record_of(self.case, self.fields, point, number, reached, self._band)
 
 
 def _own_words() -> bool:
@@ -499,7 +488,7 @@ class Model(cards.ResultCard):
         if (pressures is None) == (volumes is None):
             raise CaseError("give the pressures or the added volumes that the path goes to, one of them")
         quantity, values = (steps.PRESSURE, pressures) if volumes is None else (steps.VOLUME, volumes)
-        asked = load.prescribed(quantity, values, self.case.cm)  # type: ignore[arg-type]
+        asked = load.prescribed(quantity, values, self.case.column.pascal)  # type: ignore[arg-type]
         if not any(asked.values):
             raise CaseError(f"the only {quantity} requested is 0; add a value above 0, or take the state at rest by solve()")
         return self.followed(
@@ -532,7 +521,7 @@ class Model(cards.ResultCard):
         """The state in which the device hangs under its preload (``preload``, where it is known), from which the path to
         requested values starts; None without dead loads, `RunError` if there is none. ``report`` takes sentences on what is
         going on."""
-        preload, driven = self.preload(report) if preload is None else preload, self.case.driven
+        preload, driven = self.preload(report) if preload is None else preload, self.case.load.driven
         if preload is None:
             self.system.coupling = self.system.inflating(np.empty(0))
             return None
@@ -547,7 +536,7 @@ class Model(cards.ResultCard):
         if not dead.loads:
             return None
         changed = {driver.of for step in case.steps for driver in step.prescribed}
-        changed |= {case.load.driven_part.key} if case.driven else set()
+        changed |= {case.load.driven_part.key} if case.load.driven else set()
         kept = [0.0 if load.key in changed else amount for load, amount in zip(dead.loads, dead.amounts, strict=True)]
         ratios = np.array(case.actuator.ratios)
         magnitudes = np.concatenate([np.zeros(len(ratios)), np.array(kept) / dead.units])
@@ -568,13 +557,13 @@ class Model(cards.ResultCard):
     @property
     def driven_load(self) -> int:
         """Place among the dead loads of the one whose values are requested."""
-        assert self.case.driven is not None
+        assert self.case.load.driven is not None
         return self.system.dead.index(self.case.load.driven_part.key)
 
     def unit_of(self, quantity: str) -> float:
         """SI units in one dimensionless value of a quantity, by its name; of shares of the weight the weight; below 0 for
         pressures and volumes of a path to vacuum, see `System.direction`."""
-        system, driven = self.system, self.case.driven
+        system, driven = self.system, self.case.load.driven
         if quantity == stability.Pressure.name:
             return system.direction * system.stress_unit
         if driven is not None and quantity in (stability.DeadForce.name, stability.LoadDisplacement.name):
@@ -746,10 +735,11 @@ class Equilibrium(cards.ResultCard):
         """This state as pictures take it."""
         case, grid = self.model.case, self.model.fields.grid
         row = table.Row({
-            "pressure_Pa": self.pressure, "pressure_cm": self.pressure / case.cm, "added_volume_ml": self.volume * 1e6,
+            "pressure_Pa": self.pressure, "pressure_cm": self.pressure / case.column.pascal,
+            "added_volume_ml": self.volume * 1e6,
             **{f"{name}_mm": rise * 1e3 for name, rise in self.rises.items()}, "max_stretch": self.largest_stretch,
             "requested": 1, "limit": 0,
-        }, case.cm)  # fmt: skip
+        }, case.column.pascal)  # fmt: skip
         nodes = self.points, grid.cells, grid.cell_name
         return StoredStates(case, [row], nodes, lambda step, name: self.fields[name])
 

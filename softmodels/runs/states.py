@@ -176,22 +176,20 @@ class FolderStates(StoredStates):
                 f"{folder} is relative to the working directory, which no longer exists; change the working "
                 f"directory, or give an absolute path"
             ) from None
-        case = Case.from_file(folder / "case.toml") if name is None else None
-        self.folder, self.results = folder, store.Results(folder, name or (case.name if case else ""))
+        case = Case.from_file(folder / "case.toml")
+        self.folder, self.results = folder, store.Results(folder, name or case.name, cm=case.column.pascal)
         if not self.results.heavy.exists():
             raise ResultsError(f"{folder} holds no {self.results.heavy.name}, so there is nothing to draw")
         self.results.load()
-        if not self.results.rows:
+        if not self.results.stored:
             raise ResultsError(f"the results in {folder} hold no step yet, so there is nothing to draw")
-        case = case or Case.from_file(folder / "case.toml")
-        self.results.cm = case.cm
         with formats.opened(self.results.heavy) as file:
             points, cells = (np.asarray(formats.read_values(file, f"mesh/{name}")) for name in ("points", "cells"))
             grid = points, cells, str(file["mesh"].attrs["cell_name"])
         read = functools.lru_cache(maxsize=24)(lambda step, field: self.fields(step, (field,))[field])
         super().__init__(case, self.results.rows, grid, read)
         self._mesh = (home or folder) / f"{case.name}.msh"
-        self.others = columns.read_sources(folder, case.cm) if isinstance(case.band, materials.SourceBand) else {}
+        self.others = columns.read_sources(folder, case.column.pascal) if isinstance(case.band, materials.SourceBand) else {}
         self.branch, self.mesh_notes = self.results.branch_rows, self.results.mesh_notes
         self.made = commands.Provenance.from_table(self.results.own.about.get("made"))
 

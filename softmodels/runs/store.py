@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from softmodels.case import materials
 from softmodels.case.case import Case
-from softmodels.common import errors, folders
+from softmodels.common import errors, files, folders
 from softmodels.common.files import hdf5_reason, remove_steps, replace, replace_hdf5
 from softmodels.runs import columns, formats, table
 from softmodels.runs.columns import write_sources
@@ -66,7 +66,7 @@ class Results:
 
     @property
     def rows(self) -> table.PathTable:
-        return table.PathTable.read((step.cells for step in self.stored), self.cm)
+        return table.PathTable(step.row for step in self.stored)
 
     def branch(self) -> Results:
         """Results of the branch at this path's bifurcation, in their own folder, which may not exist."""
@@ -96,7 +96,7 @@ class Results:
         return columns.in_order(
             case,
             self.rows,
-            columns.read_sources(self.folder, case.cm) if isinstance(case.band, materials.SourceBand) else {},
+            columns.read_sources(self.folder, case.column.pascal) if isinstance(case.band, materials.SourceBand) else {},
         )
 
     @property
@@ -183,10 +183,10 @@ class Results:
                 self._shapes = (points[0], cells, str(formats.inside(file, "mesh").attrs["cell_name"]))
                 for group in formats.inside(file, "steps") if "steps" in file else ():
                     step = formats.inside(file, f"steps/{group}")
-                    steps[int(group)] = formats.read_step(step, self.heavy.name, f"/steps/{group}")
+                    steps[int(group)] = formats.read_step(step, self.heavy.name, f"/steps/{group}", self.cm)
             for path in sorted(self.steps.glob("*.h5")):
                 with formats.opened(path) as file:
-                    steps[int(path.stem)] = formats.read_step(file, f"{self.steps.name}/{path.name}", "")
+                    steps[int(path.stem)] = formats.read_step(file, f"{self.steps.name}/{path.name}", "", self.cm)
         except ResultsError:
             raise
         except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
@@ -204,19 +204,19 @@ class Results:
 
     def add(self, record: formats.StateRecord) -> None:
         """Store one state."""
-        cells, restart, fields = record.row.cells, record.restart, record.fields.items()
+        row, restart, fields = record.row, record.restart, record.fields.items()
         flat = {name: values if values.ndim < 3 else values.reshape(-1, formats.TENSOR_COMPONENTS) for name, values in fields}
         self.steps.mkdir(exist_ok=True)
 
         def fill(file: h5py.File) -> None:
             for name, values in flat.items():
                 file[name] = values
-            file.attrs[formats.ROW], file.attrs[formats.RESTART] = json.dumps(cells), json.dumps(restart)
+            file.attrs[formats.ROW], file.attrs[formats.RESTART] = json.dumps(row.cells), json.dumps(restart)
 
         path = self.steps / f"{len(self.stored):04d}.h5"
         replace_hdf5(path, fill)
         self.stored.append(
-            formats.StoredStep(f"{self.steps.name}/{path.name}", "", cells, restart.copy(), formats.shapes_of(flat))
+            formats.StoredStep(f"{self.steps.name}/{path.name}", "", row, restart.copy(), formats.shapes_of(flat))
         )
         known = dict(enumerate(self.stored))
         self.later = {step: self.later[step] for step in not_passed(self.later | known) if step not in known}
@@ -235,6 +235,12 @@ class Results:
             name: values.reshape(-1, 3, 3) if values.shape[1:] == (formats.TENSOR_COMPONENTS,) else values
             for name, values in fields.items()
         }
+
+    def write_summary(self, summary: Mapping[str, object], made: Mapping[str, object]) -> None:
+        """Write what there is to say of a run, with its number of states and its last one; ``made`` is how it was made."""
+        self.own.claim(["summary.json"], {"made": made})
+        text = json.dumps({**summary, "steps": len(self.stored), "last": self.stored[-1].row.cells}, indent=2)
+        files.write_text(self.folder / "summary.json", f"{text}\n")
 
     def finish(self) -> None:
         """Merge all steps into one HDF5 file, with every step readable at any moment; without room (`OSError`) all steps stay
@@ -288,7 +294,7 @@ def not_passed(steps: Mapping[int, formats.StoredStep]) -> list[int]:
     resumed one have passed: it may take other steps in time, and fewer."""
     reached, numbers = -math.inf, []
     for number in sorted(steps):
-        row = table.Row(steps[number].cells)
+        row = steps[number].row
         load_step = row.get("load_step", math.inf)
         if reached < load_step:
             numbers.append(number)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from softmodels.common import units
+from softmodels.common import files, units
 from softmodels.common.arrays import Array
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ class Row(Mapping[str, float]):
 
     def __init__(self, cells: Mapping[str, Cell] | Iterable[tuple[str, Cell]], cm: float | None = None):
         self.cells: dict[str, Cell] = dict(cells)
-        self.cm = units.pascal_per_cm() if cm is None else cm
+        self.cm = units.COLUMN.pascal if cm is None else cm
         self._places, self._shown = _places(tuple(self.cells), self.cm)
 
     @classmethod
@@ -153,6 +153,10 @@ class PathTable(Sequence[Row]):
     def columns(self) -> list[str]:
         """The columns of ``path.csv``."""
         return list(self._rows[0].cells) if self._rows else []
+
+    def csv(self) -> str:
+        """Return the file ``path.csv``."""
+        return files.csv_text(self.columns, (map(row.cells.get, self.columns) for row in self._rows))
 
     def get(self, name: str, default: float = 0.0) -> Array:
         """Return a variable over the states, or another number where a state has none of this name."""

@@ -180,7 +180,7 @@ def test_a_modules_name_in_a_foreign_folder_is_not_imported(tmp_path, monkeypatc
     monkeypatch.setattr(sys, "path", [entry for entry in sys.path if entry not in ("", str(tmp_path))])
     worker = Worker("softmodels.common.units")
     try:
-        assert worker.call("pascal_per_cm")[0]
+        assert worker.call("example", "m")[0]
     finally:
         worker.stop()
     words, environment = python("softmodels", "--help")

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from geometries import HollowDisk
 from softmodels.case.materials import DEFAULT
-from softmodels.common.units import pascal_per_cm
+from softmodels.common.units import COLUMN
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.mpi import is_root, on_root, start
 from softmodels.mechanics.solver import Solver
@@ -28,7 +28,7 @@ ROUNDS = 5
 
 def main() -> None:
     comm = start()
-    goals = [177 * pascal_per_cm() / DEFAULT.shear_modulus]
+    goals = [177 * COLUMN.pascal / DEFAULT.shear_modulus]
     if is_root(comm):
         print(f"{comm.size} rank(s)")
         print("| section | cells | equations, s | path, s | steps | factorisations |\n|---|---|---|---|---|---|")

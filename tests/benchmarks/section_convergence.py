@@ -21,7 +21,7 @@ LEVELS = (2.0, 1.0, 0.5, 0.25)
 
 def figures(device, comm, folder: Path):
     """Cells, rise in mm and added volume in ml at 20 cm of water, and the limit pressure in cm; nan if the path stops."""
-    from softmodels.common.units import pascal_per_cm
+    from softmodels.common.units import COLUMN
     from softmodels.materials.laws import NeoHookean
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.solver import Solver
@@ -35,12 +35,12 @@ def figures(device, comm, folder: Path):
     fields = Fields(solver)
     found = [len(solver.system.cells)]
     try:
-        for point in trace(Continuation(solver), [20 * pascal_per_cm() / law.shear_modulus, 0.5]):
+        for point in trace(Continuation(solver), [20 * COLUMN.pascal / law.shear_modulus, 0.5]):
             if point.requested:
                 one = fields.figures(point.state)
                 found += [one.rises["apex"] * 1e3, one.added_volume * 1e6]
     except PathEnd as end:
-        found.append(end.limit.state.P * law.shear_modulus / pascal_per_cm() if end.limit else math.nan)
+        found.append(end.limit.state.P * law.shear_modulus / COLUMN.pascal if end.limit else math.nan)
     return found
 
 

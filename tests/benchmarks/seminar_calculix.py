@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from wedge_case import TETRAHEDRON10, TRIANGLE6, VTK_FROM_GMSH, elements, orient
 
 from geometries import SeminarActuator
-from softmodels.common.units import pascal_per_cm
+from softmodels.common.units import COLUMN
 from softmodels.materials.laws import Yeoh
 from softmodels.materials.silicones import SILICONES
 from softmodels.mechanics.body import Body
@@ -185,7 +185,7 @@ def main() -> None:
     parser.add_argument("--ccx", default="ccx", help="name or path of the CalculiX program")
     args = parser.parse_args()
     slab = SeminarActuator(around=args.around, cell_size=1e-3 * args.cell_size, channels=args.channels)
-    pressures = [height * pascal_per_cm() for height in args.pressures_cm]
+    pressures = [height * COLUMN.pascal for height in args.pressures_cm]
     law = dataclasses.replace(SILICONES["ecoflex-00-30"].material, poisson=0.49)
     assert isinstance(law, Yeoh)
     print("| program | cm | tip x, mm | tip z, mm | added, ml | lift off CalculiX | added off CalculiX | seconds in all |")

@@ -129,7 +129,7 @@ def test_a_disk_that_slides_on_a_ball(comm, exact):
     model = DesignModel(case, names, quantities, comm)
     here, run = (
         model.evaluate(model.start).values,
-        sm.run(dataclasses.replace(case, steps=steps_of(pressure_cm=(800.0 / case.cm,)))),
+        sm.run(dataclasses.replace(case, steps=steps_of(pressure_cm=(800.0 / case.column.pascal,)))),
     )
     figures = model.meshed.design.system.potential.terms["ball"].figures(model.meshed.design.system)
     assert 0.3 < figures["ball_sliding"] < 0.99
@@ -228,7 +228,7 @@ def test_a_design_that_stretches_far_without_a_limit_point_is_none_that_fails():
     disk = HollowDisk(section="axisymmetric", cell_size=0.003, cavity_radius=0.0115)
     case = Case("web", disk, sm.silicone("ecoflex-00-30"), steps=steps_of(pressure_cm=(177.0,)))
     limit = {"quantity": "limit_margin", "at_least": 1.25}
-    problem = DesignProblem(case, {"cavity_radius": (0.0105, 0.013)}, maximise=Rise(at=177 * case.cm), keep=[limit])
+    problem = DesignProblem(case, {"cavity_radius": (0.0105, 0.013)}, maximise=Rise(at=177 * case.column.pascal), keep=[limit])
     found = sm.optimise(problem)
     assert found.feasible and not found.trouble and not any(trial.failed for trial in found.trials)
     assert found.parameters["cavity_radius"] == pytest.approx(0.013)

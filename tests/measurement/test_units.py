@@ -225,4 +225,4 @@ def test_the_page_of_units_is_complete():
         (row,) = [row for row in rows if set(factors) <= row]
         for name in row - {"0.05"}:
             assert units.quantity(f"1 {name}", unit) > 0.0
-    assert f"{units.pascal_per_cm():.1f} Pa" in text and units.DENSITY_NOTE.split(" water")[0] in text
+    assert f"{units.COLUMN.pascal:.1f} Pa" in text and units.DENSITY_NOTE.split(" water")[0] in text

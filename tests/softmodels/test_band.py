@@ -64,7 +64,7 @@ def test_the_limit_point(run):
     """There the pressure at the same volume is the highest one, of every material near by."""
     row = next(row for row in run.rows if row["limit"])
     expected = half(slopes(lambda other: sm.limit(DISK, other).pressure))
-    assert row["pressure_ci95_cm"] * run.case.cm == pytest.approx(expected, rel=1e-3)
+    assert row["pressure_ci95_cm"] * run.case.column.pascal == pytest.approx(expected, rel=1e-3)
     (note,) = band_notes(run.table)
     low, high = row["pressure_cm"] - row["pressure_ci95_cm"], row["pressure_cm"] + row["pressure_ci95_cm"]
     assert f"between {low:.4g} and {high:.4g} cm" in note
@@ -102,11 +102,11 @@ def test_under_a_weight(heavy_run, column):
 def test_the_limit_under_a_weight(heavy_run):
     row = next(row for row in heavy_run.rows if row["limit"])
     limit = sm.limit(DISK, law(), components=HEAVY)
-    assert limit.pressure == pytest.approx(row["pressure_cm"] * heavy_run.case.cm, rel=1e-6)
+    assert limit.pressure == pytest.approx(row["pressure_cm"] * heavy_run.case.column.pascal, rel=1e-6)
     plain = sm.limit(DISK, law())
     assert abs(limit.pressure / plain.pressure - 1) > 1e-3
     expected = half(slopes(lambda other: sm.limit(DISK, other, components=HEAVY).pressure))
-    assert row["pressure_ci95_cm"] * heavy_run.case.cm == pytest.approx(expected, rel=1e-3)
+    assert row["pressure_ci95_cm"] * heavy_run.case.column.pascal == pytest.approx(expected, rel=1e-3)
 
 
 def heavy(law, pressures):

@@ -22,7 +22,6 @@ from softmodels.disk import command as disk
 from softmodels.fitting.outlines.residuals import read_heights
 from softmodels.fitting.outlines.shapes import OutlineFitError
 from softmodels.runs.analyses import Tolerance
-from softmodels.runs.notes import typed_notes
 from softmodels.seminar import command as seminar
 
 LOAD = "--pressure-cm=0:10"
@@ -119,15 +118,15 @@ def test_two_short_numbers_are_told_of(text):
         Case.from_toml(CASE.format(membrane="6 mm", load=f'volume_ml = "{text}"', more="")),
         case_of(HollowDisk(), sm.NeoHookean(30e3), f"{text} kPa"),
     ):
-        (note,) = typed_notes(case)
+        (note,) = case.load.doubts
         assert words in note and f"{first}:{second} for both" in note
     both = Case.from_toml(CASE.format(membrane="6 mm", load=f'pressure_cm = "{first}:{second}"', more=""))
-    assert [value / both.cm for value in both.values] == pytest.approx([float(first), float(second)], rel=1e-12)
+    assert [value / both.column.pascal for value in both.values] == pytest.approx([float(first), float(second)], rel=1e-12)
 
 
 @pytest.mark.parametrize("load", ['"2, 8"', '"2:8"', '"0,40"', '"2,8,9"', '"2,800"', '"2.0,8.0"', "[2, 8]"])
 def test_nothing_is_said_of_series_that_are_no_decimals(load):
-    assert not list(typed_notes(Case.from_toml(CASE.format(membrane="6 mm", load=f"pressure_cm = {load}", more=""))))
+    assert not Case.from_toml(CASE.format(membrane="6 mm", load=f"pressure_cm = {load}", more="")).load.doubts
 
 
 def test_texts_that_pick_faces_and_points():

@@ -38,7 +38,7 @@ def test_a_disk_rises_higher_within_its_limits_on_a_fresh_mesh_too(tmp_path):
     assert found.best.values[found.problem.terms[0].quantity.key] == pytest.approx(rise, rel=5e-3)
     # The device found, run as any other, does what was reported.
     run = sm.run(sm.Case.from_file(tmp_path / "out" / "design.toml"))
-    assert run.pressure[-1] == pytest.approx(100 * run.case.cm) and run.apex[-1] == pytest.approx(rise, rel=5e-3)
+    assert run.pressure[-1] == pytest.approx(100 * run.case.column.pascal) and run.apex[-1] == pytest.approx(rise, rel=5e-3)
 
 
 @pytest.mark.campaign

@@ -126,7 +126,7 @@ def test_a_problem_that_cannot_be_meant_is_one_sentence(name, tmp_path, ended, m
 def test_the_good_problem_is_good(tmp_path):
     problem = DesignProblem.from_toml(GOOD)
     assert [one.name for one in problem.free] == ["cavity_radius", "membrane"]
-    assert problem.terms[0].quantity.at.value == pytest.approx(177 * problem.case.cm) and problem.sign == -1.0
+    assert problem.terms[0].quantity.at.value == pytest.approx(177 * problem.case.column.pascal) and problem.sign == -1.0
     assert [keep.quantity.name for keep in problem.limits] == ["max_stretch", "limit_margin", "clearances"]
     assert problem.limits[2].at_least == 0.003 and problem.notes == ()
 
@@ -143,7 +143,8 @@ def test_bounds_that_cross_in_a_corner_are_warned_of():
 def test_from_python_numbers_are_si_and_texts_carry_units():
     case = DesignProblem.from_toml(GOOD).case
     keep = [sm.Keep(fake.FakeStretch(at=10e3), at_most=1.5), {"quantity": "mass", "at_most": "30 g"}]
-    problem = sm.DesignProblem(case, {"membrane": (0.002, "9 mm")}, maximise=fake.FakeRise(at=177 * case.cm), keep=keep)
+    highest = 177 * case.column.pascal
+    problem = sm.DesignProblem(case, {"membrane": (0.002, "9 mm")}, maximise=fake.FakeRise(at=highest), keep=keep)
     assert (
         problem.free[0].low == 0.002
         and problem.free[0].high == pytest.approx(0.009)

@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 
 import softmodels as sm
-from softmodels.common.units import pascal_per_cm
+from softmodels.common.units import COLUMN
 from softmodels.design.trials import Squares
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.runs import outcomes
 from softmodels.runs.simulation import Simulation
 
-CM = pascal_per_cm()
+CM = COLUMN.pascal
 COARSE = {"section": "axisymmetric", "cell_size": 6e-3, "refinement": 1.0}
 LAW = sm.Yeoh(14e3, 60.0)
 BALLOONS = sm.HollowDisk(membrane=1e-3, **COARSE)

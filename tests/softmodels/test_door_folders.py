@@ -174,7 +174,7 @@ def test_strokes_in_between(monkeypatch):
     state = run.at("4.321 ml")
     assert state.row["stroke_ml"] == pytest.approx(4.321, rel=1e-9)
     assert np.abs(state.displacement - straight.last.displacement).max() < 1e-8 * np.abs(state.displacement).max()
-    assert run.at("9 cm").pressure == pytest.approx(9 * run.case.cm, rel=1e-9)
+    assert run.at("9 cm").pressure == pytest.approx(9 * run.case.column.pascal, rel=1e-9)
 
 
 @pytest.mark.quick

@@ -123,7 +123,7 @@ def test_a_pressure_that_squeezes_the_silicone_itself_is_named():
 @pytest.mark.parametrize("control", ["auto", "pressure", "arc-length"])
 def test_and_any_pressure(control):
     run = sm.inflate(TUBE, INCOMPRESSIBLE, pressures="50 cm", components=HELD, control=control)
-    assert run.limit is None and run.pressure[-1] == pytest.approx(50 * run.case.cm)
+    assert run.limit is None and run.pressure[-1] == pytest.approx(50 * run.case.column.pascal)
     assert abs(run.added_volume[-1]) < 1e-15 and run.largest_stretch[-1] == pytest.approx(1.0)
 
 
@@ -162,7 +162,7 @@ def test_a_part_that_snaps_beside_a_whole_that_goes_on_as_before_is_let_go():
     tube = sm.RigidShape("cylinder", "outer", (0.0, 0.0, 0.0), 18.85e-3, (0.0, 0.0, 1.0), hollow=True, name="tube")
     run = sm.inflate(device, sm.Yeoh(7859.0, 94.3, 0.0, 0.5), pressures="40 cm", components=[tube])
     (at,) = np.flatnonzero(run.path["jump"])
-    assert run.limit is None and run.pressure[-1] == pytest.approx(40 * run.case.cm)
+    assert run.limit is None and run.pressure[-1] == pytest.approx(40 * run.case.column.pascal)
     assert run.path["max_stretch"][at] > 5.0 and run.path["stable_under_pressure"][at:].all()
     assert run.path["added_volume_ml"][at] == pytest.approx(run.path["added_volume_ml"][at - 1], rel=1e-2)
 

@@ -128,7 +128,7 @@ def test_a_program_of_pressures_is_written_step_by_step(tmp_path):
     case = Case("two", device, LAW, steps=steps_of(**series))
     sm.export(case, tmp_path / "x.inp")
     found = [float(p) for p in re.findall(r"CAVITY\d?, P, (\S+)", (tmp_path / "x.inp").read_text())]
-    assert found == pytest.approx([case.cm * p for p in (4, 0, 4, 6)], rel=1e-12)
+    assert found == pytest.approx([case.column.pascal * p for p in (4, 0, 4, 6)], rel=1e-12)
     series["cavity2"] = {"volume_ml": [0, 0, 0.1]}
     with pytest.raises(CaseError, match="a deck takes pressures"):
         sm.export(dataclasses.replace(case, steps=steps_of(**series)), tmp_path / "y.inp")

@@ -19,7 +19,7 @@ from softmodels.case.entries import CaseError, SeriesError, of_text, series, spl
 from softmodels.case.load import load_table, steps_of
 from softmodels.cli.options import main
 from softmodels.common import processes
-from softmodels.common.units import pascal_per_cm
+from softmodels.common.units import COLUMN
 from softmodels.disk import command as disk
 from softmodels.path.steps import StepError, courses
 
@@ -215,7 +215,7 @@ def test_implausible_pressures_say_what_is_plausible():
 def test_a_cavitys_pressures_may_have_units():
     given = {"cavity1": {"pressure": ["4 kPa", "20 cm"]}}
     (steps,) = courses(steps_of(**given))
-    assert steps.values == (4000.0, 20 * pascal_per_cm()) and load_table(steps_of(**given)) == given
+    assert steps.values == (4000.0, 20 * COLUMN.pascal) and load_table(steps_of(**given)) == given
     with pytest.raises(StepError, match=r"cavity1\.pressure 4 has no unit"):
         steps_of(cavity1={"pressure": 4})
 

@@ -66,7 +66,7 @@ def photographed(run, cms, rng=None):
         above = QuadraticCurve(outer_curve(run, run.at(f"{cm} cm")).nodes - [0.0, zero])
         places, normals = half_outline(shadow_of(above).curve, 50e-6)
         places, normals = (np.vstack([half[:0:-1] * [-1.0, 1.0], half]) for half in (places, normals))
-        pressure = cm * run.case.cm
+        pressure = cm * run.case.column.pascal
         if rng is not None:
             places = places + ERROR * correlated(len(places), 8.0, rng)[:, None] * normals
             pressure += 1e6 * ERROR * float(rng.standard_normal())
@@ -189,7 +189,7 @@ def test_heights_from_where_they_count(height_datum, run_of):
     apex = {cm: run.at(f"{cm} cm").row["apex_mm"] * 1e-3 for cm in (0, *cms)}
     zero = apex[0] if height_datum == "apex" else 0.0  # the clamp is the highest where it hangs, and does not move
     assert apex[0] < -2e-3
-    heights = [Height(f"{cm}", cm * run.case.cm, apex[cm] - zero) for cm in cms]
+    heights = [Height(f"{cm}", cm * run.case.column.pascal, apex[cm] - zero) for cm in cms]
     options = dataclasses.replace(QUICK, height_datum=height_datum)
     found = sm.fit_heights(case_of(device, components), heights, "yeoh", options).chosen
     assert found.fit.values["c1"] == pytest.approx(TRUE.c1, rel=1e-5)

@@ -16,7 +16,6 @@ import pytest
 from softmodels.case.case import Case
 from softmodels.runs import formats
 from softmodels.runs.store import Results
-from softmodels.runs.table import Row
 from tests.support import runs
 from tests.support.campaigns import sampled
 
@@ -59,7 +58,7 @@ def cut_off(whole, folder, count):
         part.begin(file["mesh/points"][:], file["mesh/cells"][:], str(file["mesh"].attrs["cell_name"]))
         for stored in whole.stored[:count]:
             fields = {name: values[:] for name, values in file[stored.group].items()}
-            part.add(formats.StateRecord(Row(stored.cells), fields, stored.restart))
+            part.add(formats.StateRecord(stored.row, fields, stored.restart))
     return part.folder
 
 

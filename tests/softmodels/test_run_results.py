@@ -186,8 +186,8 @@ def test_a_terminal_shows_a_bar(monkeypatch, capsys):
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     row = {"step": 3, "pressure_cm": 88.5, "apex_mm": 2.0, "added_volume_ml": 1.0, "newton_iterations": 2}
-    with Progress(177.0, "{:g} cm".format, StateLabels("apex"), quiet=False) as progress:
-        progress.step(Row(row), 88.5)
+    with Progress(StateLabels("apex"), False, "pressure", "177 cm") as progress:
+        progress.step(Row(row), 0.5)
         bar = progress._bar.tasks[0]
-        assert bar.completed == 88.5 and bar.total == 177.0 and bar.description == "88.5 cm of 177 cm"
+        assert bar.completed == 0.5 and bar.total == 1.0 and bar.description == "88.5 cm of 177 cm"
     assert "step   3" in capsys.readouterr().err.rstrip("\n")

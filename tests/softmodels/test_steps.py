@@ -7,10 +7,10 @@ import pytest
 
 import softmodels as sm
 from softmodels.case.load import load_table, steps_of
-from softmodels.common.units import Amount, pascal_per_cm
+from softmodels.common.units import COLUMN, Amount
 from softmodels.path.steps import Prescribed, Step, StepError, courses, durations_of, is_program, times_of
 
-CM = pascal_per_cm()
+CM = COLUMN.pascal
 DISK, LAW = sm.HollowDisk(section="axisymmetric"), sm.NeoHookean(30e3, 0.49)
 BEAM = sm.Beam(length=0.03, width=0.01, thickness=0.005)
 PULLS = sm.Force("tip", "x", name="pull"), sm.Force("tip", "-z", name="push"), sm.Gravity("-z")

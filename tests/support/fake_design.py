@@ -121,7 +121,7 @@ class FakeModel:
         device = changed(self.case.actuator, dict(zip(self.names, theta, strict=True)))
         mu = self.case.material.shear_modulus_0 if mu is None else mu
         if self.working > limit(device, mu):
-            raise DesignFailure(f"the device jumps at {limit(device, mu) / self.case.cm:.4g} cm")
+            raise DesignFailure(f"the device jumps at {self.case.column.text(limit(device, mu))}")
         found = {}
         for one in self.quantities:
             if one.name == "clearances":

@@ -11,7 +11,7 @@ import numpy as np
 from measurement.outline.outline import Outline
 from softmodels.case.load import steps_of
 from softmodels.common.arrays import Array
-from softmodels.common.units import pascal_per_cm
+from softmodels.common.units import COLUMN
 from softmodels.fitting.outlines.device import DeviceModel
 from softmodels.fitting.outlines.residuals import readings_of
 from softmodels.fitting.outlines.shapes import Silhouette, half_outline, shadow_of
@@ -127,7 +127,7 @@ class Creeping:
             corners, looks = [(0.0, 0.0), *((DAY + time, P) for time, P in corners)], [1, *(at + 1 for at in looks)]
         times, pressures = np.array(corners).T
         begin = 0 if hung else 1
-        cm, times = (pressures[begin:] / pascal_per_cm()).tolist(), times[begin:].tolist()
+        cm, times = (pressures[begin:] / COLUMN.pascal).tolist(), times[begin:].tolist()
         program = steps_of(**{"cavity1": {"pressure_cm": cm}, "time_s": times})
         for come, point in follow(solver, program, Settings(tolerance=tolerance), preload=hung):
             if point.requested and round(come) in looks:

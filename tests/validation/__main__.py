@@ -23,7 +23,7 @@ import softmodels as sm
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.load import steps_of
-from softmodels.common.units import pascal_per_cm
+from softmodels.common.units import COLUMN
 from softmodels.materials.laws import Material
 from softmodels.pictures.style import CURVE, FAINT, INK, STYLE
 from tests.validation.devices import HERE, Measured, beam, cylinder, membranes
@@ -141,7 +141,7 @@ def deck_case(one: Measured) -> Case:
     if "section" in {field.name for field in dataclasses.fields(device)}:
         device = dataclasses.replace(device, section="wedge")  # type: ignore[call-arg]
     if case.quantity == "volume":
-        top = 1e3 * float(one.values.max()) / pascal_per_cm()
+        top = 1e3 * float(one.values.max()) / COLUMN.pascal
         case = dataclasses.replace(case, steps=steps_of(pressure_cm=tuple(np.linspace(0.0, top, 6).tolist())))
     return dataclasses.replace(case, actuator=device, components=parts)
 

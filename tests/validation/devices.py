@@ -20,7 +20,7 @@ import softmodels as sm
 from geometries.meshing import private_model
 from softmodels.case.case import Case
 from softmodels.case.load import steps_of
-from softmodels.common.units import pascal_per_cm
+from softmodels.common.units import COLUMN
 from softmodels.materials.laws import Material
 from softmodels.materials.silicones import silicone, spanning
 
@@ -167,7 +167,7 @@ def cylinder(folder: Path) -> Iterator[Measured]:
             file=str(drawing), support="x = 0 mm", cavities=(f"at {LENGTH / 2:g}, {channel:g}, 0.5 mm",),
             planes=("z = 0 mm",), rise="y", cell_size=0.0035,
         )  # fmt: skip
-        steps = tuple(1e3 * pressure / pascal_per_cm() for pressure in (0.0, 16.3, 25.1, 30.3, 45.0))
+        steps = tuple(1e3 * pressure / COLUMN.pascal for pressure in (0.0, 16.3, 25.1, 30.3, 45.0))
         head = Case("cylinder", device, material, components=(core,), steps=steps_of(pressure_cm=steps))
         return Case.from_toml(f'{head.to_toml()}\n[angles]\nbend = "face x = {LENGTH:g} mm"\n')
 

@@ -13,7 +13,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from geometries import HollowDisk
 from softmodels.case.load import steps_of
-from softmodels.common.units import pascal_per_cm
+from softmodels.common.units import Column
 from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.materials.specimens import sphere_pressure
 from softmodels.mechanics.solver import Solver
@@ -84,7 +84,7 @@ def filled(body_of):
         system, rows, come, end = solver.system, [], [], None
         gas, program = (
             Gas(reservoir, system.stress_unit, system.volume_unit),
-            steps_of(water_density=CM / pascal_per_cm(1.0), **tables),
+            steps_of(water_density=CM / Column(1.0).pascal, **tables),
         )
         with pytest.MonkeyPatch.context() as patch:
             kept = Filling.check
@@ -108,7 +108,7 @@ def filled(body_of):
 
 def ode(reservoir, tables, pressure_of, amounts, times):
     """Pressures in Pa of a gas in a cavity whose pressure follows from the gas in m3 at ambient pressure, at times in s."""
-    program = steps_of(water_density=CM / pascal_per_cm(1.0), **tables)
+    program = steps_of(water_density=CM / Column(1.0).pascal, **tables)
     ends = [time_at(program, float(k)) for k in range(last_number(program) + 1)]
     ends = list(dict.fromkeys(ends))
     corners = [t for t in ends if t <= times[-1]]

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk
-from softmodels.common.units import pascal_per_cm
+from softmodels.common.units import COLUMN
 from softmodels.fitting.outlines.shapes import Silhouette
 from softmodels.materials.laws import NeoHookean
 from softmodels.pictures.curves import profile as seen_from_the_side
@@ -20,7 +20,7 @@ from softmodels.runs.fields import Fields
 from tests.support.campaigns import sampled
 
 COLUMNS = (70.0, 130.0, 177.0)
-CM = pascal_per_cm()
+CM = COLUMN.pascal
 SILICONE = NeoHookean(30e3, 0.49)
 
 
@@ -165,7 +165,7 @@ def thin_inflated(equilibrium, solved):
 
     def inflate(disk, columns=THIN_COLUMNS):
         equations = equilibrium(disk, SILICONE)
-        goals = [column * pascal_per_cm() / equations.system.stress_unit for column in columns]
+        goals = [column * COLUMN.pascal / equations.system.stress_unit for column in columns]
         _, points, end = solved(equations, goals)
         assert end is None
         states = [point.state for point in points if point.requested]

@@ -81,7 +81,7 @@ def of_the_bellows():
     top, found = outer_curve(run[0])[0, 0, 1], []
     for cm in (6, 12, 18):
         curve = QuadraticCurve(outer_curve(run.at(f"{cm} cm")) - [0.0, top])
-        found.append(outline(half_outline(shadow_of(curve).curve, 50e-6)[0], cm * run.case.cm, f"{cm} cm"))
+        found.append(outline(half_outline(shadow_of(curve).curve, 50e-6)[0], cm * run.case.column.pascal, f"{cm} cm"))
     return found
 
 

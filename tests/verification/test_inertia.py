@@ -17,7 +17,7 @@ from scipy.integrate import solve_ivp
 import softmodels as sm
 from geometries import Beam
 from softmodels.case.load import steps_of
-from softmodels.common.units import pascal_per_cm
+from softmodels.common.units import Column
 from softmodels.materials.laws import Gent, NeoHookean
 from softmodels.mechanics.assembly import Inertia
 from softmodels.mechanics.controls import pressure_control
@@ -63,7 +63,7 @@ def row_of(system, motion, time, state):
 def followed(body, law, tables, tolerance=5e-5, radius=0.9):
     """Rows of a load in time."""
     system, motion = system_of(body, law, radius)
-    program, rows = steps_of(water_density=CM / pascal_per_cm(1.0), **tables), []
+    program, rows = steps_of(water_density=CM / Column(1.0).pascal, **tables), []
     for come, point in follow(Solver(system), program, Settings(tolerance=tolerance)):
         rows.append(row_of(system, motion, time_at(program, come), point.state))
     return np.array(rows).T
@@ -254,7 +254,7 @@ def filled(body, law, tables, moves=True):
     if moves:
         system.potential.motion = motion
     program, gas = (
-        steps_of(water_density=CM / pascal_per_cm(1.0), **tables),
+        steps_of(water_density=CM / Column(1.0).pascal, **tables),
         Gas(RESERVOIR, system.stress_unit, system.volume_unit),
     )
     rows, end = [], None

@@ -17,12 +17,12 @@ from softmodels.case.case import Case
 from softmodels.case.load import steps_of
 from softmodels.cli import examples
 from softmodels.cli.material_commands import fit_material
-from softmodels.common.units import pascal_per_cm
+from softmodels.common.units import COLUMN
 from softmodels.fitting.outlines.shapes import half_outline, shadow_of
 from softmodels.pictures.curves import profile
 from softmodels.runs.grid import QuadraticCurve
 
-PRESSURES = tuple(cm * pascal_per_cm() for cm in (35.0, 80.0, 125.0, 177.0))
+PRESSURES = tuple(cm * COLUMN.pascal for cm in (35.0, 80.0, 125.0, 177.0))
 
 
 @pytest.mark.campaign

@@ -10,7 +10,7 @@ import pytest
 
 from geometries import ImportedActuator
 from softmodels.case.load import steps_of
-from softmodels.common.units import pascal_per_cm
+from softmodels.common.units import Column
 from softmodels.materials.laws import NeoHookean
 from softmodels.path import schedule
 from tests.support import bodies
@@ -100,7 +100,7 @@ def run(balloons, body_of):
         fields, points = Fields(eq), []
         try:
             cavities = {f"cavity{i}": one for i, one in enumerate(series, 1)}
-            for come, point in schedule.follow(eq, steps_of(water_density=CM / pascal_per_cm(1.0), **cavities)):
+            for come, point in schedule.follow(eq, steps_of(water_density=CM / Column(1.0).pascal, **cavities)):
                 points.append((come, point, fields.figures(point.state)))
         except PathEnd as end:
             return points, end

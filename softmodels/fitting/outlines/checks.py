@@ -525,7 +525,7 @@ def _sentence(wrong_reading: WrongReading) -> str:
 
 def reading(pressure: float) -> str:
     """Return a pressure in the bench's units, as text."""
-    return f"{pressure / units.pascal_per_cm():.4g} {units.column_unit()} ({pressure / 1e3:.4g} kPa)"
+    return f"{units.COLUMN.full(pressure)} ({pressure / 1e3:.4g} kPa)"
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -68,7 +68,7 @@ class _Task:
             compared = f"the fit is compared with that of {self.devices[0].name}"
             more = [*more, f"the cases have {len(named)} materials; {compared}"]
         liquid = (
-            f"heights of a column are {units.column_unit()} ({units.DENSITY_NOTE}), also where photographs were measured by "
+            f"heights of a column are {units.COLUMN.unit} ({units.DENSITY_NOTE}), also where photographs were measured by "
             "them without --water-density"
         )
         return [*filter(None, (comparison.caution(self.known), *more)), *left_out, liquid]

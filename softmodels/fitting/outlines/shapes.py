@@ -84,7 +84,7 @@ class Shape:
     def name(self) -> str:
         """Name of the photograph in messages."""
         held = f", held {self.hold:.4g} s" if self.history else ""
-        return f"{self.pressure / units.pascal_per_cm():.4g} {units.column_unit()}{held} ({self.source})"
+        return f"{units.COLUMN.full(self.pressure)}{held} ({self.source})"
 
     def mean(self, values: Array) -> Array:
         """Return the means over the bins of values (k, ...) divided by the points' errors, as independent residuals of
