@@ -20,7 +20,7 @@ from pathlib import Path
 from softmodels.case import materials
 from softmodels.case.case import Case
 from softmodels.common import commands, processes
-from softmodels.common.errors import reason, spoken
+from softmodels.common.errors import OWN_MODULES, reason, spoken
 from softmodels.common.lazy import MPI, PETSc, consoles, progress
 from softmodels.mechanics import mpi
 from softmodels.runs import fields, labels, notes, outcomes, recording, store
@@ -235,7 +235,7 @@ def start_drawing(case: Case, module: str, *words: str) -> subprocess.Popen[str]
     """Start a drawing module with words in a separate process, without MPI's environment variables, importing the case's own
     modules there too; `OSError` if no process can be started."""
     command, environment = processes.python(module, *words)
-    environment[materials.VARIABLE] = materials.own_modules(case, *fields.OUTPUTS.values())
+    environment[OWN_MODULES] = materials.own_modules(case, *fields.OUTPUTS.values())
     pipe = subprocess.PIPE
     return subprocess.Popen(command, env=environment, stdin=pipe, stdout=pipe, stderr=pipe, text=True)
 
