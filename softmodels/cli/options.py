@@ -124,9 +124,10 @@ def execute(case: Callable[[], Case], how: commands.RunOptions, inputs: Sequence
 
         if (ranks := ranks_for(ready, how.ranks, how.quiet)) > 1:
             sys.exit(start_again(ranks))
+        drawing = run.DrawingProcess.of(ready, how)
         with commands.stoppable("softmodels", mpi.speaks):
             mpi.start(how.petsc)
-        sys.exit(run.run(ready, how.output, how, inputs, rank_asked_to_stop))
+        sys.exit(run.run(ready, how.output, how, inputs, rank_asked_to_stop, drawing))
     except ImportError as error:
         ending.fail(f"{error}; the simulation needs FEniCSx (softmodels doctor lists what is missing)", 1)
 

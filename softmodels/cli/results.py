@@ -103,7 +103,8 @@ def draw_command(folder: Path, wanted: commands.DrawingOptions) -> None:
     with commands.unswept():
         from softmodels.pictures import draw
 
-        draw.draw_folder(folder, wanted=wanted)
+        with draw.second_process() as beside:
+            draw.draw_folder(folder, wanted=wanted, beside=beside)
 
 
 @options.command("compare")
