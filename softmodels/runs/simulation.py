@@ -285,8 +285,9 @@ class Simulation:
     def step_of(self, point: stability.Point, number: int, reached: float = 0.0) -> formats.StateRecord:
         """Return a point of the path in SI units; ``reached`` is the number of program steps taken."""
         case, fields = self.case, self.fields
-        figures = fields.figures(point.state)
-        nodal = fields.nodal(point.state)  # on rank 0 only
+        values = fields.values(point.state)
+        figures = fields.figures(point.state, values)
+        nodal = fields.nodal(point.state, values)  # on rank 0 only
         mode = None if point.mode is None else fields.shape(point.mode)
         if nodal is not None and mode is not None:
             nodal["mode"] = mode / np.abs(mode).max()
