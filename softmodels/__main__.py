@@ -8,7 +8,7 @@ from softmodels.mechanics import mpi
 with commands.stoppable("softmodels", mpi.speaks):
     import click
 
-    from softmodels.cli import options as commandline
+    from softmodels.cli import ending
 
 PLACES = {
     "Simulate": {
@@ -73,7 +73,7 @@ def softmodels() -> None:
 
 
 def main() -> None:
-    commandline.main(softmodels)
+    ending.main(softmodels)
 
 
 if __name__ == "__main__":

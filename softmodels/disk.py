@@ -5,7 +5,7 @@ from softmodels.mechanics import mpi
 
 with commands.stoppable("softmodels", mpi.speaks):
     from geometries import HollowDisk
-    from softmodels.cli import options
+    from softmodels.cli import ending, options
 
 
 command = options.device_command(
@@ -20,4 +20,4 @@ command = options.device_command(
 
 
 if __name__ == "__main__":
-    options.main(command)
+    ending.main(command)

@@ -667,10 +667,7 @@ def check_parts(components: Sequence[Component], actuator: Actuator) -> None:
 # Import user-defined devices, laws, supplies and parts, for commands and their child processes.
 #
 # A script that defines and runs a device does not need this. A command such as ``softmodels run case.toml`` knows only
-# the library's classes; the environment variable `VARIABLE` names the Python files to import first, as `PATH` names folders.
-
-
-VARIABLE = "SOFTMODELS_MODULES"
+# the library's classes; the environment variable `errors.OWN_MODULES` names the Python files to import first.
 
 
 class OwnModuleError(ValueError):
@@ -678,21 +675,23 @@ class OwnModuleError(ValueError):
 
 
 def import_own_modules() -> None:
-    """Import the files that `VARIABLE` names, each once; `OwnModuleError` if one is no Python file, or raises an exception."""
-    for text in filter(None, os.environ.get(VARIABLE, "").split(os.pathsep)):
+    """Import the files that `errors.OWN_MODULES` names, each once; `OwnModuleError` if one is no Python file, or raises an
+    exception."""
+    for text in filter(None, os.environ.get(errors.OWN_MODULES, "").split(os.pathsep)):
         path = Path(text).resolve()
         if path not in map(_file, list(sys.modules.values())):
             _import(path)
 
 
 def own_modules(*things: object) -> str:
-    """Return the value of `VARIABLE` with which another process can import the classes of these objects and their contents.
+    """Return the value of `errors.OWN_MODULES` with which another process can import the classes of these objects and their
+    contents.
 
     So it does what their fields name (`Component.looked_up`).
     """
     names = {value.__module__: None for value in _within(things)}
     files = [_file(sys.modules.get(name)) for name in names if name.split(".")[0] not in errors.OWN_PACKAGES]
-    named = filter(None, os.environ.get(VARIABLE, "").split(os.pathsep))
+    named = filter(None, os.environ.get(errors.OWN_MODULES, "").split(os.pathsep))
     return os.pathsep.join(dict.fromkeys([*named, *(str(file) for file in files if file is not None)]))
 
 
@@ -717,7 +716,7 @@ def _file(module: ModuleType | None) -> Path | None:
 def _import(path: Path) -> None:
     spec = importlib.util.spec_from_file_location(path.stem, path) if path.is_file() else None
     if spec is None or spec.loader is None:
-        raise OwnModuleError(f"{VARIABLE} names {path}, which is not a Python file")
+        raise OwnModuleError(f"{errors.OWN_MODULES} names {path}, which is not a Python file")
     module = importlib.util.module_from_spec(spec)
     sys.modules[path.stem] = module  # dataclasses look up their module
     if str(path.parent) not in sys.path:
@@ -726,4 +725,4 @@ def _import(path: Path) -> None:
         spec.loader.exec_module(module)
     except Exception as error:
         del sys.modules[path.stem]
-        raise OwnModuleError(f"{path}, which {VARIABLE} names, cannot be imported ({error!r})") from error
+        raise OwnModuleError(f"{path}, which {errors.OWN_MODULES} names, cannot be imported ({error!r})") from error

@@ -1,6 +1,6 @@
 """The commands: options read, runs started, one sentence and an exit status.
 
-- `options`: options shared by all devices, ``softmodels run``, the choice of ranks, and how a command begins and ends.
+- `ending`: how a command begins and ends. `options`: options shared by all devices, ``softmodels run``, the choice of ranks.
 - `run`: what a run prints, and the process that draws.
 - `analyses`: limit pressure, natural frequencies, an object between fingers. `design`: the search for a device, studies.
 - `material_commands`: fits, a material's curves and scores, named silicones.

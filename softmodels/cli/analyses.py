@@ -18,7 +18,7 @@ from geometries import Actuator, HollowDisk, registry
 from softmodels.case import entries, load, materials
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
-from softmodels.cli import options
+from softmodels.cli import ending, options
 from softmodels.common import commands, files, pages, processes, schema, units
 from softmodels.common.lazy import MPI
 from softmodels.common.pages import Page
@@ -289,7 +289,7 @@ def _find_modes(case: Case, how: ModesOptions, asked: Mapping[str, object], file
     if mpi.is_root(comm) and folder is not None:
         _report_modes(case, modes, how, folder)
     if modes.ended.status:
-        options.fail(modes.ended.message, modes.ended.status)
+        ending.fail(modes.ended.message, modes.ended.status)
 
 
 def _report_modes(case: Case, modes: NaturalFrequencies, how: ModesOptions, folder: commands.ResultFolder) -> None:
@@ -300,7 +300,7 @@ def _report_modes(case: Case, modes: NaturalFrequencies, how: ModesOptions, fold
                 place / "report.html", _modes_page(case, modes, _draw_modes(case, modes, how.sealed, place), place)
             )
 
-    options.write_into(folder, write, "the results")
+    ending.write_into(folder, write, "the results")
     if how.quiet:
         return
     shown = [*np.flatnonzero(modes.requested), *([] if modes.requested[-1] else [len(modes.pressure) - 1])]
@@ -454,12 +454,12 @@ def grasp_command(file: Path, how: GraspOptions) -> None:
             files.write_text(place / "grasp.csv", grasp_table(made, states))
             files.write_bytes(place / "grasp.png", style.png(analyses.grasp_figure(made, states, outlines)))
 
-        options.write_into(folder, write, "the results")
+        ending.write_into(folder, write, "the results")
         if not how.quiet:
             for text in [*told(made, states), f"results in {folder.path}: grasp.csv, grasp.png"]:
                 processes.say(text)
     if states[-1].load < how.load * (1 - 1e-9):
-        options.fail(
+        ending.fail(
             f"no equilibrium of the object at a load of {how.load:.4g} N: beyond {states[-1].load:.4g} N it leaves the "
             "fingers; use a higher pressure, more friction or more fingers",
             3,
@@ -653,7 +653,7 @@ def limit(
     ]:  # fmt: skip
         processes.say(text)
     if folder is not None:
-        options.write_into(folder, lambda place: write_page(place, question, limits, scattered, notes), "the tables")
+        ending.write_into(folder, lambda place: write_page(place, question, limits, scattered, notes), "the tables")
         processes.say(f"tables and report.html in {folder.path}")
 
 

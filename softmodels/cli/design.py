@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from geometries import MeshFileError, MeshingError
-from softmodels.cli import options, run
+from softmodels.cli import ending, options, run
 from softmodels.common import commands, errors, files, processes
 from softmodels.common.folders import OwnFolderError
 from softmodels.common.lazy import MPI, PETSc
@@ -82,7 +82,7 @@ def design(file: Path, how: DesignOptions) -> None:
         }  # fmt: skip
         folder = optimise.open_folder(problem, how.output, comm, search)
     except DesignError as error:
-        options.fail(str(error))
+        ending.fail(str(error))
     try:
         status = _design(problem, folder, comm, search, how)
     finally:
@@ -112,16 +112,16 @@ def _design(
             search["progress"], search["stopped"] = progress.say, stopped
             result = optimise.run_in(problem, folder, comm, **search)
     except DesignError as error:
-        options.fail(str(error))
+        ending.fail(str(error))
     except (MeshingError, MeshFileError) as error:
-        options.fail(str(error), commands.EXIT_FAILED)
+        ending.fail(str(error), commands.EXIT_FAILED)
     except PETSc.Error as error:
-        options.fail(
+        ending.fail(
             f"PETSc stopped ({mpi.petsc_reason(error)}); the evaluated designs are kept; continue with --resume",
             commands.EXIT_FAILED,
         )
     except (OwnFolderError, OSError) as error:
-        options.fail(f"the designs cannot be written ({error}); continue with --resume", commands.EXIT_FAILED)
+        ending.fail(f"the designs cannot be written ({error}); continue with --resume", commands.EXIT_FAILED)
     return _close(result, folder, comm, quiet, None if how.no_pictures else how.colormap)
 
 
@@ -221,7 +221,7 @@ def study_command(file: Path, how: StudyOptions) -> None:
     """
     begun = time.monotonic()
     if (mpi.launched() or 1) > 1:
-        options.fail("a study shares its samples among its own processes (--jobs, --scheduler); start it without mpirun")
+        ending.fail("a study shares its samples among its own processes (--jobs, --scheduler); start it without mpirun")
     plan = study.StudyPlan.from_file(file, how.changes)
     kept = study.open_folder(plan, how.output, how.resume, [file])
     assert kept.own is not None
@@ -233,7 +233,7 @@ def study_command(file: Path, how: StudyOptions) -> None:
             if not how.no_pictures:
                 _draw_study(solved, folder, time.monotonic() - begun)
         except OSError as error:
-            options.fail(f"the results cannot be written into {folder} ({errors.reason(error)})", commands.status_of(error))
+            ending.fail(f"the results cannot be written into {folder} ({errors.reason(error)})", commands.status_of(error))
     finally:
         kept.leave()
     if not how.quiet:
@@ -261,9 +261,9 @@ def _solved(kept: study.StudyFolder, plan: study.StudyPlan, how: StudyOptions, f
     try:
         return study.solve_into(kept, plan, how.jobs or 0, how.scheduler, None if how.quiet else progress)
     except OSError as error:
-        options.fail(f"a sample cannot be written ({errors.reason(error)}); continue with --resume", commands.EXIT_FAILED)
+        ending.fail(f"a sample cannot be written ({errors.reason(error)}); continue with --resume", commands.EXIT_FAILED)
     except KeyboardInterrupt:
-        options.fail("stopped by the user; continue with --resume", commands.EXIT_STOPPED)
+        ending.fail("stopped by the user; continue with --resume", commands.EXIT_STOPPED)
 
 
 def _draw_study(solved: Study, folder: Path, seconds: float) -> None:

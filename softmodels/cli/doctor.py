@@ -20,7 +20,7 @@ import numpy as np
 from geometries import HollowDisk
 from softmodels.case import materials
 from softmodels.case.case import Case
-from softmodels.cli import options
+from softmodels.cli import ending, options
 from softmodels.common import commands, errors
 from softmodels.common.lazy import MPI, PETSc
 from softmodels.mechanics import compiling, mpi
@@ -189,4 +189,4 @@ def app(project: Path, port: int | None, no_browser: bool, lan: bool) -> None:
         server.serve(project, port, browser=not no_browser, lan=lan)
     except OSError as error:
         where = f"port {port}" if port and not isinstance(error, FileNotFoundError | PermissionError) else str(project)
-        options.fail(f"{where} cannot be used ({errors.reason(error)}); give another one", commands.status_of(error))
+        ending.fail(f"{where} cannot be used ({errors.reason(error)}); give another one", commands.status_of(error))

@@ -29,7 +29,7 @@ from geometries import HollowDisk, meshing
 from measurement import photographer
 from softmodels.case import load, materials
 from softmodels.case.case import Case
-from softmodels.cli import options
+from softmodels.cli import ending, options
 from softmodels.common import commands, files, processes, units
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import MPI, gmsh
@@ -185,8 +185,8 @@ def demo(output: Path | None, megapixels: float) -> None:
     """
     comm = mpi.start()
     if comm.size > 1:
-        options.fail("the demonstration runs on one process only; start it without mpirun")
-    with options.unwritable("the demonstration"):
+        ending.fail("the demonstration runs on one process only; start it without mpirun")
+    with ending.unwritable("the demonstration"):
         place = commands.open_place(output, Path("loop"), "demonstration of the whole workflow", WRITTEN)
         write_case(place, TRUTH)
         click.echo("simulating the true device")
@@ -200,7 +200,7 @@ def demo(output: Path | None, megapixels: float) -> None:
         line, environment = processes.python(module, *words)
         status = subprocess.run(line, env=environment, check=False).returncode
         if status != commands.EXIT_DONE:
-            options.fail(
+            ending.fail(
                 f"{module} {words[0]} ended with exit status {status}; the files so far are in {place}", commands.EXIT_FAILED
             )
     lines, good = compared(place, TRUTH)
@@ -464,8 +464,8 @@ def examples(output: Path) -> None:
     Exit status: 0 written, 1 failed, 2 the folder cannot be written.
     """
     if why := commands.trouble(output):
-        options.fail(f"the folder {output} cannot be written ({why})")
-    with options.unwritable("the examples"):
+        ending.fail(f"the folder {output} cannot be written ({why})")
+    with ending.unwritable("the examples"):
         folder = write_examples(output)
     for path in folder.kept:
         processes.say(f"{path} exists and is kept")

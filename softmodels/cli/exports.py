@@ -14,7 +14,7 @@ from geometries import registry
 from softmodels.api import calls
 from softmodels.case.case import Case
 from softmodels.casting.settings import Workshop, asked_of
-from softmodels.cli import options
+from softmodels.cli import ending, options
 from softmodels.common import commands, processes, schema
 from softmodels.mechanics import mpi
 
@@ -74,7 +74,7 @@ def mould(file: Path, how: MouldOptions, settings: Mapping[str, object]) -> None
         drawn = write_sheet(place, asked, made, not how.no_pictures)
 
     made = make.made(asked.device, asked.workshop)
-    options.write_into(folder, write, "the mould")
+    ending.write_into(folder, write, "the mould")
     if not how.quiet:
         for text in mould_summary(made):
             processes.say(text)
@@ -144,7 +144,7 @@ def export_command(file: Path, output: Path, changes: tuple[str, ...], quiet: bo
         mpi.start()
     if not mpi.speaks():
         return
-    with options.unwritable(output):
+    with ending.unwritable(output):
         deck = calls.export(Case.from_file(file, changes=changes), output)
     if not quiet:
         steps, mesh = len(deck.pressures), deck.mesh
@@ -184,7 +184,7 @@ def reduce_command(folder: Path, output: Path, kind: str, face: str, quiet: bool
     """
     from softmodels.decks import chains
 
-    with options.unwritable(output):
+    with ending.unwritable(output):
         chains.kind_of(output, kind)
         commands.check_output_file(output, [], chains.is_own, "a reduced model", "--output")
         made = calls.load(folder).reduce(output, kind=kind, face=face)

@@ -18,7 +18,7 @@ import numpy as np
 from geometries import registry
 from softmodels.case.case import Case
 from softmodels.case.materials import MaterialErrors, material_from
-from softmodels.cli import options
+from softmodels.cli import ending, options
 from softmodels.common import commands, errors, pages, processes
 from softmodels.common.files import csv_text, read_text, write_text
 from softmodels.common.pages import Page
@@ -395,10 +395,10 @@ def fit_material(files: tuple[Path, ...], how: FitGiven) -> None:
         if folder is not None:  # the files of an earlier fit are not mistaken for this one's
             with contextlib.suppress(OSError):
                 comparison.retire(folder.path)
-        options.fail(str(error), commands.EXIT_FAILED)
+        ending.fail(str(error), commands.EXIT_FAILED)
     if folder is None:
         sys.exit(commands.EXIT_DONE if report.chosen.sound else commands.EXIT_FAILED)
-    options.write_into(folder, lambda place: _write_fit(report, folder.path, place, how), "the results")
+    ending.write_into(folder, lambda place: _write_fit(report, folder.path, place, how), "the results")
     if not how.quiet:
         processes.say(comparison.as_text(report))
     if report.separate:
@@ -562,7 +562,7 @@ def curve(how: CurveOptions) -> None:
 
             (place / "curves.png").write_bytes(fits.draw(many, measured, how.radius, how.thickness))
 
-    options.write_into(folder, write, "the results")
+    ending.write_into(folder, write, "the results")
     if not how.quiet:
         for curves in many:
             processes.say(table_of(curves, ratio))
@@ -667,7 +667,7 @@ def score(files: tuple[Path, ...], how: ScoreOptions) -> None:
         try:
             scores += scoring.against_outlines(materials, device, outlines, comm, errors)
         except FitError as trouble:
-            options.fail(str(trouble), commands.EXIT_FAILED)
+            ending.fail(str(trouble), commands.EXIT_FAILED)
     if folder is None:
         return
 
@@ -675,7 +675,7 @@ def score(files: tuple[Path, ...], how: ScoreOptions) -> None:
         scoring.write_scores(place / "scores.csv", scores)
         write_text(place / "report.html", score_page(scores, materials, read_text(place / "scores.csv")))
 
-    options.write_into(folder, write, "the results")
+    ending.write_into(folder, write, "the results")
     if not how.quiet:
         processes.say(score_table(scores))
         processes.say(f"written to {folder.path}")
@@ -780,7 +780,7 @@ def silicones(products: tuple[str, ...]) -> None:
     names = [product_of(name) for name in products]
     for name in names:
         if name not in PRODUCTS:
-            options.fail(f"{name!r} is not a silicone of the library; {errors.known_are(name, PRODUCTS)}")
+            ending.fail(f"{name!r} is not a silicone of the library; {errors.known_are(name, PRODUCTS)}")
     processes.say(HEAD)
     for name in names or PRODUCTS:
         for silicone in PRODUCTS[name]:

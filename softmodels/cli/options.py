@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import functools
-import gc
 import itertools
 import os
 import shutil
@@ -13,10 +12,10 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from pathlib import Path
 from types import FrameType
-from typing import Any, NoReturn
+from typing import Any
 
 import click
 
@@ -24,6 +23,7 @@ from geometries import ACTUATORS, Actuator, GeometryError, MeshFileError, Meshin
 from softmodels.case import case, entries, materials
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
+from softmodels.cli import ending
 from softmodels.common import commands, errors, processes, units
 from softmodels.materials import silicones
 from softmodels.materials.laws import LAWS
@@ -119,11 +119,12 @@ def execute(case: Callable[[], Case], how: commands.RunOptions, inputs: Sequence
 
         if (ranks := ranks_for(ready, how.ranks, how.quiet)) > 1:
             sys.exit(start_again(ranks))
+        drawing = run.DrawingProcess.of(ready, how)
         with commands.stoppable("softmodels", mpi.speaks):
             mpi.start(how.petsc)
-        sys.exit(run.run(ready, how.output, how, inputs, rank_asked_to_stop))
+        sys.exit(run.run(ready, how.output, how, inputs, rank_asked_to_stop, drawing))
     except ImportError as error:
-        fail(f"{error}; the simulation needs FEniCSx (softmodels doctor lists what is missing)", 1)
+        ending.fail(f"{error}; the simulation needs FEniCSx (softmodels doctor lists what is missing)", 1)
 
 
 def _check_words(petsc: tuple[str, ...]) -> None:
@@ -136,12 +137,6 @@ def _check_words(petsc: tuple[str, ...]) -> None:
             raise CaseError(f"-options_file {file!r} is not a file")
 
 
-def fail(message: str, status: int = 2) -> NoReturn:
-    """Print an error message on one rank, whichever has it, and exit."""
-    _tell(message, only_here=not mpi.ends_with_others())
-    sys.exit(status)
-
-
 class Command(click.Command):
     """A command that ends with a sentence and a status where an error has a sentence for the user."""
 
@@ -149,52 +144,17 @@ class Command(click.Command):
         try:
             return super().invoke(ctx)
         except MemoryError as error:
-            fail(outcomes.no_memory(error), commands.EXIT_FAILED)
+            ending.fail(outcomes.no_memory(error), commands.EXIT_FAILED)
         except (StartError, materials.OwnModuleError) as error:
-            fail(str(error), getattr(error, "status", 2))
+            ending.fail(str(error), getattr(error, "status", 2))
         except Exception as error:
             if not isinstance(error, errors.OptionMessage | units.UnitError):
                 raise
-            fail(str(error), outcomes.Ended.by(error).status)
+            ending.fail(str(error), outcomes.Ended.by(error).status)
 
 
 command = functools.partial(click.command, cls=Command)
 """As `click.command`."""
-
-
-@contextlib.contextmanager
-def unwritable(what: str | Path, does: str = "cannot be written") -> Iterator[None]:
-    """Exit with a sentence where a file cannot be opened or written in here."""
-    try:
-        yield
-    except OSError as error:
-        fail(f"{what} {does} ({errors.reason(error)})", commands.status_of(error))
-
-
-def write_into(folder: commands.ResultFolder, write: Callable[[Path], None], what: str) -> None:
-    """Write all results (``what``, such as "the tables") into a folder at once; exit with a sentence if that fails."""
-    with unwritable(what, f"cannot be written into {folder.path}"), folder.writing() as place:
-        write(place)
-
-
-def _tell(message: str, only_here: bool = False) -> None:
-    if only_here or mpi.speaks():
-        with contextlib.suppress(OSError):  # stderr is closed
-            commands.tell(message)
-
-
-def main(command: click.Command) -> None:
-    """Run a click command; usage errors print one sentence on one rank; exit status 2."""
-    if not mpi.speaks():
-        sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115  (help is printed once too, and the stream stays open)
-    with mpi.exits_together(), commands.ending(_tell):
-        try:
-            materials.import_own_modules()
-            command.main(standalone_mode=False)
-        except materials.OwnModuleError as error:
-            fail(str(error))
-        finally:
-            gc.unfreeze()  # for callers whose process continues
 
 
 # ----------------------------------------------------------------------------------------------------------------------

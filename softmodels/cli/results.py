@@ -13,7 +13,7 @@ import click
 import numpy as np
 
 from softmodels.case import materials
-from softmodels.cli import options
+from softmodels.cli import ending, options
 from softmodels.common import commands, errors, files, processes
 from softmodels.runs import states
 from softmodels.runs.states import Line
@@ -41,7 +41,7 @@ def open_command(folder: Path, no_browser: bool) -> None:
     \b
     Exit status: 0 opened; 2 the folder holds no results.
     """
-    with options.unwritable(folder, "cannot be read"):
+    with ending.unwritable(folder, "cannot be read"):
         address = report_of(folder).resolve().as_uri()
     processes.say(address)
     if not no_browser:
@@ -52,7 +52,7 @@ def report_of(folder: Path) -> Path:
     """Return the report of a folder of results, made if need be; exit with a sentence where there are none."""
     if not folder.is_dir():
         near = "" if folder.exists() else errors.near_paths(folder)
-        options.fail(f"{folder} is not a folder{near or '; give a folder of results, such as results/disk'}")
+        ending.fail(f"{folder} is not a folder{near or '; give a folder of results, such as results/disk'}")
     for attempt in (False, True):
         if attempt and not _made(folder):
             break
@@ -65,7 +65,7 @@ def report_of(folder: Path) -> Path:
         path for path in folder.iterdir() if path.is_dir() and any((path / name).exists() for name in (*PAGES, *TABLES))
     )
     near = f"open one of those in it: {', '.join(map(str, inside[:5]))}" if inside else "give another, such as results/disk"
-    options.fail(f"{folder} holds no results; {near}")
+    ending.fail(f"{folder} holds no results; {near}")
 
 
 def _made(folder: Path) -> bool:
@@ -94,7 +94,8 @@ def draw_command(folder: Path, wanted: commands.DrawingOptions) -> None:
     with commands.unswept():
         from softmodels.pictures import draw
 
-        draw.draw_folder(folder, wanted=wanted)
+        with draw.second_process() as beside:
+            draw.draw_folder(folder, wanted=wanted, beside=beside)
 
 
 @options.command("compare")
@@ -119,7 +120,7 @@ def compare_command(folders: Sequence[Path], output: Path | None, quiet: bool) -
     """
     from softmodels.pictures import comparison
 
-    with options.unwritable(output or folders[0], "cannot be read or written"):
+    with ending.unwritable(output or folders[0], "cannot be read or written"):
         materials.import_own_modules()
         if output is not None:
             commands.check_output_file(output, folders, _is_page, "a report", "--output")
@@ -161,11 +162,11 @@ def line_command(folder: Path, value: str | None, points: int, output: Path | No
 
     begin, end, through = (places[name] for name in ("begin", "end", "through"))
     if (begin is None, end is None, through is None) not in ((False, False, True), (True, True, False)):
-        options.fail("give the line's ends (--from and --to), or a place whose wall it goes through (--through)")
-    with options.unwritable(output or folder, "cannot be read or written"):
+        ending.fail("give the line's ends (--from and --to), or a place whose wall it goes through (--through)")
+    with ending.unwritable(output or folder, "cannot be read or written"):
         materials.import_own_modules()
         if output is not None and output.suffix.lower() != ".csv":
-            options.fail(f"{output} ends in {output.suffix or 'nothing'}; values along a line are written as .csv (--output)")
+            ending.fail(f"{output} ends in {output.suffix or 'nothing'}; values along a line are written as .csv (--output)")
         if output is not None:
             commands.check_output_file(output, [], _is_line, "a table of values along a line", "--output")
             commands.check_output_file(output.with_suffix(".png"), [], files.is_drawn, "a picture", "--output")

@@ -21,7 +21,7 @@ from typing import Any
 from softmodels.case import materials
 from softmodels.case.case import Case
 from softmodels.common import commands, processes
-from softmodels.common.errors import reason, spoken
+from softmodels.common.errors import OWN_MODULES, reason, spoken
 from softmodels.common.lazy import MPI, PETSc, consoles, progress
 from softmodels.mechanics import mpi
 from softmodels.runs import fields, labels, notes, outcomes, recording, store
@@ -33,6 +33,7 @@ def run(
     how: commands.RunOptions = commands.DEFAULT_OPTIONS,
     inputs: Sequence[Path] = (),
     interrupts: Callable[[], contextlib.AbstractContextManager[Callable[[], bool]]] = recording.unstopped,
+    drawing: DrawingProcess | None = None,
 ) -> int:
     """Run a case and return the exit status; all messages go to standard error, the summary to standard output. May be called
     in any thread. `StartError` if PETSc cannot take the words.
@@ -44,12 +45,13 @@ def run(
         inputs: Files that the user has given: they are never written.
         interrupts: Entered while states are solved; gives whether to stop, asked between them. No signal is handled unless
             here, as a command does by `asked_to_stop`.
+        drawing: The process that draws, if it has been started; see `DrawingProcess.of`.
     """
     comm = mpi.start(how.petsc)
     quiet, goal = how.quiet or not mpi.is_root(comm), case.load.told(case.values[-1])
     progress = outcomes.Progress(labels.state_labels(case), quiet, case.variable, goal)
-    drawing = DrawingProcess(case, how) if how.draws and mpi.is_root(comm) else None
-    reporter = Reporter(case, progress, drawing, comm.size, how)
+    drawing = drawing or DrawingProcess.of(case, how)
+    reporter = Reporter(case, progress, drawing, how)
 
     @contextlib.contextmanager
     def solving() -> Iterator[Callable[[], bool]]:
@@ -69,16 +71,12 @@ class Reporter(recording.Observer):
     """Prints how a run goes on, and has its results drawn at the end; on rank 0. ``status`` is the exit status, once it has
     ended."""
 
-    def __init__(
-        self, case: Case, progress: outcomes.Progress, drawing: DrawingProcess | None, ranks: int, how: commands.RunOptions
-    ):
-        self.case, self.progress, self.drawing, self.ranks = case, progress, drawing, ranks
+    def __init__(self, case: Case, progress: outcomes.Progress, drawing: DrawingProcess | None, how: commands.RunOptions):
+        self.case, self.progress, self.drawing = case, progress, drawing
         self.quiet, self.petsc, self.status = how.quiet, bool(how.petsc), commands.EXIT_DONE
 
     def opened(self, results: store.Results) -> None:
         self.progress.say(f"writing results to {results.own.path}")
-        if self.drawing is not None:
-            self.drawing.get_ready(self.ranks)
 
     def begun(self, results: store.Results) -> None:
         if self.drawing is not None:
@@ -153,6 +151,18 @@ class DrawingProcess:
         self.case, self.wanted = case, wanted
         self._process: subprocess.Popen[str] | None = None
 
+    @classmethod
+    def of(cls, case: Case, how: commands.RunOptions) -> DrawingProcess | None:
+        """Return what draws a run, its process started if there are more cores than ranks; None on other ranks than the first,
+        and where nothing is drawn."""
+        if not (how.draws and mpi.speaks()):
+            return None
+        drawing = cls(case, how)
+        with contextlib.suppress(OSError):  # tried again, and reported, when drawing starts
+            if processes.cores() > (mpi.launched() or 1):
+                drawing._process = drawing._started()
+        return drawing
+
     @property
     def begins(self) -> str:
         """Return the message before drawing."""
@@ -165,12 +175,6 @@ class DrawingProcess:
         if self.wanted.film:
             return "pictures (*.png), film.gif, film.webp and report.html"
         return f"pictures (*.png) and report.html (the film: softmodels draw {shlex.quote(str(folder))} --film)"
-
-    def get_ready(self, ranks: int) -> None:
-        """Start the process, if there are more cores than ranks."""
-        with contextlib.suppress(OSError):  # tried again, and reported, when drawing starts
-            if processes.cores() > ranks:
-                self._process = self._started()
 
     def _started(self) -> subprocess.Popen[str]:
         wanted = self.wanted
@@ -231,7 +235,7 @@ def start_drawing(case: Case, module: str, *words: str) -> subprocess.Popen[str]
     """Start a drawing module with words in a separate process, without MPI's environment variables, importing the case's own
     modules there too; `OSError` if no process can be started."""
     command, environment = processes.python(module, *words)
-    environment[materials.VARIABLE] = materials.own_modules(case, *fields.OUTPUTS.values())
+    environment[OWN_MODULES] = materials.own_modules(case, *fields.OUTPUTS.values())
     pipe = subprocess.PIPE
     return subprocess.Popen(command, env=environment, stdin=pipe, stdout=pipe, stderr=pipe, text=True)
 

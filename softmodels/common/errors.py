@@ -83,6 +83,8 @@ class MeshFileError(OptionMessage, ValueError):
 
 OWN_PACKAGES = ("softmodels", "geometries", "measurement")
 """Packages whose click commands are the project's command line; a program of the user's own calls a library."""
+OWN_MODULES = "SOFTMODELS_MODULES"
+"""Environment variable with the user's Python files to import first, as `PATH` has folders."""
 PETSC = ("what follows --", "the variable PETSC_OPTIONS")
 """Where PETSc's options come from, at a command line and else."""
 _arguments: dict[str, str] = {}

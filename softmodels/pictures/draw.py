@@ -9,9 +9,11 @@ from __future__ import annotations
 import contextlib
 import functools
 import json
+import multiprocessing
 import os
 import sys
 from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -40,10 +42,12 @@ def draw(
     wanted: commands.DrawingOptions = commands.ALL_PICTURES,
     at_rest: solid.AtRest | None = None,
     each: Callable[[Path], object] = lambda path: None,
+    beside: Executor | None = None,
 ) -> list[Path]:
     """Draw the wanted pictures and the report of a results folder with its ``case.toml`` into it, replacing earlier ones;
     return the files. ``say`` gets a sentence if something had to be left out, ``each`` is called with each file once it is
-    drawn; ``at_rest`` are pictures of the undeformed device, if they may have been drawn already.
+    drawn; ``at_rest`` are pictures of the undeformed device, if they may have been drawn already. What needs no rendering is
+    drawn by ``beside``, if that is given; see `second_process`.
 
     ResultsError or CaseError if the folder has no results or case that can be read; OwnFolderError if somebody else's file
     has the name of a picture; InUseError if another program has been drawing them for too long; OSError if it cannot be
@@ -60,7 +64,17 @@ def draw(
         own.remove(own.files)
         own.claim(store.picture_files(states.actuator.gauge))
         with style.PictureFolder(folder, each) as out, matplotlib.rc_context(style.STYLE):
-            _draw(offscreen.look(states, wanted.colormap), out, wanted, at_rest or solid.AtRest(), say)
+            apart = beside and beside.submit(_draw_charts, folder, name, wanted.colormap, each)
+            shown = offscreen.look(states, wanted.colormap)
+            charts = None if apart else _charts(shown, folder, each)
+            _draw(shown, out, wanted, at_rest or solid.AtRest(), say)
+            try:
+                written, page = charts or apart.result()  # type: ignore[union-attr]
+            except BrokenExecutor:
+                written, page = _charts(shown, folder, each)
+            out.wait()
+            out.written[:0] = written
+            out.drew(page.write())
         own.forget_unwritten()
         return out.written
     finally:
@@ -88,7 +102,6 @@ def _draw(
 ) -> None:
     """Draw what is wanted; ``say`` gets a sentence if something had to be left out."""
     states = shown.states
-    _curves(states, out)
     if not wanted.few:
         for stem, picture in at_rest.pictures(shown).items():
             out.add(stem, picture)
@@ -96,7 +109,6 @@ def _draw(
         _sections(shown, out, wanted.few)
     elif offscreen.can_render():
         _solids(shown, out, wanted.few)
-    page = report.Report(shown, out.path, states.name)
     if (states.actuator.dimension == 3 or wanted.film) and not offscreen.can_render():
         say(NO_RENDERING)
     elif wanted.film:
@@ -105,8 +117,43 @@ def _draw(
             out.drew(path)
         if left_out:
             say(left_out)
-    out.wait()
-    out.drew(page.write())
+
+
+@contextlib.contextmanager
+def second_process() -> Iterator[Executor | None]:
+    """Provide a process that draws beside this one; None on a single core. It is forked from this one before VTK has started
+    threads here, and loads at once what its first picture needs."""
+    if sys.platform != "linux" or processes.cores() < 2:
+        yield None
+        return
+    with ProcessPoolExecutor(1, multiprocessing.get_context("fork"), processes.end_with_parent) as beside:
+        beside.submit(_warm_up)
+        yield beside
+
+
+def _warm_up() -> None:
+    import jinja2  # noqa: F401  (for the report)
+
+    with matplotlib.rc_context(style.STYLE):
+        figure, axes = style.chart(4.0)
+        axes.plot([0.0, 1.0], [0.0, 1.0], label="rise")
+        axes.set(xlabel="pressure", ylabel="rise", title="")
+        axes.legend()
+        style.png(figure)
+
+
+def _draw_charts(folder: Path, name: str, colormap: str, each: Callable[[Path], object]) -> tuple[list[Path], report.Report]:
+    """Draw the charts of a folder's results; see `_charts`."""
+    with matplotlib.rc_context(style.STYLE):
+        return _charts(offscreen.look(FolderStates(folder, name), colormap), folder, each)
+
+
+def _charts(shown: offscreen.Look, folder: Path, each: Callable[[Path], object]) -> tuple[list[Path], report.Report]:
+    """Draw what needs no rendering; return the files, and the report without its pictures."""
+    with style.PictureFolder(folder, each) as out:
+        _curves(shown.states, out)
+        page = report.Report(shown, folder, shown.states.name)
+    return out.written, page
 
 
 def _curves(states: StoredStates, out: style.PictureFolder) -> None:
@@ -205,6 +252,7 @@ def draw_folder(
     name: str | None = None,
     wanted: commands.DrawingOptions = commands.ALL_PICTURES,
     at_rest: solid.AtRest | None = None,
+    beside: Executor | None = None,
 ) -> None:
     """Draw a folder's pictures and report for a command, see `draw`; print the files as they come, or the error and exit with
     status 2. Without a name the results have the case's own."""
@@ -217,7 +265,8 @@ def draw_folder(
         def left_out(text: str) -> None:
             processes.say(f"softmodels: {text}", err=True)
 
-        draw(folder, name, left_out, wanted=wanted, at_rest=at_rest, each=functools.partial(print, flush=True))
+        shown = functools.partial(print, flush=True)
+        draw(folder, name, left_out, wanted=wanted, at_rest=at_rest, each=shown, beside=beside)
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
@@ -234,13 +283,13 @@ def main(folder: Path | None, name: str | None, wanted: commands.DrawingOptions)
     Exit status: 0 drawn, 2 the folder holds no results that can be drawn.
     """
     at_rest = solid.AtRest()
-    with commands.unswept():
+    with commands.unswept(), second_process() as beside:
         if folder is not None:
-            draw_folder(folder, name, wanted)
+            draw_folder(folder, name, wanted, beside=beside)
             return
         for place, stem, complete in orders():
             if complete:
-                draw_folder(Path(place), stem, wanted, at_rest)
+                draw_folder(Path(place), stem, wanted, at_rest, beside)
                 return
             at_rest.draw_early(Path(place), stem)
 

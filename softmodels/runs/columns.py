@@ -194,7 +194,8 @@ def record_of(
     case: Case, fields: Fields, point: stability.Point, number: int, reached: float, band: Band | None
 ) -> formats.StateRecord:
     """Return what is stored of a point of the path; ``reached`` is the number of program steps taken. All ranks call it."""
-    figures, nodal = fields.figures(point.state), fields.nodal(point.state) or {}  # on rank 0 only
+    values = fields.values(point.state)
+    figures, nodal = fields.figures(point.state, values), fields.nodal(point.state, values) or {}  # on rank 0 only
     mode = None if point.mode is None else fields.shape(point.mode)
     if mode is not None:
         nodal["mode"] = mode / np.abs(mode).max()

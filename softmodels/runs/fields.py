@@ -70,10 +70,10 @@ class Fields:
         0."""
         return self.grid.collect(self.sampling.displacement(w))
 
-    def nodal(self, state: State) -> dict[str, Array] | None:
+    def nodal(self, state: State, values: StateValues | None = None) -> dict[str, Array] | None:
         """Return each wanted `OutputField` over the grid's nodes by name, SI units, shape (n,), (n, 3) or (n, 3, 3), on rank 0;
-        None elsewhere."""
-        values = self.values(state)
+        None elsewhere. ``values`` are the state's, if they are known; see `values`."""
+        values = values or self.values(state)
         collected = {field.name: self.grid.collect(field.nodal(values)) for field in self._wanted}
         whole = {name: field for name, field in collected.items() if field is not None}
         return whole if len(whole) == len(collected) else None
@@ -93,9 +93,9 @@ class Fields:
         function.x.scatter_forward()
         return State(function.x.array.copy(), P, V)
 
-    def figures(self, state: State) -> Figures:
-        """Return the key figures of a state."""
-        eq, values = self.system, self.values(state)
+    def figures(self, state: State, values: StateValues | None = None) -> Figures:
+        """Return the key figures of a state, whose ``values`` may be known."""
+        eq, values = self.system, values or self.values(state)
         actuator, u = eq.body.actuator, values.displacement
         lift = np.asarray(actuator.lift)
         moved = self.probes_moved(state.w)

@@ -335,6 +335,8 @@ def volume_peak(comm: MPI.Comm, values: Array, volumes: Array, rest: float = 0.0
     for _ in range(MAX_BISECTIONS):  # the slope rises with q; importing SciPy's root finders would take longer than this loop
         q = 0.5 * (low + high)
         low, high = (low, q) if slope(q) > 0.0 else (q, high)
+        counts = values > low * (1.0 - ROUNDING_HALF_WIDTH)  # nothing else exceeds any q to come
+        values, volumes = values[counts], volumes[counts]
     above, _ = excess(values / q - 1.0)
     return rest + q * (1.0 + mpi.total(comm, float((volumes * above).sum())) / whole), rest + q
 

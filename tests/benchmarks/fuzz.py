@@ -146,7 +146,7 @@ class Bench:
         return Outcome(kind, attempt, status, fault, told[-300:], time.monotonic() - began)
 
     def _status(self, attempt: inputs.Attempt) -> int:
-        from softmodels.cli.options import main
+        from softmodels.cli.ending import main
         from softmodels.common.commands import run_command
 
         command, words = self.programs[attempt.program], list(attempt.words)

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from geometries import HollowDisk, SeminarActuator
-from softmodels.cli.options import main
+from softmodels.cli.ending import main
 from softmodels.pictures.offscreen import can_render
 from tests.support.made_up import finished, made_up, start_drawing
 from tests.support.runs import SOFT, called, disk

@@ -18,8 +18,9 @@ import pytest
 from geometries import Actuator, GeometryError, Hold, HollowDisk, register_device
 from softmodels.case.case import Case
 from softmodels.case.load import steps_of
-from softmodels.case.materials import VARIABLE
-from softmodels.cli.options import device_command, main
+from softmodels.cli.ending import main
+from softmodels.cli.options import device_command
+from softmodels.common.errors import OWN_MODULES
 from softmodels.common.schema import length_field
 from softmodels.fitting.outlines.device import MeasuredDevice
 from softmodels.fitting.outlines.residuals import Height, HeightResiduals, least_squares_of_heights
@@ -138,7 +139,7 @@ def test_a_case_file_names_it(ran):
 @pytest.mark.campaign
 def test_commands_know_it_by_the_environment(ran, tmp_path):
     """Its limit is the maximum of the closed form; a process that is not told of this file knows no such device."""
-    file, environment = ran / "case.toml", {**os.environ, VARIABLE: __file__}
+    file, environment = ran / "case.toml", {**os.environ, OWN_MODULES: __file__}
     done = runs.run("-m", "softmodels", "limit", file, "--output", tmp_path / "limit", env=environment)
     assert done.status == 0, done.err
     with (tmp_path / "limit" / "limit.csv").open() as table:
@@ -148,8 +149,8 @@ def test_commands_know_it_by_the_environment(ran, tmp_path):
     assert row["kind"] == "limit" and float(row["limit_Pa"]) == pytest.approx(most, rel=1e-3)
     done = runs.run("-m", "softmodels", "limit", file, env=dict(os.environ))
     assert done.status == 2 and "HalfBall" in done.err and done.err.count("\n") == 1
-    done = runs.run("-m", "softmodels", "limit", file, env={**os.environ, VARIABLE: str(tmp_path / "none.py")})
-    assert done.status == 2 and "none.py" in done.err and VARIABLE in done.err and done.err.count("\n") == 1
+    done = runs.run("-m", "softmodels", "limit", file, env={**os.environ, OWN_MODULES: str(tmp_path / "none.py")})
+    assert done.status == 2 and "none.py" in done.err and OWN_MODULES in done.err and done.err.count("\n") == 1
 
 
 @pytest.mark.campaign

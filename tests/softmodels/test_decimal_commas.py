@@ -69,7 +69,7 @@ def test_options(asked, arguments, words, tmp_path, monkeypatch, capsys):
     import cv2
     import numpy as np
 
-    from softmodels.cli.options import main
+    from softmodels.cli.ending import main
 
     monkeypatch.chdir(tmp_path)
     cv2.imwrite("grid.png", np.full((40, 60, 3), 200, np.uint8))

@@ -18,7 +18,7 @@ from PIL import Image as Picture
 from softmodels.case.case import Case
 from softmodels.cli import run as module
 from softmodels.cli.run import DrawingProcess
-from softmodels.common.commands import DrawingOptions
+from softmodels.common.commands import DrawingOptions, RunOptions
 from softmodels.pictures import offscreen, solid
 from softmodels.pictures.offscreen import can_render, look
 from softmodels.pictures.solid import AtRest
@@ -41,10 +41,25 @@ def drawing(section):
     found.leave()
 
 
+@pytest.fixture
+def started(section, monkeypatch):
+    """Return a function that gives what draws a run on so many ranks of a launcher, on two cores."""
+    made = []
+
+    def drawing(ranks):
+        monkeypatch.setattr(module.processes, "cores", lambda: 2)
+        monkeypatch.setattr(module.mpi, "launched", lambda: ranks)
+        made.append(DrawingProcess.of(Case.from_file(section.folder / "case.toml"), RunOptions()))
+        return made[-1]
+
+    yield drawing
+    for process in made:
+        process.leave()
+
+
 @pytest.mark.campaign
-def test_a_process_that_was_ready_draws(section, drawing, monkeypatch, capsys):
-    monkeypatch.setattr(module.processes, "cores", lambda: 2)
-    drawing.get_ready(ranks=1)
+def test_a_process_that_was_ready_draws(section, started, capsys):
+    drawing = started(ranks=None)
     begun = drawing._process
     drawing.begin(section)
     assert drawing.draw(section) > 0 and drawing._process is begun
@@ -86,10 +101,8 @@ def test_a_run_tells_what_was_drawn_and_how_to_get_the_film(drawing):
     assert "softmodels draw 'results/my disk' --film" in drawing.made(Path("results/my disk"))
 
 
-def test_no_core_is_taken_from_the_solver(drawing, monkeypatch):
-    monkeypatch.setattr(module.processes, "cores", lambda: 2)
-    drawing.get_ready(ranks=2)
-    assert drawing._process is None
+def test_no_core_is_taken_from_the_solver(started):
+    assert started(ranks=2)._process is None and started(ranks=1)._process is not None
 
 
 def test_a_process_that_died_meanwhile_costs_no_results(section, drawing, capsys):

@@ -27,7 +27,7 @@ def fails(self, state):
     return figures(self, state)
 Fields.figures = fails
 sys.argv[1:] = ["--section", "axisymmetric", "--no-pictures", "--pressure-cm", "0:2", "-o", FOLDER, "--quiet"]
-from softmodels.cli.options import main
+from softmodels.cli.ending import main
 from softmodels.disk import command
 main(command)
 """

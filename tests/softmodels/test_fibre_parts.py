@@ -13,7 +13,8 @@ import softmodels as sm
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.load import steps_of
-from softmodels.case.materials import VARIABLE, own_modules
+from softmodels.case.materials import own_modules
+from softmodels.common.errors import OWN_MODULES
 from softmodels.components.contact import Walls
 from softmodels.components.fibres import Fabric, Fibres, register_fibre_law
 from softmodels.mechanics.component import ComponentError
@@ -125,7 +126,7 @@ def test_another_process_is_told_of_a_law_of_ones_own(tmp_path):
     one, file = case(TUBE, Fibres(on="wall", modulus=1e6, law="own", name="braid")), tmp_path / "case.toml"
     assert own_modules(case(TUBE, Fibres(on="wall", modulus=1e6))) == "" and own_modules(one) == __file__
     file.write_text(one.to_toml())
-    environment = {**os.environ, VARIABLE: own_modules(one)}
+    environment = {**os.environ, OWN_MODULES: own_modules(one)}
     words = [sys.executable, "-c", READ, str(file)]
     done = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=300, check=False)
     assert done.stdout == "own\n", done.stderr

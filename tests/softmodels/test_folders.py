@@ -421,7 +421,7 @@ def foreign(tmp_path, monkeypatch):
 @pytest.mark.campaign
 def test_a_run_there_is_the_run_of_elsewhere(foreign, whole, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))  # so that the equations are compiled there
-    started = "from softmodels.disk import command; from softmodels.cli.options import main; main(command)"
+    started = "from softmodels.disk import command; from softmodels.cli.ending import main; main(command)"
     done = runs.run("-P", "-c", started, *runs.DISK[2:], "--pressure-cm", "0:177:5", "--output", tmp_path / "run")
     assert done.status == 0, done.err
     assert "PETSc" not in done.out and not foreign.exists()

@@ -30,11 +30,11 @@ def test_faults_are_seen(tmp_path, monkeypatch):
         def main(command):
             raise error
 
-        monkeypatch.setattr("softmodels.cli.options.main", main)
+        monkeypatch.setattr("softmodels.cli.ending.main", main)
         return bench.tried("case", attempt).fault
 
     assert "ZeroDivisionError" in faulty(ZeroDivisionError())
     assert faulty(SystemExit(2)) == "status 2 without a sentence"
     assert faulty(SystemExit(120)) == "status 120"
-    monkeypatch.setattr("softmodels.cli.options.main", lambda command: Path("case.toml").write_text("y"))
+    monkeypatch.setattr("softmodels.cli.ending.main", lambda command: Path("case.toml").write_text("y"))
     assert bench.tried("case", attempt).fault == "files of the user were touched"

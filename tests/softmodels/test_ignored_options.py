@@ -17,7 +17,7 @@ from softmodels.__main__ import softmodels as whole
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError, SeriesError, of_text, series, split_text
 from softmodels.case.load import load_table, steps_of
-from softmodels.cli.options import main
+from softmodels.cli.ending import main
 from softmodels.common import processes
 from softmodels.common.units import COLUMN
 from softmodels.disk import command as disk

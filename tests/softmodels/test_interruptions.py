@@ -31,7 +31,7 @@ start()  # MPI makes large files of its own
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 size = int(sys.argv.pop(1))
 resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
-from softmodels.cli.options import main
+from softmodels.cli.ending import main
 from softmodels.disk import command
 main(command)
 """
@@ -45,7 +45,7 @@ def add_and_die(self, *step):
         os.kill(os.getpid(), signal.SIGKILL)
 Results.add = add_and_die
 sys.argv[0] = "disk"
-from softmodels.cli.options import main
+from softmodels.cli.ending import main
 from softmodels.disk import command
 main(command)
 """

@@ -14,7 +14,7 @@ from geometries import ACTUATORS, meshing
 from softmodels.__main__ import softmodels
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
-from softmodels.cli.options import main
+from softmodels.cli.ending import main
 from softmodels.disk import command
 from softmodels.mechanics.compiling import report_waits, use_cache
 from softmodels.runs.simulation import Simulation
@@ -265,7 +265,7 @@ import softmodels.mechanics.iterative, softmodels.mechanics.mpi
 from softmodels.{module} import {names}
 {main}
 """
-DISK = {"module": "disk", "names": "command", "main": "from softmodels.cli.options import main; main(command)"}
+DISK = {"module": "disk", "names": "command", "main": "from softmodels.cli.ending import main; main(command)"}
 WHOLE = {"module": "__main__", "names": "main", "main": "main()"}
 SMALL = ("--pressure-cm", "0:20", "--section", "axisymmetric", "--no-pictures")
 NO_MEMORY = "softmodels.mechanics.newton.OUT_OF_MEMORY = (0,)"  # what MUMPS reports where all is well

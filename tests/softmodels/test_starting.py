@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from softmodels.cli.options import main
+from softmodels.cli.ending import main
 from softmodels.common.commands import unswept
 from softmodels.disk import command
 from softmodels.mechanics import mpi
@@ -111,7 +111,7 @@ def test_no_solver_process_listens_beyond_this_machine(ranks, network):
 SMALL = ("--section=axisymmetric", "--cell-size=6mm", "--pressure-cm=0,5", "--no-pictures", "--quiet")
 LOADED = """
 import sys
-from softmodels.cli.options import main
+from softmodels.cli.ending import main
 from softmodels.disk import command
 try:
     main(command)
@@ -129,6 +129,14 @@ def test_a_section_is_solved_without_what_it_has_no_use_for(tmp_path):
     assert {"dolfinx", "h5py", "softmodels.path.stability"} <= loaded
     assert not loaded & {"dolfinx_solver", "dolfinx.fem.petsc", "pycparser", "pint", "matplotlib", "pyvista", "scipy"}
     assert not loaded & {"geometries.seminar", "geometries.balloon"}
+
+
+def test_the_list_of_commands_needs_no_numbers():
+    """Help is asked for more often than anything else: no numpy, no case, no device."""
+    program = "import sys; from softmodels.__main__ import main\ntry: main()\nfinally: print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", program, "--help"], capture_output=True, text=True, check=True)
+    assert "Simulate:" in done.stdout and "softmodels.cli.ending" in done.stdout
+    assert not {"numpy", "softmodels.case.case", "geometries.disk", "softmodels.cli.options"} & set(done.stdout.split())
 
 
 @pytest.mark.parametrize("name", ["petsc4py-3.22.1.dist-info", "dolfinx_solver_complex-0.11.0.dist-info"])
