@@ -477,7 +477,7 @@ class FitReport(cards.ResultCard):
         curves = [
             f"{c.name} ({c.mode}): stretch {c.stretch.min():.4g} to {c.stretch.max():.4g}, {len(c.stretch)} points"
             + (f" in {np.ptp(c.time):.3g} s" if c.time is not None else "")
-            + "".join(f"; {remark}" for remark in c.remarks)
+            + "".join(f"; {remark}" for remark in (*filter(None, [c.source]), *c.remarks))
             for c in self.curves
         ]
         return [*self.devices, *self.notes, *curves]

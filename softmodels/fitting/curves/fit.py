@@ -36,7 +36,7 @@ from softmodels.fitting.curves.curve import (
     TensileCurve,
     TensileError,
     loop,
-    read_curve,
+    read_curves,
     segments,
     small_modulus,
     taut,
@@ -429,17 +429,16 @@ LARGEST_RATIO = 100.0
 
 
 def prepared(curves: Curves, stretch: tuple[float, float] | None = None, history: bool = False) -> list[TensileCurve]:
-    """Return the curves of one material, or files with uniaxial ones (see `read_curve` for other tests), checked, within a
+    """Return the curves of one material, or files with uniaxial ones (see `read_curves` for other tests), checked, within a
     range of stretch; dense ones averaged (see `thinned`), averaged ones kept. With ``history`` curves with times are whole
     tests, else their loading ramps.
 
     Raises `TensileError` where one cannot be used, they cannot be one material's, or too few points are left.
     """
     given = [curves] if isinstance(curves, TensileCurve | Path | str) else curves
-    read = [
-        without_jumps(given_curve) if isinstance(given_curve, TensileCurve) else read_curve(Path(given_curve), history=history)
-        for given_curve in given
-    ]
+    read: list[TensileCurve] = []
+    for curve in given:
+        read += [without_jumps(curve)] if isinstance(curve, TensileCurve) else read_curves(Path(curve), history=history)
     read = [taut((given_curve if history else given_curve.ramp()).check()) for given_curve in read]
     if not read:
         return []
@@ -467,7 +466,7 @@ def fit_curves(
     """Fit every law to all curves together, and to each separately if they contradict each other.
 
     Args:
-        curves: Measured curves, or files with uniaxial ones (see `read_curve` for other tests).
+        curves: Measured curves, or files with uniaxial ones (see `read_curves` for other tests).
         material: A law's name or class, or several of them; ``"all"`` compares all.
         options: How.
         stretch: Range of stretch to fit over; None for the whole curves.
