@@ -1,7 +1,8 @@
 """Tables of test machines as they come: read without an option, with the law's own numbers as the result.
 
 Layouts follow real exports (Instron Bluehill, ZwickRoell testXpert, Shimadzu Trapezium, MTS TestSuite, Mark-10 MESURgauge,
-Stable Micro Systems Exponent, Walter+Bai, Tinius Olsen, Hegewald & Peschke); the numbers are a Mooney-Rivlin solid's, in closed form.
+Stable Micro Systems Exponent, Walter+Bai, Tinius Olsen, Hegewald & Peschke); the numbers are a
+Mooney-Rivlin solid's, in closed form.
 """
 
 from __future__ import annotations
@@ -189,7 +190,8 @@ ONE: dict[str, tuple[str | bytes, Pull]] = {
                                             [f'"{v}"' for v in grouped(LONG.S)], separator=","), LONG,
     ),
     "LabMaster, points between thousands": (
-        "Messlänge;25,0;mm\n\nWeg [mm];Spannung [Pa]\n" + joined(grouped(LONG.mm, "."), grouped(LONG.S, "."), separator=";"), LONG,
+        "Messlänge;25,0;mm\n\nWeg [mm];Spannung [Pa]\n"
+        + joined(grouped(LONG.mm, "."), grouped(LONG.S, "."), separator=";"), LONG,
     ),
     "a strain gauge beside the crosshead's strain": (
         "Strain 1 (%),Tensile strain (Extension) (%),Tensile stress (kPa)\n"
@@ -282,7 +284,8 @@ def test_a_word_and_a_unit_are_added_by_a_line(write, monkeypatch):
         ("Tensile strain (Extension)", "strain", ""), ("Extension (mm)", "extension", "mm"),
         ("Elongation (mm)", "extension", "mm"), ("Standardkraft [N]", "force", "N"), ("Nenndehnung", "strain", ""),
         ("Längenänderung [mm]", "extension", "mm"), ("Load (MPa)", "stress", "MPa"), ("Prüfzeit [s]", "time", "s"),
-        ("Force (kg)", "force", "kgf"), ("Stress (kg/cm2)", "stress", "kgf/cm^2"), ("True stress (Cauchy) [MPa]", "true-stress", "MPa"),
+        ("Force (kg)", "force", "kgf"), ("Stress (kg/cm2)", "stress", "kgf/cm^2"),
+        ("True stress (Cauchy) [MPa]", "true-stress", "MPa"),
         ("Tensile stress at Maximum Load (MPa)", None, ""), ("Prüfgeschwindigkeit [mm/min]", None, ""),
         ("Stress (foo)", "stress", "foo"), ("Kraft (lbF)", "force", "lbf"), ("Position (mm)", "extension", "mm"),
     ],

@@ -40,15 +40,15 @@ LOADS = ("stress", "true-stress", "force", "pressure")
 
 WORDS = {
     "time": ["time", "elapsed", "*zeit", "temps", "tiempo", "tempo", "zaman"],
-    "stretch": ["stretch*", "lambda", "λ", "extension ratio", "streckgrad", "etirement"],
+    "stretch": ["stretch*", "lambda", "extension ratio", "streckgrad", "etirement"],
     "strain": ["strain", "elongation", "*dehnung", "allongement", "deformation", "verformung", "*stauchung",
-               "alargamiento", "allungamento", "birim uzama", "epsilon", "ε"],
+               "alargamiento", "allungamento", "birim uzama", "epsilon"],
     "radius": ["radius", "rayon"],
     "extension": ["extension", "extensometer", "verlangerung", "*langenanderung", "extensometre", "uzama",
                   # the machine's way, which a column of the specimen's own is preferred to
                   "displacement", "crosshead", "stroke", "travel", "position", "distance", "traverse", "*weg", "course",
                   "deplacement", "desplazamiento", "spostamento", "corsa"],
-    "stress": ["stress", "*spannung", "contrainte", "tension nominal", "esfuerzo", "sforzo", "gerilme", "sigma", "σ"],
+    "stress": ["stress", "*spannung", "contrainte", "tension nominal", "esfuerzo", "sforzo", "gerilme", "sigma"],
     "force": ["force", "load", "*kraft", "charge", "fuerza", "carga", "forza", "carico", "kuvvet"],
     "pressure": ["pressure", "druck", "uberdruck", "innendruck", "pression", "presion"],
 }  # fmt: skip
@@ -68,9 +68,9 @@ SIZES = {
     "thickness": ["thickness", "*dicke", "epaisseur", "espesor", "spessore"],
     "width": ["width", "*breite", "largeur", "ancho", "anchura", "larghezza"],
     "diameter": ["diameter", "*durchmesser", "diametre", "diametro"],
-    "cross_section": ["area", "cross section", "cross sectional area", "*querschnitt", "*querschnittsflache", "section", "seccion"],
+    "cross_section": ["area", "cross section", "cross sectional area", "*querschnitt", "*querschnittsflache", "section"],
     "gauge_length": ["gauge length", "gage length", "*messlange", "longueur de reference", "longitud calibrada"],
-    "length": ["length", "grip separation", "*einspannlange", "*lange", "longueur", "longueur initiale", "longitud", "lunghezza"],
+    "length": ["length", "grip separation", "*einspannlange", "*lange", "longueur", "longitud", "lunghezza"],
 }  # fmt: skip
 """Sizes of the specimen above or beside a curve, by their names; a gauge length goes before a length."""
 
@@ -99,8 +99,10 @@ _COMPRESSION = re.compile(r"[ck]ompr[eéi]s|stauch|druc?k", re.IGNORECASE)
 _TENSION = re.compile(r"\btens(ile|ion)|\bzug|\btra[ck]tion|\btracci[oó]n|\btrazione", re.IGNORECASE)
 """What says in a header that positive numbers are compression, or tension; in the languages of test machines."""
 _CLOCK = re.compile(r"(?:(\d{4}-\d\d-\d\d)[ T])?(?:(\d+):)?(\d+):(\d+(?:[.,]\d+)?)")
-_TAIL = re.compile(r"[ _](%|percent|g?pa|kpa|mpa|psi|ksi|bar|mbar|mn|kn|n|lbf|mm|cm|m|um|s|secs?|seconds?|ms|min|minutes?|h|hours?)$",
-                   re.IGNORECASE)  # fmt: skip
+_TAIL = re.compile(
+    r"[ _](%|percent|g?pa|kpa|mpa|psi|ksi|bar|mbar|mn|kn|n|lbf|mm|cm|m|um|s|secs?|seconds?|ms|min|minutes?|h|hours?)$",
+    re.IGNORECASE,
+)
 _BRACKET = re.compile(r"[(\[<]([^)\]>]*)[)\]>]")
 
 
@@ -374,9 +376,7 @@ def sizes_of(rows: Sequence[Sequence[str]]) -> dict[str, float]:
             label, _, rest = re.sub(r'^"|"$', "", cell.strip()).partition("=" if "=" in cell else ":")
             bracket = _BRACKET.findall(label)
             # A symbol behind the name (a0, b0, L0) is no part of it.
-            bare = re.sub(
-                r"\b(?:specimen|sample)\b|\b[a-z][0-9o]?$|\b(?:initiale?|initial)\b", "", _plain(_BRACKET.sub(" ", label))
-            )
+            bare = re.sub(r"\b(?:specimen|sample|initiale?)\b|\b[a-z][0-9o]?$", "", _plain(_BRACKET.sub(" ", label)))
             name = next((name for name in SIZES if _pattern(name).fullmatch(bare.strip())), None)
             if name is None or name in sizes:
                 continue
@@ -651,7 +651,7 @@ def _beside(columns: Sequence[CurveColumn], units: Sequence[str], sure: Collecti
 
 _GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?(e[-+]?\d+)?", re.IGNORECASE)
 """A number with commas between its thousands; or, with a single one, three decimals."""
-_LONG = re.compile(r"[-+]?(\d{1,3}([.,'’\s]\d{3})+|\d+)([.,]\d*)?(e[-+]?\d+)?", re.IGNORECASE)
+_LONG = re.compile(r"[-+]?(\d{1,3}([.,'\u2019\s]\d{3})+|\d+)([.,]\d*)?(e[-+]?\d+)?", re.IGNORECASE)
 
 
 def numerals(cells: Sequence[str]) -> str:
@@ -678,7 +678,7 @@ def numerals(cells: Sequence[str]) -> str:
 def _value(cell: str, column: CurveColumn, mark: str) -> float:
     """Return a cell's number in the unit of its column, its decimals behind a sign (see `numerals`); percents may have their
     sign."""
-    text = re.sub(r"(?<=\d)['’\s](?=\d)", "", cell)
+    text = re.sub(r"(?<=\d)['\u2019\s](?=\d)", "", cell)
     if mark == ".":
         text = text.replace(",", "")
     else:
