@@ -67,12 +67,14 @@ if TYPE_CHECKING:
     from softmodels.fitting.problem import FitError as FitError, FitOptions as FitOptions
     from softmodels.fitting.scoring import Score as Score, score as score
     from softmodels.materials.laws import (
+        FungDemiray as FungDemiray,
         Gent as Gent,
         Material as Material,
         MaterialError as MaterialError,
         MooneyRivlin as MooneyRivlin,
         NeoHookean as NeoHookean,
         Ogden as Ogden,
+        Polynomial as Polynomial,
         Yeoh as Yeoh,
     )
     from softmodels.materials.silicones import silicone as silicone

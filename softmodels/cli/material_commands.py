@@ -25,7 +25,7 @@ from softmodels.common.pages import Page
 from softmodels.common.units import UnitError, brief, exact_text, number, quantity, with_prefix
 from softmodels.fitting import comparison, problem, scoring
 from softmodels.fitting.curves import residuals
-from softmodels.fitting.curves.curve import EQUILIBRIUM_RATE, Specimen, TensileCurve, TensileError, read_curve
+from softmodels.fitting.curves.curve import EQUILIBRIUM_RATE, Specimen, TensileCurve, TensileError, read_curves
 from softmodels.fitting.curves.fit import fit_curves, prepared
 from softmodels.fitting.outlines import fit, shapes
 from softmodels.fitting.outlines.device import MeasuredDevice
@@ -95,16 +95,17 @@ class CurveFiles:
         if not self.tensile:
             raise TensileError("nothing to fit to; give a curve with --tensile FILE")
         specimen = Specimen(self.cross_section, self.gauge_length, self.radius, self.thickness)
-        curves = []
+        curves: list[tuple[str, TensileCurve]] = []
         for text in self.tensile:
             file, test, rate = parts(text)
             pace = rate_of(rate, self.gauge_length)
-            curves.append(read_curve(file, test, self.columns, specimen, history=history, rate=pace))
-        names = [curve.name for curve in curves]
-        if len(set(names)) < len(names):  # files of one name in different folders
-            texts = [text if names.count(name) > 1 else name for text, name in zip(self.tensile, names, strict=True)]
-            curves = [dataclasses.replace(curve, name=text) for curve, text in zip(curves, texts, strict=True)]
-        return prepared(curves, stretch_range(stretch) if stretch else None, history)
+            curves += [(text, curve) for curve in read_curves(file, test, self.columns, specimen, history=history, rate=pace)]
+        names = [curve.name for _, curve in curves]
+        own = [  # files of one name in different folders
+            dataclasses.replace(c, name=c.name.replace(parts(text)[0].name, text, 1)) if names.count(c.name) > 1 else c
+            for text, c in curves
+        ]
+        return prepared(own, stretch_range(stretch) if stretch else None, history)
 
     @property
     def files_read(self) -> list[Path]:
@@ -130,7 +131,7 @@ _RELAXED = "equilibrium"
 
 
 def rate_of(text: str, length: float | None) -> float | None:
-    """Return a rate in 1/s (see `read_curve`): of the stretch, or with the undeformed length in m of a speed."""
+    """Return a rate in 1/s (see `read_curves`): of the stretch, or with the undeformed length in m of a speed."""
     if not text:
         return None
     if text.lower() == _RELAXED:

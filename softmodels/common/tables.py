@@ -114,8 +114,8 @@ def numbers(value: Any) -> npt.NDArray[np.float64]:
 type Line = tuple[int, list[str]]
 """A row's number in its file or sheet, from 1, and its cells."""
 
-SEPARATORS = (";", "\t", ",")
-"""Tried in this order: a decimal comma is taken for a separator last."""
+SEPARATORS = (";", "\t", ",", "  ")
+"""Tried in this order: a decimal comma is taken for a separator late; the last one stands for two or more spaces."""
 MAX_ROWS, MAX_COLUMNS = 1_048_576, 256
 """Of a sheet; the rows are Excel's own limit. Cells further right are not read."""
 MAX_TAGS = 500_000
@@ -151,7 +151,7 @@ def read_sheets(path: Path) -> list[Worksheet]:
     """Return the sheets of a workbook, hidden ones left out, or a text's readings by each separator; `OSError` with its reason
     if this is no table.
 
-    Text is UTF-8, UTF-16 with its mark, or else Latin-1, which older test machines write. Cells come as spreadsheets show
+    Text is UTF-8, UTF-16, or else Windows' Latin-1, which older test machines write. Cells come as spreadsheets show
     them: a number in a cell of percents is ``"12.5 %"``. A formula that was never evaluated comes as ``"=A1*2"``.
     """
     data = files.read_file(path)
@@ -165,11 +165,11 @@ def read_sheets(path: Path) -> list[Worksheet]:
     return [Worksheet("", separator, functools.partial(_cells, lines, separator)) for separator in SEPARATORS]
 
 
-def pick[Found](
+def find[Found](
     path: Path, sheets: Sequence[Worksheet], table: Callable[[Worksheet], Found | None]
-) -> tuple[Worksheet, Found] | None:
-    """Return the sheet that has a table, and what ``table`` makes of it; None if there is none. `UserFileError` if several
-    have one, or the text is no table with any separator."""
+) -> list[tuple[Worksheet, Found]]:
+    """Return the sheets that have a table, and what ``table`` makes of each; of a text its first reading. `UserFileError` if
+    the text is no table with any separator."""
     tables: list[tuple[Worksheet, Found]] = []
     trouble: csv.Error | None = None
     for sheet in sheets:
@@ -182,15 +182,27 @@ def pick[Found](
             tables.append((sheet, cells))
             if not sheet.name:
                 break
-    if len(tables) > 1:
-        raise files.UserFileError(
-            path,
-            f"there is a table on each of {named([sheet for sheet, _ in tables])}; save the right sheet as CSV, "
-            "or as a separate workbook",
-        )
     if not tables and trouble is not None:
         raise files.UserFileError(path, f"it is not a table ({trouble})")
+    return tables
+
+
+def pick[Found](
+    path: Path, sheets: Sequence[Worksheet], table: Callable[[Worksheet], Found | None]
+) -> tuple[Worksheet, Found] | None:
+    """Return the only sheet that has a table, see `find`; None if there is none, `UserFileError` if several have one."""
+    tables = find(path, sheets, table)
+    only(path, [sheet for sheet, _ in tables])
     return tables[0] if tables else None
+
+
+def only(path: Path, sheets: Sequence[Worksheet]) -> None:
+    """Raise `UserFileError` if there are several sheets."""
+    if len(sheets) > 1:
+        raise files.UserFileError(
+            path,
+            f"there is a table on each of {named(sheets)}; save the right sheet as CSV, or as a separate workbook",
+        )
 
 
 def named(sheets: Sequence[Worksheet]) -> str:
@@ -214,11 +226,14 @@ def records(rows: Sequence[Line]) -> list[tuple[int, dict[str, str]]]:
 
 
 def _text(path: Path, data: bytes) -> str:
-    wide = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    wide = "utf-16" if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else ""
+    for coding, zeros in (("utf-16-le", data[1:200:2]), ("utf-16-be", data[:200:2])):
+        if not wide and len(zeros) > 10 and zeros.count(0) > 0.9 * len(zeros):  # without its mark
+            wide = coding
     try:
-        text = data.decode("utf-16" if wide else "utf-8-sig")
+        text = data.decode(wide or "utf-8-sig")
     except UnicodeDecodeError:
-        text = data.decode("latin-1")  # the numbers are the same
+        text = data.decode("cp1252", "replace")  # the numbers are the same
     if "\0" in text:
         raise files.UserFileError(path, "this is not a text file and not an Excel workbook; save the sheet as CSV or .xlsx")
     return text
@@ -226,6 +241,9 @@ def _text(path: Path, data: bytes) -> str:
 
 def _cells(lines: Sequence[tuple[int, str]], separator: str) -> Iterator[Line]:
     kept = [pair for pair in lines if not _is_comment(pair[1])]  # a quote in a comment opens no cell
+    if separator == SEPARATORS[-1]:
+        yield from ((number, re.split(r"\s{2,}", line.strip())) for number, line in kept)
+        return
     reader = csv.reader((line for _, line in kept), delimiter=separator, skipinitialspace=True)
     for cells in reader:
         yield kept[reader.line_num - 1][0], cells

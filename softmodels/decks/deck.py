@@ -232,7 +232,9 @@ class DeckSilicone:
         """Raise `CaseError`, which begins with ``where``, for a law that no deck supports."""
         material = self.material
         if not (material.invariant_terms or material.stretch_terms):
-            raise CaseError(f"{where}{material.name} is a law that CalculiX does not have; use Mooney-Rivlin, Yeoh or Ogden")
+            raise CaseError(
+                f"{where}{material.name} is a law that CalculiX does not have; use Mooney-Rivlin, Yeoh, Ogden or the polynomial"
+            )
         if math.isinf(material.bulk):
             raise CaseError(
                 f"{where}poisson = 0.5 is incompressible, but the decks' cells have displacements only; use "
@@ -481,6 +483,9 @@ def _calculix_law(silicone: DeckSilicone) -> str:
         return "*HYPERELASTIC, MOONEY-RIVLIN\n" + _lines([terms.get((1, 0), 0.0), terms.get((0, 1), 0.0), d1])
     if set(terms) <= {(1, 0), (2, 0), (3, 0)}:
         return "*HYPERELASTIC, YEOH\n" + _lines([*(terms.get((i, 0), 0.0) for i in (1, 2, 3)), d1, NO_TERM, NO_TERM])
+    second = [(1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]
+    if set(terms) <= set(second):
+        return "*HYPERELASTIC, POLYNOMIAL, N=2\n" + _lines([*(terms.get(powers, 0.0) for powers in second), d1, NO_TERM])
     raise CaseError(f"{silicone.material.name} has terms without a CalculiX law; use Mooney-Rivlin, Yeoh or Ogden")
 
 

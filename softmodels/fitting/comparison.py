@@ -260,7 +260,7 @@ class FittedLaw(cards.ResultCard):
         parameter of it was free, or the data do not determine it."""
         known = sensitivity.known_parameters(self.material)
         kept = [i for i, p in enumerate(self.fit.free) if p.name in known]
-        rows = self.fit.covariance[np.ix_(kept, kept)].tolist()
+        rows = self.fit.band_covariance[np.ix_(kept, kept)].tolist()
         names = tuple(self.fit.free[i].name for i in kept)
         errors = materials.MaterialErrors(names, tuple(map(tuple, rows)), "covariance of the fit", self.material)
         errors.check(self.material)
@@ -477,7 +477,7 @@ class FitReport(cards.ResultCard):
         curves = [
             f"{c.name} ({c.mode}): stretch {c.stretch.min():.4g} to {c.stretch.max():.4g}, {len(c.stretch)} points"
             + (f" in {np.ptp(c.time):.3g} s" if c.time is not None else "")
-            + "".join(f"; {remark}" for remark in c.remarks)
+            + "".join(f"; {remark}" for remark in (*filter(None, [c.source]), *c.remarks))
             for c in self.curves
         ]
         return [*self.devices, *self.notes, *curves]
@@ -758,7 +758,7 @@ def _law_json(law: FittedLaw, report: FitReport) -> dict[str, object]:
             for p in fit.parameters if p.hidden
         ],
         "free": [fit.free[i].name for i in shown],
-        "covariance": [[files.json_number(v) for v in row] for row in fit.covariance[np.ix_(shown, shown)]],
+        "covariance": [[files.json_number(v) for v in row] for row in fit.band_covariance[np.ix_(shown, shown)]],
         "correlations": [[files.json_number(v) for v in row] for row in fit.correlations[np.ix_(shown, shown)]],
         "devices": [{"name": device.device, "chi2": device.chi2, "values": device.count} for device in law.devices],
         "singular_values": least_squares.singular_values(fit)[0].tolist(),

@@ -148,6 +148,11 @@ class LeastSquaresFit:
             full[np.ix_(inside, inside)] = self._sandwich(self.jacobian[:, inside])
         return names.read_only(full + self.considered)
 
+    @property
+    def band_covariance(self) -> Array:
+        """The covariance of what a band is to hold, to count with the normal quantile: the same, but for samples."""
+        return self.covariance
+
     @functools.cached_property
     def considered(self) -> Array:
         """The part of the covariance due to `shared` errors, shape (m, m)."""

@@ -255,7 +255,7 @@ def score(
     Args:
         materials: One, several, or by name, each a material or a silicone's name; without a name each is called by its law and
             numbers, or as the silicone it is.
-        curves: Measured curves, or files with uniaxial ones (see `read_curve` for other tests). If a material has a memory,
+        curves: Measured curves, or files with uniaxial ones (see `read_curves` for other tests). If a material has a memory,
             they are whole tests with their times.
         device: What was inflated, with ``outlines``.
         outlines: Outlines of it, or the files or folders that a measurement has written.

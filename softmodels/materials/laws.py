@@ -24,7 +24,9 @@ from softmodels.common.lazy import ufl
 from softmodels.common.names import checked
 from softmodels.materials.memory import Expression, Memory
 
-__all__ = ["LAWS", "Gent", "Material", "MaterialError", "MooneyRivlin", "NeoHookean", "Ogden", "Yeoh"]
+__all__ = [
+    "LAWS", "FungDemiray", "Gent", "Material", "MaterialError", "MooneyRivlin", "NeoHookean", "Ogden", "Polynomial", "Yeoh",
+]  # fmt: skip
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -44,7 +46,7 @@ class StrainMeasures:
         I1_bar: First invariant of the isochoric part, J^(-2/3) I1.
         I2_bar: Second invariant of the isochoric part, J^(-4/3) I2.
         stretches_bar: The three isochoric principal stretches J^(-1/3) lambda_i.
-        log: The natural logarithm of numbers of this kind.
+        log, exp: The natural logarithm and the exponential of numbers of this kind.
     """
 
     J: Expression
@@ -52,6 +54,7 @@ class StrainMeasures:
     I2: Expression
     stretches_bar: Expression
     log: Expression
+    exp: Expression
 
     @functools.cached_property
     def I1_bar(self) -> Expression:
@@ -91,6 +94,10 @@ class Strain(StrainMeasures):
     @staticmethod
     def log(x: Expression) -> Expression:
         return ufl.ln(x)
+
+    @staticmethod
+    def exp(x: Expression) -> Expression:
+        return ufl.exp(x)
 
 
 def eigenvalues(A: Expression, gap: float = 1e-4) -> tuple[Expression, Expression, Expression]:
@@ -140,6 +147,10 @@ class HomogeneousStrain(StrainMeasures):
     @staticmethod
     def log(x: Expression) -> Expression:
         return x.log() if isinstance(x, Dual) else np.log(x)
+
+    @staticmethod
+    def exp(x: Expression) -> Expression:
+        return x.exp() if isinstance(x, Dual) else np.exp(x)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -192,6 +203,10 @@ class Dual:
 
     def log(self) -> Dual:
         return Dual(np.log(self.value), self.slope / self.value)
+
+    def exp(self) -> Dual:
+        value = np.exp(self.value)
+        return Dual(value, value * self.slope)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -648,6 +663,47 @@ class MooneyRivlin(Material):
 
 @register_law
 @dataclasses.dataclass(frozen=True)
+class Polynomial(Material):
+    """Rivlin's polynomial of second order, with a = I1_bar - 3 and b = I2_bar - 3:
+    W = c10 a + c01 b + c20 a^2 + c11 a b + c02 b^2; mu = 2 (c10 + c01). With c11 = c02 = 0 it is Signorini's.
+
+    The numbers are those of ``*HYPERELASTIC, POLYNOMIAL, N=2`` in Abaqus and CalculiX, in their order. Five factors need tests
+    of two kinds: one pull determines combinations of them only.
+    """
+
+    name: ClassVar[str] = "polynomial"
+    title: ClassVar[str] = "the polynomial of second order"
+    source: ClassVar[str] = "Rivlin & Saunders 1951, Phil. Trans. R. Soc. A 243:251, doi 10.1098/rsta.1951.0004"
+    linear: ClassVar[bool] = True
+    compared_terms: ClassVar[tuple[int, ...]] = ()
+    c10: float = parameter("Pa", "factor of I1 - 3")
+    c01: float = parameter("Pa", "factor of I2 - 3", 0.0)
+    c20: float = parameter("Pa", "factor of (I1 - 3)^2", 0.0)
+    c11: float = parameter("Pa", "factor of (I1 - 3) (I2 - 3)", 0.0)
+    c02: float = parameter("Pa", "factor of (I2 - 3)^2", 0.0)
+    poisson: float = poissons_ratio()  # type: ignore[assignment]
+
+    @staticmethod
+    def shape(strain: StrainMeasures, m: Parameters) -> Expression:
+        a, b = strain.I1_bar - 3, strain.I2_bar - 3
+        return m.c10 * a + m.c01 * b + m.c20 * a**2 + m.c11 * a * b + m.c02 * b**2
+
+    @property
+    def shear_modulus_0(self) -> float:
+        return 2 * (self.c10 + self.c01)
+
+    @property
+    def invariant_terms(self) -> Mapping[tuple[int, int], float]:
+        return {(1, 0): self.c10, (0, 1): self.c01, (2, 0): self.c20, (1, 1): self.c11, (0, 2): self.c02}
+
+    @classmethod
+    def starting_values(cls, modulus: float, strain: float = 10.0, terms: int = 0) -> dict[str, float]:
+        second = 0.005 * modulus / strain
+        return {"c10": 0.4 * modulus, "c01": 0.1 * modulus, "c20": second, "c11": 0.0, "c02": 0.0}
+
+
+@register_law
+@dataclasses.dataclass(frozen=True)
 class Yeoh(Material):
     """Yeoh: W = c1 k + c2 k^2 + c3 k^3 with k = I1_bar - 3; mu = 2 c1. Yeoh 1993, doi 10.5254/1.3538343."""
 
@@ -821,3 +877,44 @@ class Gent(Material):
     @classmethod
     def starting_grid(cls, modulus: float, strain: float) -> list[dict[str, float]]:
         return [{"shear_modulus": modulus, "limit": share * strain} for share in (1.02, 1.2, 2.0, 6.0, 40.0)]
+
+
+@register_law
+@dataclasses.dataclass(frozen=True)
+class FungDemiray(Material):
+    """Fung-Demiray: W = mu/(2 b) (exp(b (I1_bar - 3)) - 1), which stiffens exponentially. Demiray 1972, doi
+    10.1016/0021-9290(72)90047-4, and Fung 1967 for the exponential.
+
+    Convex, so stable, for every mu and b above zero; b towards 0 is the neo-Hookean law. Other texts write a for mu.
+    """
+
+    name: ClassVar[str] = "fung-demiray"
+    title: ClassVar[str] = "Fung and Demiray's law"
+    source: ClassVar[str] = "Demiray 1972, J. Biomech. 5:309, doi 10.1016/0021-9290(72)90047-4"
+    compared_terms: ClassVar[tuple[int, ...]] = ()
+    shear_modulus: float = parameter("Pa", "shear modulus mu", bounds=MODULUS_BOUNDS)
+    stiffening: float = parameter("", "b: the rate of the exponential in I1 - 3", bounds=(1e-6, 20.0))
+    poisson: float = poissons_ratio()  # type: ignore[assignment]
+
+    def check(self) -> None:
+        if self.stiffening <= 0.0:
+            raise MaterialError(f"fung-demiray: stiffening = {self.stiffening:g}; it must be above zero")
+
+    @staticmethod
+    def shape(strain: StrainMeasures, m: Parameters) -> Expression:
+        return m.shear_modulus / (2 * m.stiffening) * (strain.exp(m.stiffening * (strain.I1_bar - 3)) - 1)
+
+    @property
+    def shear_modulus_0(self) -> float:
+        return self.shear_modulus
+
+    @classmethod
+    def starting_values(cls, modulus: float, strain: float = 10.0, terms: int = 0) -> dict[str, float]:
+        return {"shear_modulus": modulus, "stiffening": min(0.5 / strain, 10.0)}
+
+    @classmethod
+    def starting_grid(cls, modulus: float, strain: float) -> list[dict[str, float]]:
+        return [
+            {"shear_modulus": modulus / math.sqrt(1 + share), "stiffening": min(share / strain, 10.0)}
+            for share in (0.02, 0.2, 0.6, 1.5, 3.5)
+        ]

@@ -167,8 +167,13 @@ def test_the_reduced_directions_span_the_held_ones(seed):
 
 @pytest.mark.parametrize(
     "law",
-    [sm.MooneyRivlin(10e3, 2e3, 0.49), LAW, sm.Ogden((20e3, -3e3), (1.5, -3.0), 0.49)],
-    ids=["mooney-rivlin", "yeoh", "ogden"],
+    [
+        sm.MooneyRivlin(10e3, 2e3, 0.49),
+        LAW,
+        sm.Ogden((20e3, -3e3), (1.5, -3.0), 0.49),
+        sm.Polynomial(9e3, 2e3, 80.0, -20.0, 5.0, 0.49),
+    ],
+    ids=["mooney-rivlin", "yeoh", "ogden", "polynomial"],
 )
 def test_a_laws_terms_are_its_energy(law):
     strain = HomogeneousStrain((1.7, 1.1, 1 / (1.7 * 1.1)))

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from softmodels.materials.laws import Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
+from softmodels.materials.laws import FungDemiray, Gent, MooneyRivlin, NeoHookean, Ogden, Polynomial, Yeoh
 from softmodels.materials.specimens import balloon_limit, balloon_pressure, nominal_stress, respond, sphere_pressure
 from tests.support.closed_forms import tube_pressure
 
@@ -88,6 +88,17 @@ def test_uniaxial_compressible_meets_the_incompressible_limit():
     assert near.stress == pytest.approx(limit.stress, abs=2e-3 * MU)
     assert near.side == pytest.approx(limit.side, rel=1e-3)
     assert limit.stress == pytest.approx(nominal_stress(NeoHookean(MU), L))
+
+
+@pytest.mark.parametrize("mode", LAST)
+def test_polynomial_and_exponential_in_closed_form(mode):
+    """S = dW/dI1 dI1/dl + dW/dI2 dI2/dl, by hand."""
+    second = {"uniaxial": 2 * L + L**-2, "planar": I1["planar"], "equibiaxial": L**4 + 2 * L**-2}
+    a, b, c20, c11, c02 = I1[mode] - 3, second[mode] - 3, 300.0, -50.0, 20.0
+    stress = (C10 + 2 * c20 * a + c11 * b) * I1_SLOPE[mode] + (C01 + c11 * a + 2 * c02 * b) * I2_SLOPE[mode]
+    assert nominal_stress(Polynomial(C10, C01, c20, c11, c02), L, mode) == pytest.approx(stress, abs=1e-9 * C10)
+    stress = MU / 2 * np.exp(0.05 * a) * I1_SLOPE[mode]
+    assert nominal_stress(FungDemiray(MU, 0.05), L, mode) == pytest.approx(stress, abs=1e-9 * MU)
 
 
 # -- balloons ---------------------------------------------------------------------------------------------------------

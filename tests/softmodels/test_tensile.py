@@ -10,7 +10,8 @@ import openpyxl
 import pytest
 
 from softmodels.common.errors import spoken
-from softmodels.fitting.curves.curve import MIN_POINTS_FOR_NOISE, Specimen, TensileError, read_curve, recognise, small_modulus
+from softmodels.fitting.curves.columns import recognise
+from softmodels.fitting.curves.curve import MIN_POINTS_FOR_NOISE, Specimen, TensileError, read_curve, small_modulus
 from softmodels.fitting.curves.residuals import StressError, noise
 from softmodels.materials.laws import NeoHookean
 from softmodels.materials.specimens import balloon_pressure, respond
@@ -139,7 +140,7 @@ def test_a_cell_of_percents_is_read_as_it_is_shown(tmp_path):
         ([["strain", "stress (kPa)"], [0.1, 3], [0.2, "x"]], [], "row 3 of the sheet 'Data': 'x'"),
         ([["strain", "stress (kPa)"], ["%", "MPa"], [0.1, 3]], [], "MPa in row 2 of the sheet 'Data'"),
         ([["a", "b"], [1, 2]], [("More", [["c"]])], "no row of the sheets 'Data' and 'More' names a deformation"),
-        ([["strain", "stress (kPa)"], [0.1, 3]], [("More", [["strain", "stress (kPa)"], [0.1, 3]])],
+        ([["strain", "stress (kPa)"], [0.1, 3]], [("More", [["stretch", "stress (kPa)"], [0.1, 3]])],
          "a table on each of the sheets 'Data' and 'More'; save the right sheet"),
         ([], [], "the file is empty"),
         ([["strain", "stress (kPa)"], [0.1, datetime.date(2026, 2, 1)]], [], "'2026-02-01 00:00:00'.*not a number"),
@@ -457,7 +458,7 @@ def test_lines_of_numbers_are_not_searched_for_a_header(write, monkeypatch):
     """Patterns look at lines of words alone: a raw curve has 37,512 lines of numbers."""
     asked = []
     monkeypatch.setattr(
-        "softmodels.fitting.curves.curve.recognise", lambda text, place: asked.append(text) or recognise(text, place)
+        "softmodels.fitting.curves.columns.recognise", lambda text, place: asked.append(text) or recognise(text, place)
     )
     rows = "".join(f"{1 + i / 500:.4f},{i}\n" for i in range(1000))
     assert len(read_curve(write("stretch,stress (kPa)\n" + rows)).stretch) == 1000

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import datetime
-import functools
 import itertools
 import math
-import re
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.common import errors, names, schema, tables
+from softmodels.common import errors, names, schema
 from softmodels.common.arrays import Array
 from softmodels.common.names import checked
-from softmodels.common.units import FORMULA, UnitError, brief, quantity
+from softmodels.common.units import brief
+from softmodels.fitting.curves import columns as machine
+from softmodels.fitting.curves.columns import KINDS, LEAST_POINTS, LOADS, CurveColumn, CurveTable, TensileError, in_si
 from softmodels.materials import laws, specimens
 
 
@@ -40,6 +40,8 @@ class TensileCurve:
             so slow that the silicone is relaxed at each point.
         loop: Area between first loading and unloading over the work of the loading; 0 where it does not unload.
         origin: The slack and the load cell's zero that are taken off stretch and stress already; None for none.
+        source: What was read from which columns of its file, a clause; empty for a curve from elsewhere.
+        raw: Stretch and nominal stress in Pa of all readings of its file, shape (2, n); None for a curve from elsewhere.
     """
 
     name: str
@@ -52,6 +54,8 @@ class TensileCurve:
     time: Array | None = None
     loop: float = 0.0
     origin: Origin | None = None
+    source: str = ""
+    raw: Array | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
@@ -183,7 +187,7 @@ EQUILIBRIUM_RATE = 0.0
 """Rate of a test so slow that the silicone is relaxed at each point."""
 
 
-def read_curve(
+def read_curves(
     path: Path,
     test: str = "uniaxial",
     columns: str = "",
@@ -191,27 +195,48 @@ def read_curve(
     *,
     history: bool = False,
     rate: float | None = None,
-) -> TensileCurve:
-    """Read a curve from a text or Excel workbook with one row per reading, under a header that names the columns with their
-    units; or the units stand in a row below it. `TensileError`, which names the file, if it cannot be used.
+) -> list[TensileCurve]:
+    """Read the curve of each specimen in a text or Excel workbook with one row per reading, under a header that names the
+    columns with their units; or the units stand in a row below it. `TensileError`, which names the file, if it cannot be used.
 
     Args:
         test: One of `TESTS`, or a synonym.
-        columns: Which columns to take, see `columns_of_text`; empty to go by the headers.
-        specimen: Its sizes, where the file has forces, extensions or pressures.
+        columns: Which columns to take, see `columns.columns_of_text`; empty to go by the headers.
+        specimen: Its sizes, where the file has forces, extensions or pressures but no such sizes itself.
         history: Return the whole test with its times; else the loading ramp.
         rate: Of the stretch in 1/s, instead of a column of times; `EQUILIBRIUM_RATE` for none.
     """
     if not isinstance(test, str) or test.lower() not in SYNONYMS:
         raise TensileError(f"test {brief(test)} is not one of {', '.join(TESTS)}{errors.meant(test, SYNONYMS)}")
-    kind = SYNONYMS[test.lower()]
-    told = columns_of_text(columns) if columns else {}
+    told = machine.columns_of_text(columns) if columns else {}
     try:
-        table = read_table(path, told)
+        tables = machine.read_tables(path, told)
+    except TensileError as error:
+        raise TensileError(f"{path}: {error}") from None
+    kind = SYNONYMS[test.lower()]
+    return [_curve_of(path, table, kind, bool(told), specimen or Specimen(), history, rate) for table in tables]
+
+
+def read_curve(path: Path, *args: Any, **more: Any) -> TensileCurve:
+    """Return the only curve of a file; see `read_curves`, also for the arguments."""
+    curves = read_curves(path, *args, **more)
+    if len(curves) > 1:
+        raise TensileError(f"{path}: it has {len(curves)} specimens, not one ({', '.join(curve.name for curve in curves[:5])})")
+    return curves[0]
+
+
+def _curve_of(
+    path: Path, table: CurveTable, kind: str, told: bool, given: Specimen, history: bool, rate: float | None
+) -> TensileCurve:
+    name = f"{path.name} {table.label}".strip()
+    where = f"{path}: {table.label}" if table.label else str(path)
+    specimen, sized = given.completed(table.sizes, {table.deformation.kind, table.load.kind})
+    try:
+        table = _as_compression(table)
         if not told:
-            _check_start(table.x, table.y, table.deformation, specimen or Specimen())
-        stretch = _stretch(table.x, table.deformation, specimen or Specimen())
-        stress = _nominal(table.y, table.load, stretch, kind, specimen or Specimen())
+            _check_start(table.x, table.y, table.deformation, specimen)
+        stretch = _stretch(table.x, table.deformation, specimen)
+        stress = _nominal(table.y, table.load, stretch, kind, specimen)
         _check_directions(stretch, stress, table.deformation, table.load)
         time = table.time
         if rate is not None:
@@ -223,16 +248,28 @@ def read_curve(
                 f"or {path.name}:{kind}:equilibrium for a test so slow that the silicone was relaxed"
             )
     except TensileError as error:
-        raise TensileError(f"{path}: {error}") from None
-    whole = TensileCurve(str(path), "equibiaxial" if kind == "balloon" else kind, stretch, stress, time=time)
+        raise TensileError(f"{where}: {error}") from None
+    pressed = "compression" if direction(stretch) < 0 else ""
+    source = "; ".join(filter(None, [f"{table.deformation.sentence}, {table.load.sentence}", sized, pressed]))
+    mode = "equibiaxial" if kind == "balloon" else kind
+    whole = TensileCurve(where, mode, stretch, stress, time=time, source=source, raw=np.array([stretch, stress]))
     whole = without_jumps(whole, [f"line {number}" for number in table.lines])
     curve = (_history_before_break(whole) if history and time is not None else _ramp_of(whole)).check()
     if curve.stiff:
         try:
-            _check_units(table, stretch, stress, kind, specimen or Specimen())
+            _check_units(table, stretch, stress, kind, specimen)
         except TensileError as error:
-            raise TensileError(f"{path}: {error}") from None
-    return dataclasses.replace(curve, name=path.name)
+            raise TensileError(f"{where}: {error}") from None
+    return dataclasses.replace(curve, name=name)
+
+
+def _as_compression(table: CurveTable) -> CurveTable:
+    """Return a table whose two columns say compression and hold negative numbers as one whose numbers count as in tension."""
+    if table.deformation.sign < 0 and table.load.sign < 0 and table.x.max() <= -table.x.min() * WRONG_SIGN:
+        own = [dataclasses.replace(column, sign=0) for column in (table.deformation, table.load)]
+        if table.deformation.kind != "stretch" and table.y.max() <= -table.y.min() * WRONG_SIGN:
+            return dataclasses.replace(table, deformation=own[0], load=own[1])
+    return table
 
 
 def _history_before_break(curve: TensileCurve) -> TensileCurve:
@@ -378,383 +415,7 @@ def _falling_envelope(load: Array) -> Array:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Read the columns of a test machine's table: recognise headers and units, and select two for a curve.
-
-
-KINDS = {
-    "stretch": "",
-    "strain": "",
-    "true-strain": "",
-    "extension": "m",
-    "radius": "m",
-    "stress": "Pa",
-    "true-stress": "Pa",
-    "force": "N",
-    "pressure": "Pa",
-    "time": "s",
-}
-"""Kinds of columns, and the unit of each. Strain and stress without ``true`` are the engineering ones."""
-
-DEFORMATIONS = ("stretch", "strain", "true-strain", "extension", "radius")  # the first one in a file is used
-LOADS = ("stress", "true-stress", "force", "pressure")
-
-_WORDS = (
-    ("stretch", r"\bstretch|\blambda\b|\bextension ratio\b"),
-    ("true-strain", r"(true|log|logarithmic|hencky).*strain"),
-    ("strain", r"\bstrain\b|\belongation\b"),
-    ("radius", r"\bradius\b"),
-    ("extension", r"\bextension\b|\bdisplacement\b"),
-    ("true-stress", r"(true|cauchy).*stress"),
-    ("stress", r"\bstress\b"),
-    ("force", r"\bforce\b|\bload\b"),
-    ("pressure", r"\bpressure\b"),
-)
-_COMPRESSION = re.compile(r"[ck]ompr[eéi]s|stauch|druc?k", re.IGNORECASE)
-_TENSION = re.compile(r"\btens(ile|ion)|\bzug|\btra[ck]tion|\btracci[oó]n|\btrazione", re.IGNORECASE)
-"""What says in a header that positive numbers are compression, or tension; in the languages of test machines."""
-_TIME = re.compile(r"^t$|^time\b|\btime$")
-_TIME_TAIL = re.compile(r"^(t|.*\btime) (s|secs?|seconds?|ms|min|minutes?|h|hours?)$")
-_CLOCK = re.compile(r"(?:(\d{4}-\d\d-\d\d)[ T])?(?:(\d+):)?(\d+):(\d+(?:[.,]\d+)?)")
-NONE = "dimensionless"
-"""Unit of a column without one."""
-_UNITS = {"%": "percent", "percent": "percent", "-": NONE, "1": NONE, "mm/mm": NONE, "m/m": NONE, "n/mm2": "N/mm^2",
-          "n/mm^2": "N/mm^2", "n/mm²": "N/mm^2"}  # fmt: skip
-_TAIL = re.compile(r"[ _](%|percent|g?pa|kpa|mpa|psi|ksi|bar|mbar|mn|kn|n|mm|cm|m|um)$", re.IGNORECASE)
-_CASES = {"pa": "Pa", "kpa": "kPa", "mpa": "MPa", "gpa": "GPa", "kn": "kN", "n": "N"}
-
-
-class TensileError(errors.OptionMessage, ValueError):
-    """An unusable curve; the message is for the user."""
-
-
-@dataclasses.dataclass(frozen=True)
-class CurveColumn:
-    """One column of a table: its kind, one of `KINDS`, its unit as written, ``""`` where none is, its place from 0, what
-    stands above it, and the sign of its positive numbers by that: 1 for tension, -1 for compression, 0 if it says neither."""
-
-    kind: str
-    unit: str
-    place: int
-    header: str
-    sign: int = 0
-
-
-@dataclasses.dataclass(frozen=True)
-class CurveTable:
-    """A file's two columns with their raw numbers x and y, shape (n,), and the line of each row; times in s since the
-    first row, shape (n,), or None and a clause why they cannot be used; and what reads the same rows with other loads."""
-
-    deformation: CurveColumn
-    load: CurveColumn
-    x: Array
-    y: Array
-    lines: tuple[int, ...]
-    time: Array | None = None
-    untimed: str = "it has no column of times, such as 'time (s)'"
-    others: Sequence[Callable[[], CurveTable]] = ()
-
-
-def recognise(header: str, place: int) -> CurveColumn | None:
-    """Return the kind of a header; None if it is neither deformation, load nor time."""
-    unit, words = "", header.strip().strip('"')
-    bracket = re.search(r"[(\[]([^)\]]*)[)\]]", words)
-    tail = _TAIL.search(words)
-    if bracket:
-        unit, words = bracket[1], words[: bracket.start()]
-    elif tail:
-        unit, words = tail[1], words[: tail.start()]
-    elif "," in words or "/" in words:
-        words, unit = re.split(r"[,/]", words, maxsplit=1)
-    words = re.sub(r"[_\s-]+", " ", words).lower().strip()
-    if not unit and (timed := _TIME_TAIL.search(words)):
-        words, unit = timed[1], timed[2]
-    if _TIME.search(words):
-        column = CurveColumn("time", _unit(unit), place, header)
-        return column if not unit or _unit_factor(column.unit, column) is not None else None
-    if re.search(r"\b(rate|energy|error|sd|std|width|thickness|time)\b", words):
-        return None
-    for kind, pattern in _WORDS:
-        if re.search(pattern, words):
-            return CurveColumn(kind, _unit(unit), place, header, _sign(kind, header))
-    if re.match(r"compression\b", words):  # of the height, or as a share of it
-        length = CurveColumn("extension", _unit(unit), place, header, -1)
-        return length if unit and _unit_factor(length.unit, length) is not None else dataclasses.replace(length, kind="strain")
-    return None
-
-
-def _sign(kind: str, header: str) -> int:
-    """Return the sign of a column's positive numbers, see `CurveColumn`, from what stands above it."""
-    if kind in ("time", "pressure", "radius"):
-        return 0
-    return int(bool(_TENSION.search(header))) - int(bool(_COMPRESSION.search(header)))
-
-
-def _unit(text: str) -> str:
-    """Return a unit in Pint's spelling."""
-    unit = _UNITS.get(text.lower().strip(), text.strip())
-    return _CASES.get(unit.lower(), unit) if len(unit) > 1 else unit.replace("n", "N")
-
-
-def columns_of_text(text: str) -> dict[str, tuple[str, str | None]]:
-    """Read ``"strain=Engineering Strain[%],stress=5[MPa]"``: by kind, a header or a number from 1, and a unit or None."""
-    told: dict[str, tuple[str, str | None]] = {}
-    for part in re.findall(r"[^,\[]+(?:\[[^\]]*\])?", text):
-        kind, column_name, rest = part.strip().partition("=")
-        if not column_name or kind not in KINDS:
-            raise TensileError(f"columns {text!r}: {part.strip()!r} is not KIND=COLUMN[UNIT] with {', '.join(KINDS)}")
-        name, _, unit = rest.partition("[")
-        told[kind] = (name.strip(), unit.rstrip("]").strip() if "[" in rest else None)
-    if len(set(told) & set(DEFORMATIONS)) != 1 or len(set(told) & set(LOADS)) != 1:
-        raise TensileError(
-            f"columns {text!r} must name one deformation ({', '.join(DEFORMATIONS)}) and one load ({', '.join(LOADS)}), "
-            "and perhaps time"
-        )
-    return told
-
-
-def read_table(path: Path, told: Mapping[str, tuple[str, str | None]]) -> CurveTable:
-    """Find the header, also below other lines, and the numbers of the two columns of a curve, and its times, in a text or a
-    workbook (see `softmodels.common.tables.read_sheets`); a row of units may stand below the header. ``told`` is of
-    `columns_of_text`, empty to go by the headers.
-
-    Raises `TensileError` for a file that cannot be read, no header or several that say what the columns are, or no numbers
-    below it.
-    """
-
-    def header_of(sheet: tables.Worksheet) -> _Header | None:
-        return _told_header(sheet.rows, told) if told else _header(sheet.rows)
-
-    try:
-        sheets = tables.read_sheets(path)
-        chosen = tables.pick(path, sheets, header_of)
-    except OSError as error:
-        raise TensileError(f"the file cannot be read ({errors.reason(error)})") from None
-    if chosen is not None:
-        sheet, (after, columns, others) = chosen
-        sure = {kind for kind, (_, unit) in told.items() if unit is not None}
-        more = [functools.partial(_numbers, sheet, after, (columns[0], other), sure) for other in others]
-        return dataclasses.replace(_numbers(sheet, after, columns, sure), others=more)
-    if not any(sheet.rows for sheet in sheets):
-        raise TensileError("the file is empty")
-    where = f"no row of {tables.named(sheets)}" if tables.named(sheets) else "no line"
-    if told:
-        names = " and ".join(repr(name) for name, _ in told.values())
-        raise TensileError(f"{where} of the file has the columns {names}")
-    raise TensileError(
-        f"{where} names a deformation and a load, such as 'strain (%)' and 'stress "
-        f"(MPa)'; choose the columns with --columns 'strain=1[%],stress=2[MPa]'"
-    )
-
-
-type _Header = tuple[int, tuple[CurveColumn, ...], tuple[CurveColumn, ...]]
-"""Rows above the numbers, the columns: deformation, load and perhaps time, and further loads."""
-
-
-def _header(rows: Sequence[tables.Line]) -> _Header | None:
-    for i, (_, row) in enumerate(rows):
-        if len(row) < 2 or any(_is_number(cell) for cell in row):
-            continue  # fast check for most lines of a long file
-        known = [column for place, cell in enumerate(row) if (column := recognise(cell, place))]
-        if len(known) < 2:
-            continue
-        for group in (DEFORMATIONS, LOADS):
-            twice = [c.header for c in known if c.kind == _first(known, group)]
-            if len(twice) > 1:
-                raise TensileError(f"the columns {' and '.join(map(repr, twice))} mean the same; choose with --columns")
-        kinds = {column.kind: column for column in known}
-        deformation, load = _first(known, DEFORMATIONS), _first(known, LOADS)
-        if deformation and load:
-            times = [c for c in known if c.kind == "time"]
-            times.sort(key=lambda c: "total" not in c.header.lower())  # beside the time of each cycle
-            further = tuple(column for column in known if column.kind in LOADS and column.kind != load)
-            return i + 1, (kinds[deformation], kinds[load], *times[:1]), further
-    return None
-
-
-def _first(known: Sequence[CurveColumn], kinds: Sequence[str]) -> str | None:
-    present = {column.kind for column in known}
-    return next((kind for kind in kinds if kind in present), None)
-
-
-def _told_header(rows: Sequence[tables.Line], told: Mapping[str, tuple[str, str | None]]) -> _Header | None:
-    """Find the header of given columns: by name a line with these, by number the first line of numbers."""
-    numbers = all(name.isdigit() for name, _ in told.values())
-    for i, (_, row) in enumerate(rows):
-        made = {}
-        cells = [cell.strip().strip('"') for cell in row]
-        for kind, (name, unit) in told.items():
-            if name.isdigit():
-                place = int(name) - 1
-            elif name in cells:
-                place = cells.index(name)
-            else:
-                bare = [re.sub(r"\s*[(\[].*", "", cell) for cell in cells]
-                place = bare.index(name) if name in bare else -1
-            if not 0 <= place < len(row):
-                break
-            said = recognise(row[place], place)
-            of_header = said.unit if said else ""
-            unit = of_header if unit is None else _unit(unit)
-            told_over = [line[place] for _, line in rows[:i] if place < len(line)] if name.isdigit() else [row[place]]
-            sign = _sign(kind, " ".join(told_over))
-            made[kind] = CurveColumn(kind, unit, place, row[place].strip(), sign)
-        else:
-            if numbers and not all(_is_number(row[made_column.place]) for kind, made_column in made.items() if kind != "time"):
-                continue
-            columns = tuple(made[kind] for kind in (*DEFORMATIONS, *LOADS, "time") if kind in made)
-            if not numbers:
-                return i + 1, columns, ()
-            above = [_cell(rows[i - 1][1], column) if i else "" for column in columns]
-            return (i - 1 if _row_of_units(columns, above) else i), columns, ()
-    return None
-
-
-def _numbers(sheet: tables.Worksheet, after: int, columns: tuple[CurveColumn, ...], sure: Collection[str]) -> CurveTable:
-    """Return the numbers below a header; units of the kinds in ``sure`` are given and override the file."""
-    x: list[float] = []
-    y: list[float] = []
-    lines: list[int] = []
-    times: list[str] = []
-    units: tuple[str, ...] | None = None
-    for number, row in sheet.rows[after:]:
-        cells = [_cell(row, column) for column in columns]
-        if not x and not all(map(_is_number, cells[:2])):
-            if units is None and (units := _row_of_units(columns, cells)):
-                columns = _with_units(columns, units, sure, sheet.place(number))
-                continue
-            if not any(cell.startswith("=") or _is_number(cell) for cell in cells[:2]):
-                continue  # further text between the header and the numbers
-        values = []
-        for cell, column in zip(cells[:2], columns[:2], strict=True):
-            if not _is_number(cell):
-                why = FORMULA if cell.startswith("=") else "is not a number"
-                raise TensileError(f"{sheet.place(number)}: {cell!r} in the column {column.header!r} {why}")
-            values.append(_value(cell, column, sheet))
-        if not all(map(math.isfinite, values)):
-            raise TensileError(f"{sheet.place(number)} has a value that is not finite ({', '.join(cells[:2])})")
-        x.append(values[0])
-        y.append(values[1])
-        lines.append(number)
-        times.extend(cells[2:])
-    if not x:
-        raise TensileError(f"there are no numbers below the header ({columns[0].header!r}, {columns[1].header!r})")
-    made = CurveTable(columns[0], columns[1], np.array(x), np.array(y), tuple(lines))
-    return dataclasses.replace(made, **_times(times, columns[2], sheet, lines)) if times else made  # type: ignore[arg-type]
-
-
-def _times(cells: Sequence[str], column: CurveColumn, sheet: tables.Worksheet, lines: Sequence[int]) -> dict[str, object]:
-    """Return the times of `CurveTable`, or why they cannot be used: curves without a memory do not need them."""
-    values: list[float] = []
-    for cell, number in zip(cells, lines, strict=True):
-        value = _seconds(cell, column, sheet)
-        if value is None:
-            return {"untimed": f"{sheet.place(number)}: {cell!r} in the column {column.header!r} is no time"}
-        if values and value < values[-1]:
-            return {"untimed": f"{sheet.place(number)}: the time falls to {cell} in the column {column.header!r}"}
-        values.append(value)
-    since = np.array(values) - values[0]
-    if not column.unit or any(map(_CLOCK.fullmatch, cells)):
-        return {"time": since}
-    try:
-        return {"time": in_si(since, column)}
-    except TensileError as error:
-        return {"untimed": str(error)}
-
-
-def _seconds(cell: str, column: CurveColumn, sheet: tables.Worksheet) -> float | None:
-    """Return a number of the column's unit, or a clock's time in s, perhaps with its date; None if it is neither."""
-    if clock := _CLOCK.fullmatch(cell):
-        day, hours, minutes, seconds = clock.groups()
-        try:
-            days = datetime.date.fromisoformat(day).toordinal() if day else 0
-        except ValueError:
-            return None
-        return 3600.0 * (24 * days + int(hours or 0)) + 60 * int(minutes) + float(seconds.replace(",", "."))
-    if not _is_number(cell) or cell.endswith("%"):
-        return None
-    value = _value(cell, column, sheet)
-    return value if math.isfinite(value) else None
-
-
-def _cell(row: Sequence[str], column: CurveColumn) -> str:
-    return row[column.place].strip() if column.place < len(row) else ""
-
-
-def _row_of_units(columns: Sequence[CurveColumn], cells: Sequence[str]) -> tuple[str, ...] | None:
-    """Return the columns' units if a row holds units: in brackets, or one of them suiting its column."""
-    bare = [re.sub(r"^[\[(](.*)[\])]$", r"\1", cell) for cell in cells]
-    if not any(unit != cell or _is_unit(unit, column) for unit, cell, column in zip(bare, cells, columns, strict=True)):
-        return None
-    return tuple("" if _unit(unit) == NONE and KINDS[c.kind] else _unit(unit) for unit, c in zip(bare, columns, strict=True))
-
-
-def _is_unit(text: str, column: CurveColumn) -> bool:
-    unit = _unit(text)
-    return bool(unit) and not _is_number(text) and text != "-" and _unit_factor(unit, column) is not None
-
-
-def _unit_factor(unit: str, column: CurveColumn) -> float | None:
-    """Return the conversion factor of a unit for a column's kind; None if unknown or of another kind."""
-    try:
-        return quantity(f"1 {unit}", KINDS[column.kind])
-    except UnitError:
-        return None
-
-
-def _with_units(
-    columns: Sequence[CurveColumn], units: Sequence[str], sure: Collection[str], where: str
-) -> tuple[CurveColumn, ...]:
-    """Return the columns with the units below their headers, except the kinds in ``sure``; `TensileError` if a header has
-    another unit."""
-    made = []
-    for column, unit in zip(columns, units, strict=True):
-        if column.kind in sure or not unit:
-            made.append(column)
-            continue
-        above, below = _unit_factor(column.unit, column), _unit_factor(unit, column)
-        same = above is not None and below is not None and math.isclose(above, below, rel_tol=1e-6)
-        if column.unit and unit != column.unit and not same:
-            raise TensileError(
-                f"the unit of the column {column.header!r} is {column.unit} in its header and {unit} in {where}; correct "
-                f"one of them, or give --columns {column.kind}={column.place + 1}[{column.unit}],..."
-            )
-        made.append(dataclasses.replace(column, unit=column.unit or unit))
-    return tuple(made)
-
-
-def _value(cell: str, column: CurveColumn, sheet: tables.Worksheet) -> float:
-    """Return a cell's number in the unit of its column; percents may have their sign."""
-    text = cell.replace(",", ".") if sheet.separator != "," else cell
-    number = float(text.removesuffix("%"))
-    if not text.endswith("%") or column.unit == "percent":
-        return number
-    if KINDS[column.kind] or column.unit not in ("", NONE):
-        raise TensileError(f"{cell!r} in the column {column.header!r} is a percentage; give it in {KINDS[column.kind]}")
-    return number / 100
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text.strip().removesuffix("%").replace(",", "."))
-    except ValueError:
-        return False
-    return True
-
-
-def in_si(values: Array, column: CurveColumn) -> Array:
-    """Return a column's numbers in the unit of its kind; `TensileError` for a unit that is missing or of another kind."""
-    wanted = KINDS[column.kind]
-    if not column.unit and not wanted:
-        return values
-    if not column.unit:
-        raise TensileError(
-            f"the column {column.header!r} has no unit; write it into the header, such as '{column.kind} (kPa)', or give "
-            f"it with --columns {column.kind}={column.place + 1}[kPa],..."
-        )
-    try:
-        return values * quantity(f"1 {column.unit}", wanted)
-    except UnitError as error:
-        raise TensileError(f"the column {column.header!r}: {error}") from None
+# Signs and units of columns held against each other.
 
 
 WRONG_SIGN = 0.05
@@ -824,7 +485,6 @@ AT_STRETCH_1 = 0.005
 """Largest distance from stretch 1 of an undeformed specimen."""
 LARGEST_ZERO = 0.5
 """Largest stress at stretch 1, as a share of the largest one, that can be the load cell's zero."""
-LEAST_POINTS = 4
 REVERSAL_TOLERANCE = 0.02
 """Decrease of the stretch, relative to the range, that counts as a reversal."""
 BREAK_STRESS_SHARE = 0.5
@@ -852,6 +512,23 @@ class Specimen:
         for name, value in vars(self).items():
             if value is not None and not (math.isfinite(value) and value > 0.0):
                 raise TensileError(f"{name.replace('_', ' ')} is {value:g}; it must be above zero")
+
+    def completed(self, sizes: Mapping[str, float], kinds: Collection[str]) -> tuple[Specimen, str]:
+        """Return the sizes with those of a file (see `columns.SIZES`) that columns of these kinds need and are not given, and a
+        clause that names them."""
+        area, length = sizes.get("cross_section"), sizes.get("gauge_length", sizes.get("length"))
+        if area is None and "width" in sizes and "thickness" in sizes:
+            area = sizes["width"] * sizes["thickness"]
+        elif area is None and "diameter" in sizes:
+            area = math.pi / 4 * sizes["diameter"] ** 2
+        area = area if "force" in kinds and self.cross_section is None else None
+        length = length if "extension" in kinds and self.gauge_length is None else None
+        said = [
+            *([f"cross-section {area * 1e6:.4g} mm2 by the file"] if area else []),
+            *([f"gauge length {length * 1e3:.4g} mm by the file"] if length else []),
+        ]
+        own = {name: value for name, value in (("cross_section", area), ("gauge_length", length)) if value}
+        return (dataclasses.replace(self, **own) if own else self), ", ".join(said)
 
 
 @dataclasses.dataclass(frozen=True)

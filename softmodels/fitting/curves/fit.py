@@ -31,12 +31,12 @@ from softmodels.fitting.comparison import (
     stretch_of,
     with_rubber,
 )
-from softmodels.fitting.curves import residuals
+from softmodels.fitting.curves import residuals, sample
 from softmodels.fitting.curves.curve import (
     TensileCurve,
     TensileError,
     loop,
-    read_curve,
+    read_curves,
     segments,
     small_modulus,
     taut,
@@ -82,12 +82,17 @@ class _Task:
         report = self._compared(report, scale)
         return dataclasses.replace(report, curves=tuple(residuals.counted_from(self.curves, report.chosen.fit.values)))
 
+    @functools.cached_property
+    def is_sample(self) -> bool:
+        """Whether the curves are specimens whose scatter shows; else each has a factor of the usual size."""
+        return sample.is_sample(self.curves)
+
     def _notes(self, laws: Sequence[FittedLaw]) -> list[str]:
-        return []
+        return sample.sentences(laws[0].fit, self.curves) if isinstance(laws[0].fit, sample.SampleFit) else []
 
     def _compared(self, report: FitReport, scale: float | None) -> FitReport:
         """Return the report with separate fits of curves that contradict each other."""
-        if not (pairs := contradictions(self.curves, self.options.gauge_error)):
+        if self.is_sample or not (pairs := contradictions(self.curves, self.options.gauge_error)):
             return report
         own = tuple(self._alone(report.chosen.choice, curve, scale) for curve in self.curves)
         return dataclasses.replace(report, separate=SeparateFits(tuple(pairs), tuple(self.curves), own))
@@ -97,10 +102,16 @@ class _Task:
         for i, choice in enumerate(self.choices, 1):
             if len(self.choices) > 1:
                 self.progress(f"fitting {choice.name}, law {i} of {len(self.choices)}")
-            sources, extra = residuals.residuals_of(self.curves, choice, self.error, self.options.gauge_error, level=True)
+            gauge = 0.0 if self.is_sample else self.options.gauge_error
+            sources, extra = residuals.residuals_of(self.curves, choice, self.error, gauge, level=True)
             names = (*choice.names, *(p.name for p in extra.parameters))
             changes = self.options.changes_of(names)
-            fits.append(fit_law_to_curves(choice, sources, extra, changes=changes, errors=self.errors, loss=loss, scale=scale))
+            fit = fit_law_to_curves(choice, sources, extra, changes=changes, errors=self.errors, loss=loss, scale=scale)
+            if self.is_sample:
+                again = sample.weighted_alike(fit)
+                fit = fit_law_to_curves(choice, again, extra, changes=changes, errors=self.errors)
+                fit = sample.SampleFit.of(fit, min(self.options.gauge_error, problem.LOAD_CELL_ERROR))
+            fits.append(fit)
         return fits
 
     def _laws(
@@ -109,7 +120,7 @@ class _Task:
         strain, laws = residuals.largest_strain(self.curves), []
         for ranked in comparison.ranked:
             choice = self.choices[fits.index(ranked.fit)]
-            if self.options.profiles and len(ranked.fit.free) > 2:
+            if self.options.profiles and not self.is_sample and len(ranked.fit.free) > 2:
                 self.progress(f"intervals of {choice.name}")
             profiles = {
                 p.name: least_squares.profile(ranked.fit, p.name) for p in ranked.fit.free if self._profiled(ranked.fit, p.name)
@@ -125,7 +136,7 @@ class _Task:
         return tuple(laws)
 
     def _profiled(self, fit: least_squares.LeastSquaresFit, name: str) -> bool:
-        return self.options.profiles
+        return self.options.profiles and not self.is_sample
 
     def _material(self, choice: problem.LawChoice, fit: least_squares.LeastSquaresFit) -> Material:
         return choice.material(fit.values, residuals.stretches_of(self.curves))
@@ -154,6 +165,8 @@ class _Task:
 
 class _MemoryTask(_Task):
     """Laws with a memory, and the histories to fit them to."""
+
+    is_sample = False
 
     @functools.cached_property
     def spectrum(self) -> residuals.Spectrum:
@@ -429,17 +442,16 @@ LARGEST_RATIO = 100.0
 
 
 def prepared(curves: Curves, stretch: tuple[float, float] | None = None, history: bool = False) -> list[TensileCurve]:
-    """Return the curves of one material, or files with uniaxial ones (see `read_curve` for other tests), checked, within a
+    """Return the curves of one material, or files with uniaxial ones (see `read_curves` for other tests), checked, within a
     range of stretch; dense ones averaged (see `thinned`), averaged ones kept. With ``history`` curves with times are whole
     tests, else their loading ramps.
 
     Raises `TensileError` where one cannot be used, they cannot be one material's, or too few points are left.
     """
     given = [curves] if isinstance(curves, TensileCurve | Path | str) else curves
-    read = [
-        without_jumps(given_curve) if isinstance(given_curve, TensileCurve) else read_curve(Path(given_curve), history=history)
-        for given_curve in given
-    ]
+    read: list[TensileCurve] = []
+    for curve in given:
+        read += [without_jumps(curve)] if isinstance(curve, TensileCurve) else read_curves(Path(curve), history=history)
     read = [taut((given_curve if history else given_curve.ramp()).check()) for given_curve in read]
     if not read:
         return []
@@ -467,7 +479,7 @@ def fit_curves(
     """Fit every law to all curves together, and to each separately if they contradict each other.
 
     Args:
-        curves: Measured curves, or files with uniaxial ones (see `read_curve` for other tests).
+        curves: Measured curves, or files with uniaxial ones (see `read_curves` for other tests).
         material: A law's name or class, or several of them; ``"all"`` compares all.
         options: How.
         stretch: Range of stretch to fit over; None for the whole curves.
