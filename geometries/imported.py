@@ -1086,7 +1086,13 @@ def read_mesh(
     mesh_read = _by_meshio(file, FORMATS[kind])
     if kind == ".stl":
         return _meshed_solid(file, close(_is_closed(file, mesh_read, unit)), cell_size)
+    return mesh_of(file, mesh_read, unit)
+
+
+def mesh_of(file: str, mesh_read: Any, unit: float) -> mesh_arrays.Tetrahedra:
+    """Return a mesh of meshio's, which is a file's, in m; see `read_mesh`."""
     cells, blocks = _tetrahedra(file, mesh_read)
+    kind = Path(file).suffix.lower()
     sets = _physical_groups(file, mesh_read) if kind == ".msh" else list(mesh_read.cell_sets.items())
     faces, regions = _face_names(mesh_read, sets), _region_names(mesh_read, sets, blocks)
     if kind == ".msh":
