@@ -1070,6 +1070,8 @@ CORNER_TOLERANCE = 1e-6
 """Corners of an STL file's triangles this near to each other, over its extent, are one."""
 MIN_EDGE_ANGLE = math.radians(40.0)
 """Angle between triangles of an STL file from which their edge is one of the part."""
+FILL_SIZES = (1.0, 0.9, 0.8)
+"""Shares of the cell size to try in turn where Gmsh leaves a cell without volume."""
 Sets = list[tuple[str, Sequence[Any]]]
 """Names of a file, and of each block of cells those that have the name; None for none."""
 OTHER_CELLS = ("hexahedron", "wedge", "pyramid", "voxel")
@@ -1350,10 +1352,14 @@ def _fill(
     points: NDArray[np.float64], triangles: mesh_arrays.Ints, cell_size: float
 ) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
     """Mesh the solid between closed surfaces: nodes in m, and tetrahedra. The largest surface is the outside."""
-    try:
-        return _mesh_surfaces(points, triangles, cell_size, True)
-    except Exception:  # bare: Gmsh finds no parameters of some surfaces; then their own triangles have to do
-        return _mesh_surfaces(points, triangles, cell_size, False)
+    for share in FILL_SIZES:
+        try:
+            nodes, cells = _mesh_surfaces(points, triangles, share * cell_size, True)
+        except Exception:  # bare: Gmsh finds no parameters of some surfaces
+            break
+        if not mesh_arrays.flat_cell(nodes, cells):
+            return nodes, cells
+    return _mesh_surfaces(points, triangles, cell_size, False)  # then their own triangles have to do
 
 
 def _mesh_surfaces(

@@ -155,7 +155,7 @@ class Tetrahedra:
         number[used] = np.arange(len(used))
         points, cells = points[used], compact.reshape(cells.shape)
         heights = _volumes(points, cells)
-        if not np.abs(heights).min() > 1e-12 * np.abs(heights).max():
+        if flat_cell(points, cells):
             x, y, z = 1e3 * points[cells[np.abs(heights).argmin()]].mean(axis=0)
             raise GeometryError(f"the mesh has a cell without volume near {x:.4g}, {y:.4g}, {z:.4g} mm")
         order = MIRRORED_NODE_ORDER[:width]
@@ -262,6 +262,12 @@ def triangle_tables(width: int) -> tuple[Array, Array, Array]:
 
 EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
 """Corners at the ends of a tetrahedron's edges, in the order of VTK and Abaqus."""
+
+
+def flat_cell(points: Array, cells: Ints) -> bool:
+    """Return whether a cell has no volume."""
+    heights = np.abs(_volumes(points, cells))
+    return not heights.min() > 1e-12 * heights.max()
 
 
 def _volumes(points: Array, cells: Ints) -> Array:
