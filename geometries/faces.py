@@ -35,7 +35,7 @@ class Faces:
     colour: Colour | None = None
 
 
-FORMATS: Mapping[str, str] = {".msh": "gmsh", ".inp": "abaqus", ".stl": "stl"}
+FORMATS: Mapping[str, str] = {".msh": "gmsh", ".inp": "abaqus", ".stl": "stl", ".vtk": "vtk", ".vtu": "vtu"}
 """Endings of the files that are read, and meshio's names for them."""
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "inch": 0.0254}
 """Of files that do not store the unit of their lengths, in m."""

@@ -662,10 +662,13 @@ class Boundary(abc.ABC):
         """Return the wall of the only cavity, of those that are neither the outside nor joined to it."""
         file = self.part.file
         if not inner:
+            where = "close it where it is drawn"
+            if Path(file).suffix.lower() in FORMATS and not file.lower().endswith(".stl"):
+                where = "inlets are closed in STEP and STL files only, so take one of these"
             raise GeometryError(
                 f"cavities is empty, and file {file} has no closed inner shell that could be the cavity, and no inlet that "
-                "could be closed: close it where it is drawn, name the planes of a part that is cut, or write "
-                "cavities = ['none'] for a solid part (no cavity)"
+                f"could be closed: {where}, name the planes of a part that is cut, or write cavities = ['none'] for a solid "
+                "part (no cavity)"
             )
         if len(inner) > 1:
             middles = sorted(tuple(1e3 * self.box(shell).mean(axis=0)) for shell in inner)
@@ -1070,6 +1073,8 @@ CORNER_TOLERANCE = 1e-6
 """Corners of an STL file's triangles this near to each other, over its extent, are one."""
 MIN_EDGE_ANGLE = math.radians(40.0)
 """Angle between triangles of an STL file from which their edge is one of the part."""
+FILL_SIZES = (1.0, 0.9, 0.8)
+"""Shares of the cell size to try in turn where Gmsh leaves a cell without volume."""
 Sets = list[tuple[str, Sequence[Any]]]
 """Names of a file, and of each block of cells those that have the name; None for none."""
 OTHER_CELLS = ("hexahedron", "wedge", "pyramid", "voxel")
@@ -1086,7 +1091,13 @@ def read_mesh(
     mesh_read = _by_meshio(file, FORMATS[kind])
     if kind == ".stl":
         return _meshed_solid(file, close(_is_closed(file, mesh_read, unit)), cell_size)
+    return mesh_of(file, mesh_read, unit)
+
+
+def mesh_of(file: str, mesh_read: Any, unit: float) -> mesh_arrays.Tetrahedra:
+    """Return a mesh of meshio's, which is a file's, in m; see `read_mesh`."""
     cells, blocks = _tetrahedra(file, mesh_read)
+    kind = Path(file).suffix.lower()
     sets = _physical_groups(file, mesh_read) if kind == ".msh" else list(mesh_read.cell_sets.items())
     faces, regions = _face_names(mesh_read, sets), _region_names(mesh_read, sets, blocks)
     if kind == ".msh":
@@ -1124,6 +1135,8 @@ def _by_meshio(file: str, format_name: str) -> Any:
                     mesh = meshio.read(plain.name, format_name)
             elif format_name == "abaqus":
                 mesh = abaqus.Deck(file, content.decode("utf-8", errors="replace")).mesh()
+            elif format_name == "stl" and len(corners := _binary_stl(file)):
+                mesh = meshio.Mesh(corners, [("triangle", np.arange(len(corners)).reshape(-1, 3))])
             else:
                 mesh = meshio.read(file, format_name)
     except OSError as error:
@@ -1142,6 +1155,18 @@ def _by_meshio(file: str, format_name: str) -> Any:
     if not len(mesh.points) or not np.isfinite(mesh.points).all() or np.shape(mesh.points)[1] != 3:
         raise GeometryError(f"file {file} has no nodes in three dimensions")
     return mesh
+
+
+def _binary_stl(file: str) -> Array:
+    """Return the corners of the triangles of a binary STL file, three of each, shape (3 t, 3); none if it is text. Many begin
+    with "solid" as texts do, so its length decides."""
+    size = Path(file).stat().st_size
+    with Path(file).open("rb") as stream:
+        count = int.from_bytes(stream.read(84)[80:], "little")
+        if size != 84 + 50 * count:
+            return np.empty((0, 3))
+        facets = np.fromfile(stream, dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    return facets["corners"].reshape(-1, 3).astype(float)
 
 
 def _tetrahedra(file: str, mesh: Any) -> tuple[mesh_arrays.Ints, list[int]]:
@@ -1344,10 +1369,14 @@ def _fill(
     points: NDArray[np.float64], triangles: mesh_arrays.Ints, cell_size: float
 ) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
     """Mesh the solid between closed surfaces: nodes in m, and tetrahedra. The largest surface is the outside."""
-    try:
-        return _mesh_surfaces(points, triangles, cell_size, True)
-    except Exception:  # bare: Gmsh finds no parameters of some surfaces; then their own triangles have to do
-        return _mesh_surfaces(points, triangles, cell_size, False)
+    for share in FILL_SIZES:
+        try:
+            nodes, cells = _mesh_surfaces(points, triangles, share * cell_size, True)
+        except Exception:  # bare: Gmsh finds no parameters of some surfaces
+            break
+        if not mesh_arrays.flat_cell(nodes, cells):
+            return nodes, cells
+    return _mesh_surfaces(points, triangles, cell_size, False)  # then their own triangles have to do
 
 
 def _mesh_surfaces(
@@ -1485,18 +1514,19 @@ def gauge(part: ImportedMesh, mesh: mesh_arrays.Tetrahedra, roles: Mapping[str, 
 @registry.register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ImportedMesh(ImportedPart):
-    """A part from a mesh: ``.msh`` of Gmsh, ``.inp`` of Abaqus and CalculiX, or an ``.stl`` of its surfaces, air's included.
+    """A part from a mesh: ``.msh`` of Gmsh, ``.inp`` of Abaqus and CalculiX, ``.vtk`` or ``.vtu``, or an ``.stl`` of its
+    surfaces, air's included.
 
-    Cells are tetrahedra, of 4 or of 10 nodes, and are taken as they are. An STL file is filled with cells of ``cell_size``.
-    Faces are picked as of a drawing, "named x" by a node set, a set of triangles or a physical surface; cells with a name are
-    a region.
+    Cells are tetrahedra, of 4 or of 10 nodes, and are taken as they are; hexahedra and wedges of decks are split. An STL file
+    is filled with cells of ``cell_size``. Faces are picked as of a drawing, "named x" by a node set, a set of triangles or a
+    physical surface; cells with a name are a region.
     """
 
     unit: str = schema.choice_field("mm", tuple(UNITS), "unit of the file's lengths, which such files do not store")
     cell_size: float = schema.length_field(0.003, "longest edge of the cells, only for an STL file", shape=False)
 
     meshed: ClassVar[bool] = True
-    kind: ClassVar[str] = "mesh (--file part.msh, part.inp or part.stl)"
+    kind: ClassVar[str] = "mesh (--file part.msh, part.inp, part.vtu or part.stl)"
 
     def check_cells(self) -> None:
         """Nothing: a mesh is used as it is."""

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from geometries import mesh_arrays
 from geometries.actuator import Vector
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
@@ -75,9 +76,7 @@ def plugged(surface: tuple[Array, NDArray[np.int64]], plugs: Sequence[Inlet]) ->
     turned = pyvista.PolyData.from_regular_faces(points / size, triangles).compute_normals(
         point_normals=False, auto_orient_normals=True, consistent_normals=True, split_vertices=False
     )  # files have triangles turned either way
-    part = manifold3d.Manifold(
-        manifold3d.Mesh64(np.array(turned.points, dtype=float), np.array(turned.regular_faces, dtype=np.uint64))
-    )
+    part = mesh_arrays.manifold(turned.points, turned.regular_faces)
     if part.is_empty():
         raise GeometryError("the part's surface crosses itself, so its inlets cannot be closed; repair it where it was made")
     for inlet in plugs:

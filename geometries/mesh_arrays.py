@@ -7,6 +7,7 @@ import functools
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,9 @@ from geometries import actuator, meshing
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError, MeshFileError
 from softmodels.common.lazy import gmsh
+
+if TYPE_CHECKING:
+    from manifold3d import Manifold
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -155,7 +159,7 @@ class Tetrahedra:
         number[used] = np.arange(len(used))
         points, cells = points[used], compact.reshape(cells.shape)
         heights = _volumes(points, cells)
-        if not np.abs(heights).min() > 1e-12 * np.abs(heights).max():
+        if flat_cell(points, cells):
             x, y, z = 1e3 * points[cells[np.abs(heights).argmin()]].mean(axis=0)
             raise GeometryError(f"the mesh has a cell without volume near {x:.4g}, {y:.4g}, {z:.4g} mm")
         order = MIRRORED_NODE_ORDER[:width]
@@ -262,6 +266,20 @@ def triangle_tables(width: int) -> tuple[Array, Array, Array]:
 
 EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
 """Corners at the ends of a tetrahedron's edges, in the order of VTK and Abaqus."""
+
+
+def manifold(points: Array, triangles: Ints) -> Manifold:
+    """Return the polyhedron of a closed surface, corners (n, 3) and triangles (t, 3) turned outwards, for manifold3d."""
+    import manifold3d
+
+    # It takes no frozen arrays.
+    return manifold3d.Manifold(manifold3d.Mesh64(np.array(points, dtype=float), np.array(triangles, dtype=np.uint64)))
+
+
+def flat_cell(points: Array, cells: Ints) -> bool:
+    """Return whether a cell has no volume."""
+    heights = np.abs(_volumes(points, cells))
+    return not heights.min() > 1e-12 * heights.max()
 
 
 def _volumes(points: Array, cells: Ints) -> Array:

@@ -13,6 +13,7 @@ with commands.stoppable("softmodels", mpi.speaks):
 PLACES = {
     "Simulate": {
         "run": ("softmodels.cli.options", "Run a case FILE, or a device by its options."),
+        "import": ("softmodels.cli.exports", "Write the case of an Abaqus or CalculiX deck FILE."),
         "limit": ("softmodels.cli.analyses", "Find the largest pressure a device can take."),
         "modes": ("softmodels.cli.analyses", "Find the natural frequencies and modes of a device."),
         "grasp": ("softmodels.cli.analyses", "Close equal fingers around an object, and load it."),

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 import numpy.typing as npt
 
-from geometries import Actuator, actuator, meshing
+from geometries import Actuator, actuator, mesh_arrays, meshing
 from softmodels.casting import facets, grooves, settings
 from softmodels.casting.bodies import (
     FLUSH_TOLERANCE,
@@ -777,9 +777,7 @@ def _ray_caster(facets: Facets) -> Callable[[Array, Array], tuple[int, float]]:
 
 def manifold_of(facets: Facets) -> Manifold:
     """Return the polyhedron of a surface."""
-    from manifold3d import Manifold, Mesh64
-
-    return Manifold(Mesh64(np.array(facets.points), np.array(facets.triangles, dtype=np.uint64)))  # it takes no frozen ones
+    return mesh_arrays.manifold(facets.points, facets.triangles)
 
 
 def common_thickness(manifold: Manifold, other: Manifold) -> float:

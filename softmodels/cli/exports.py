@@ -1,4 +1,4 @@
-"""``softmodels mould``, ``export`` and ``reduce``: a case for the workshop, for CalculiX, and for robot simulators."""
+"""``softmodels mould``, ``export``, ``import``, ``reduce``: cases for the workshop, to and from decks, for robot simulators."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from geometries import registry
+from geometries import faces, registry
 from softmodels.api import calls
+from softmodels.case import abaqus
 from softmodels.case.case import Case
 from softmodels.casting.settings import Workshop, asked_of
 from softmodels.cli import ending, options
@@ -152,6 +153,54 @@ def export_command(file: Path, output: Path, changes: tuple[str, ...], quiet: bo
         remarks = [*(text for silicone in deck.silicones for text in silicone.remarks[2:]), deck.overlapping]
         for text in filter(None, dict.fromkeys(remarks)):
             processes.say(f"note: {text}")
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The command ``import``.
+
+
+IMPORTED_BY = "# from a deck by softmodels import"
+"""First line of imported cases: files with it may be overwritten."""
+
+
+@options.command("import")
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Case file: NAME.toml.")
+@click.option("--unit", type=click.Choice(list(faces.UNITS)), default="mm", show_default=True, help="Unit of lengths.")
+@click.option("--stress", type=click.Choice(list(abaqus.STRESS_UNITS)), default=None,
+              help="Unit of stresses.  [default: MPa with mm or cm, Pa with m, psi with inch]")  # fmt: skip
+@click.option("--program", type=click.Choice(abaqus.PROGRAMS), default=None,
+              help="Whose dialect it is.  [default: by its keywords]")  # fmt: skip
+@click.option("--quiet", is_flag=True, help="Print only errors.")
+def import_command(file: Path, output: Path, unit: str, stress: str | None, program: str | None, quiet: bool) -> None:
+    """Write the case of an Abaqus or CalculiX deck FILE.
+
+    The case uses the deck's mesh. Materials, supports, symmetry planes, pressures and gravity are read, instances are bonded by
+    *Tie where their nodes coincide, and hexahedra and wedges are split into tetrahedra. What is not read is listed with its
+    line.
+
+    \b
+    Examples:
+      softmodels import model.inp -o model.toml
+      softmodels run model.toml
+
+    \b
+    Exit status: 0 done; 2 bad input; 130 stopped.
+    """
+    if not mpi.speaks():
+        return
+    with ending.unwritable(output):
+        commands.check_output_file(output, [file], lambda path: IMPORTED_BY in path.read_text("utf-8", "replace"), "a case",
+                                   "--output")  # fmt: skip
+        made = abaqus.import_model(file, output.parent, unit, stress or "", program or "")
+        output.write_text(f"{IMPORTED_BY}\n{made.text}", encoding="utf-8")
+    if quiet:
+        return
+    processes.say(f"{output}: {made.case.actuator.expected_cells:.0f} cells, {made.case.actuator.solid_volume * 1e6:.5g} ml")
+    for text in made.remarks:
+        processes.say(f"note: {text}")
+    for text in made.unread:
+        processes.say(f"not read: {text}")
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -161,7 +161,7 @@ def test_sets_of_a_deck_are_whole(tmp_path):
     ("text", "words"),
     [
         (PART + ASSEMBLY.format(place="") + "*Instance, name=Finger-2, part=Finger\n20., 0., 0.\n*End Instance\n",
-         "2 bodies .FINGER-1, FINGER-2.; the bodies of an assembly are not bonded"),
+         "2 bodies .FINGER-1, FINGER-2., and no .TIE that bonds them where they touch"),
         (PART.replace("*End Part", "*Nfill\n1, 2\n*End Part"), r"by \*NFILL .line 23., which is not read"),
         (PART.replace("*Node\n", "*Node, system=C\n"), r"\*NODE .line 3., which is not read; write every node in rectangular"),
         (PART.replace("FOOT, Far", "FOOT, Near"), "the set Both has 'Near', which is not defined"),

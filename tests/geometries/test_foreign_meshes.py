@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 
 import meshio
+import numpy as np
 import pytest
 
 from geometries import GeometryError, HollowDisk, MeshFileError
@@ -137,3 +138,25 @@ def test_a_pipe_is_not_waited_for(tmp_path, ending):
     if ending == ".stl":
         with pytest.raises(GeometryError, match="it is a named pipe"):
             read_surfaces(str(file), 1e-3)
+
+
+def test_a_binary_surface_may_begin_like_a_text(tmp_path):
+    """Its header of 80 bytes often says "solid"; the length of the file tells."""
+    corners = [[0, 0, 0], [10, 0, 0], [0, 10, 0], [0, 0, 10]]
+    sides = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]
+    facets = np.zeros(4, dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    facets["corners"] = np.array(corners)[np.array(sides)]
+    header = b"solid Brazo_20cm".ljust(80, b"\xe0") + (4).to_bytes(4, "little")
+    (tmp_path / "arm.stl").write_bytes(header + facets.tobytes())
+    points, triangles = read_surfaces(str(tmp_path / "arm.stl"), 1e-3)
+    assert len(points) == 4 and len(triangles) == 4 and np.ptp(points) == pytest.approx(0.01)
+
+
+@pytest.mark.parametrize("ending", ["vtk", "vtu"])
+def test_meshes_of_vtk_are_read(tmp_path, ending):
+    """As robot simulators have them: tetrahedra beside the triangles and lines of their surface."""
+    points = np.array([[0, 0, 0], [10, 0, 0], [0, 10, 0], [0, 0, 10], [10, 10, 10]], dtype=float)
+    cells = [("line", [[0, 1]]), ("triangle", [[0, 1, 2]]), ("tetra", [[0, 1, 2, 3], [1, 2, 3, 4]])]
+    meshio.Mesh(points, cells).write(tmp_path / f"part.{ending}")
+    mesh = read_mesh(str(tmp_path / f"part.{ending}"), 1e-3, 1.0)
+    assert len(mesh.cells) == 2 and mesh.volume == pytest.approx(0.5e-6, rel=1e-6)

@@ -1,5 +1,6 @@
 """Openings of imported parts: found without being named, closed by plugs, or named, or left open."""
 
+import dataclasses
 import math
 import re
 
@@ -7,6 +8,7 @@ import gmsh
 import numpy as np
 import pytest
 
+import softmodels as sm
 from geometries import inlets, meshing
 from geometries.imported import ImportedActuator, ImportedMesh, open_part
 from softmodels.common.errors import GeometryError
@@ -122,3 +124,23 @@ def test_a_surface_is_closed_as_a_drawing_is(open_finger, tmp_path):
 def test_openings_of_random_parts_are_found(seed):
     """Chambers, balls, pairs joined by a channel, slanted bores, blind holes; `random_inlets` has 200 of them."""
     assert wrong(random_part(seed)) == ""
+
+
+@pytest.mark.campaign
+def test_a_plugged_part_bends_as_one_drawn_closed(tmp_path):
+    """A chamber off the middle, and the same whose bore begins behind the plug: fall and added volume within 1 %."""
+    bore = Bore((0.0, 4.0, 3.0), (1.0, 0.0, 0.0), 1.0, 8.0)
+    drawn = OpenPart((30.0, 8.0, 10.0), (((7.0, 1.5, 1.5, 20.0, 5.0, 3.0),),), ((bore,),))
+    drawn.write(tmp_path / "open.step")
+    part = ImportedActuator(file=str(tmp_path / "open.step"), support="x = 0 mm", cell_size=0.003)
+    (plug,) = part.reading.plugs
+    end = 1e3 * (plug.place[0] + plug.length)
+    inner = dataclasses.replace(bore, place=(end + 2.0, *bore.place[1:]), length=bore.length - end - 2.0)  # drawn 2 mm earlier
+    dataclasses.replace(drawn, bores=((inner,),)).write(tmp_path / "closed.step")
+    closed = dataclasses.replace(part, file=str(tmp_path / "closed.step"))
+    assert not closed.reading.plugs and closed.cavity_volume == pytest.approx(part.cavity_volume, rel=2e-3)
+    runs = [sm.inflate(device, sm.Yeoh(30e3, 200.0), pressures=[0.0, 12000.0]) for device in (part, closed)]
+    for name in ("tip", "added_volume"):
+        plugged, whole = (getattr(run, name)[-1] for run in runs)
+        assert plugged == pytest.approx(whole, rel=1e-2), name
+    assert abs(runs[0].tip[-1]) > 3e-4

@@ -52,7 +52,7 @@ class OpenPart:
             inside, _ = occ.intersect(air, block, removeObject=False, removeTool=False)
             occ.synchronize()
             volumes.append(sum(float(occ.getMass(*piece)) for piece in inside))
-            occ.remove(inside, recursive=True)
+            occ.remove([piece for piece in inside if piece not in air], recursive=True)  # closed air is its own intersection
             tools += air
         left, _ = occ.cut(block, tools)
         occ.synchronize()
