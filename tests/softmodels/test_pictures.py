@@ -15,6 +15,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 from geometries import HollowDisk
+from softmodels.common import units
 from softmodels.common.schema import about
 from softmodels.path.supply import Syringe
 from softmodels.pictures import curves as curves_module, draw as pictures, offscreen, solid
@@ -165,13 +166,13 @@ def test_which_steps_the_profile_shows():
 
 def test_limit_points_are_marked_with_their_value():
     path = rows([0.0, 20.0, 34.75, 30.0], {20.0}, limit=34.75)
-    (axes,) = curves_module.rise(path, StateLabels("apex"), 95.0).axes
+    (axes,) = curves_module.rise(path, StateLabels("apex"), units.COLUMN).axes
     (marked,) = [line for line in axes.lines if str(line.get_label()).startswith("limit point")]
     assert marked.get_label() == "limit point: 34.75 cm (3.301 kPa), 1 mm"
     assert (marked.get_xdata(), marked.get_ydata()) == ([34.75], [1.0])
     (asked,) = [line for line in axes.lines if line.get_label() == "requested"]
     assert asked.get_xydata().tolist() == [[20.0, 0.5]]
-    below = curves_module.rise(path[:2], StateLabels("apex"), 95.0).axes[0].lines
+    below = curves_module.rise(path[:2], StateLabels("apex"), units.COLUMN).axes[0].lines
     assert not [line for line in below if "limit" in str(line.get_label())]
 
 
@@ -180,14 +181,14 @@ def test_a_path_is_dashed_where_the_silicone_was_not_fitted():
     path = PathTable.read(
         {"pressure_cm": x, "pressure_Pa": 95.0 * x, "apex_mm": x, "max_stretch": 1 + x / 10, **held} for x in range(9)
     )
-    (axes,) = curves_module.rise(path, StateLabels("apex", fitted=1.45), 95.0).axes
+    (axes,) = curves_module.rise(path, StateLabels("apex", fitted=1.45), units.COLUMN).axes
     lines = {str(line.get_label()): line for line in axes.lines}
     dashed = lines["beyond the fitted stretch, 1.45"]
     inside, outside = (np.array(line.get_xydata()) for line in (lines["simulated path"], dashed))
     inside, outside = (points[np.isfinite(points[:, 1])] for points in (inside, outside))
     assert inside[:, 0].max() == pytest.approx(4.5, abs=0.05) and outside[:, 0].min() == pytest.approx(4.5, abs=0.05)
     assert dashed.get_linestyle() == "--"
-    (axes,) = curves_module.rise(path, StateLabels("apex"), 95.0).axes
+    (axes,) = curves_module.rise(path, StateLabels("apex"), units.COLUMN).axes
     assert not [line for line in axes.lines if "fitted" in str(line.get_label())]
 
 
@@ -196,7 +197,7 @@ def test_curves_show_jumps_bifurcations_branches_and_what_a_syringe_skips():
     table = ((0, 0, 0, 0, 1), (20, 5, 0, 1, 1), (20, 30, 1, 0, 1), (15, 28, 0, 0, 0), (18, 32, 0, 0, 1))
     path = [dict(zip(keys, row, strict=True), pressure_Pa=95 * row[0], requested=0, limit=0) for row in table]
     branch = [{**path[0], "pressure_cm": 19, "apex_mm": 7}, {**path[0], "pressure_cm": 18, "apex_mm": 9}]
-    (axes,) = curves_module.rise(PathTable.read(path), StateLabels("apex"), 95.0, PathTable.read(branch)).axes
+    (axes,) = curves_module.rise(PathTable.read(path), StateLabels("apex"), units.COLUMN, PathTable.read(branch)).axes
     shown = {line.get_label(): np.array(line.get_xydata()) for line in axes.lines}
     assert shown["jump"] == pytest.approx(np.array([[20, 5], [20, 30]]))
     assert shown["steps skipped by snap-through"] == pytest.approx(np.array([[15, 28]]))
