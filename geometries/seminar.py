@@ -155,13 +155,9 @@ class SeminarActuator(actuator.MirroredHalf, actuator.HeldTip):
             "tip place z",
             "z of the middle of the tip's edge, deformed, from the middle of the thickness; the rise is of its upper edge",
         ),
-        "lift_angle": (
-            "deg", "lift angle", "of the line from the middle of the clamped base to the middle of the tip's edge",
-        ),
-        "curvature": (
-            "per_m", "curvature", "of the circle that leaves the base along x and passes through the tip",
-        ),
-    }  # fmt: skip
+        "lift_angle": ("deg", "lift angle", "of the line from the middle of the clamped base to the middle of the tip's edge"),
+        "curvature": ("per_m", "curvature", "of the circle that leaves the base along x and passes through the tip"),
+    }
 
     def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
         """Return how the slab is bent, from where its tip is; see `Actuator.device_figures`.

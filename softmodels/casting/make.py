@@ -93,9 +93,7 @@ class Mould(cards.ResultCard):
 
     def _figures(self) -> cards.Table:
         pieces = f" in {len(self.casts)} parts, bonded" if len(self.casts) > 1 else ""
-        channel = [] if math.isnan(self.channel) else [
-            ("narrowest part of the cavity", f"{self.channel * 1e3:.3g} mm")
-        ]  # fmt: skip
+        channel = [] if math.isnan(self.channel) else [("narrowest part of the cavity", f"{self.channel * 1e3:.3g} mm")]
         return [
             ("to print", ", ".join(body.name for body in self.printed)),
             ("silicone", f"{self.cast_volume * 1e6:.4g} ml{pieces}"),

@@ -320,7 +320,7 @@ FACTOR_TEXTS: dict[str, tuple[Callable[[float], str], str]] = {
         lambda value: f"{_share('the highest pressure')(value)}, as by a leak,",
         "check the hose for leaks, and the highest readings",
     ),
-}  # fmt: skip
+}
 
 
 def corrections(fit: least_squares.LeastSquaresFit) -> list[str]:
