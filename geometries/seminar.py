@@ -1449,8 +1449,7 @@ def _tube_map(slab: SeminarActuator, other: SeminarActuator, lines: list[tuple[C
 # Where the boundary of a seminar actuator lies on another one.
 #
 # The outer faces follow the outline, from corner to corner and from tangent point to tangent point, the walls of the air go
-# their own way (below). On the mirror plane, what lies between the air and the faces follows both, more
-# the nearer one.
+# their own way (below). On the mirror plane, what lies between the air and the faces follows both, more the nearer one.
 
 
 FOLLOWED_LENGTH_SHARE = 0.95

@@ -810,8 +810,7 @@ def overlaps(surfaces: Surfaces) -> dict[str, float]:
 
 
 def _block_volumes(made: Tooling) -> tuple[float, float]:
-    """Return the volume of the block that is in no body, and that of bodies outside of the block, in mm3, by the CAD
-    kernel."""
+    """Return the volume of the block that is in no body, and that of bodies outside of the block, in mm3, by the CAD kernel."""
     occ = gmsh.model.occ
     solids, low, high = [body.solid for body in made.bodies], made.low, made.high
     slack = occ.cut(occ.copy(made.openings), solids, removeTool=False)[0] if made.openings else []

@@ -496,8 +496,7 @@ def highest_pressure(asked: DesignQuantity) -> float | None:
 
 
 def label(asked: DesignQuantity, cm: float) -> str:
-    """Return the label of a quantity, with its pressure as written by the user, or in cm of the column if it was
-    a number."""
+    """Return the label of a quantity, with its pressure as written by the user, or in cm of the column if it was a number."""
     pressure = pressure_of(asked)
     if pressure is None or asked.at is None:
         return asked.key

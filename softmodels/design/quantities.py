@@ -948,8 +948,7 @@ class DesignedBody:
         return self.system.by_unknowns(face_load(self.system, role, self.system.body.actuator.lift)).copy()
 
     def answer(self, force: Array) -> Array:
-        """Return K^-1 times a force with the current factorisation, refined once on the factorised K;
-        owned entries."""
+        """Return K^-1 times a force with the current factorisation, refined once on the factorised K; owned entries."""
         bordered, K = self.solver.bordered, self.system.K
         if self._vectors is None:
             self._vectors = K.createVecRight(), K.createVecRight()
