@@ -598,9 +598,8 @@ def reflected(normals: ArrayLike, count: int | None = None, dimension: int = 3) 
 
 
 def check_slice(normals: ArrayLike, texts: tuple[str, ...]) -> None:
-    """Check that images of a slice fill the space around it once, by the outward unit normals of its planes, shape (k, 3),
-    and what was written for each. GeometryError if two do not meet at 180/n degrees inside the slice, or three meet in one
-    line."""
+    """Check that images of a slice fill the space around it once, by the outward unit normals of its planes, shape (k, 3), and
+    what was written for each. GeometryError if two do not meet at 180/n degrees inside the slice, or three meet in one line."""
     outward = np.reshape(normals, (-1, 3))
     for i in range(len(outward)):
         for j in range(i):

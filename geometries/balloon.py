@@ -55,9 +55,8 @@ class Balloon(Revolved):
         0.0, "thickness of the neck's wall; 0 for that of the balloon", zero=True, unless=("neck_radius", 0.0)
     )
     fillet: float = schema.length_field(
-        0.001, "radius of the rounding outside between neck and balloon; 0 for none", zero=True,
-        unless=("neck_radius", 0.0),
-    )  # fmt: skip
+        0.001, "radius of the rounding outside between neck and balloon; 0 for none", zero=True, unless=("neck_radius", 0.0)
+    )
     held: str = schema.choice_field("end", ("end", "outside"), "the neck's end is held, or also its outside, as tied to a tube")
     rod_radius: float = schema.length_field(
         0.0, "radius of a rod along the axis, bonded to the far pole; 0 for none", zero=True, unless=("neck_radius", 0.0)
@@ -183,7 +182,7 @@ class Balloon(Revolved):
             pours=(actuator.Pour(name="balloon", up=self.lift, level=0.0, sideways=(0.0, 1.0, 0.0), squeezed=True),),
             why="The outside opens in two halves; the core stands on the lid by the neck and leaves through it once molten or "
             "dissolved.",
-        )  # fmt: skip
+        )
         return dataclasses.replace(
             shells,
             pours=pours,

@@ -196,7 +196,7 @@ class Bellows(actuator.HeldTip, Revolved):
             why="The outside opens in two halves. The core is wider than the end it would leave by, so that it is dissolved or "
             "melted out; then the lower plate is bonded on.",
             inlets=(((0.0, 0.0, 0.0), (0.0, 0.0, self.cap)),),
-        )  # fmt: skip
+        )
 
     @property
     def holds(self) -> tuple[Hold, ...]:

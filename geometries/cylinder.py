@@ -256,7 +256,7 @@ class Cylinder(actuator.Sectioned, actuator.Halved):
             pours=(tube,),
             wound=(self.outer_radius, 0.0, self.straight),
             why="The outside opens in two halves; the cavity's rod stands on the lid and leaves through the open end.",
-        )  # fmt: skip
+        )
 
     def build_whole(self) -> None:
         occ = gmsh.model.occ

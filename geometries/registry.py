@@ -189,8 +189,7 @@ def device_told(device: type[Actuator], values: Mapping[str, Any]) -> Actuator:
 
 
 def check_meaning(made: Actuator, values: Mapping[str, Any]) -> None:
-    """Reject options, by field name and None where not given, for which the device has no use: GeometryError for the
-    first."""
+    """Reject options, by field name and None where not given, for which the device has no use: GeometryError for the first."""
     for name, field in schema.about(made).items():
         if values.get(name) is not None and (other := field.idle(made)):
             given = f" {getattr(made, other)}" if field.unless and other == field.unless[0] else ""

@@ -155,13 +155,9 @@ class SeminarActuator(actuator.MirroredHalf, actuator.HeldTip):
             "tip place z",
             "z of the middle of the tip's edge, deformed, from the middle of the thickness; the rise is of its upper edge",
         ),
-        "lift_angle": (
-            "deg", "lift angle", "of the line from the middle of the clamped base to the middle of the tip's edge",
-        ),
-        "curvature": (
-            "per_m", "curvature", "of the circle that leaves the base along x and passes through the tip",
-        ),
-    }  # fmt: skip
+        "lift_angle": ("deg", "lift angle", "of the line from the middle of the clamped base to the middle of the tip's edge"),
+        "curvature": ("per_m", "curvature", "of the circle that leaves the base along x and passes through the tip"),
+    }
 
     def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
         """Return how the slab is bent, from where its tip is; see `Actuator.device_figures`.
@@ -1453,8 +1449,7 @@ def _tube_map(slab: SeminarActuator, other: SeminarActuator, lines: list[tuple[C
 # Where the boundary of a seminar actuator lies on another one.
 #
 # The outer faces follow the outline, from corner to corner and from tangent point to tangent point, the walls of the air go
-# their own way (below). On the mirror plane, what lies between the air and the faces follows both, more
-# the nearer one.
+# their own way (below). On the mirror plane, what lies between the air and the faces follows both, more the nearer one.
 
 
 FOLLOWED_LENGTH_SHARE = 0.95

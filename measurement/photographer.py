@@ -210,7 +210,7 @@ def _light_of(scene: Scene) -> tuple[Rays, Image]:
 
 def photograph(
     scene: Scene, outline: ArrayLike | None = None, seed: int = 0, things: Sequence[ArrayLike] = (), fault: Fault | None = None
-) -> tuple[NDArray[np.uint8], Truth]:  # fmt: skip
+) -> tuple[NDArray[np.uint8], Truth]:
     """Return the photograph (h, w, 3) of a shadow, and the truth about it. The inside of the outline, a polygon (k, 2) in m,
     and of ``things`` in the lamp's light is dark; ``fault`` changes the light on its way to the sensor.
 

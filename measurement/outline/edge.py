@@ -440,10 +440,9 @@ def _direction(px: Array) -> Array:
 # ----------------------------------------------------------------------------------------------------------------------
 # A patch of the edge that is more blurred than the rest: a drop of water or fat on the lens.
 #
-# Such a drop is a lens of its own. It moves the edge visible through it by up to some tenths of a millimetre, smoothly, so
-# that no corner or bump shows it at a low bulge. But the image through it is out of focus. The width of the edge by itself
-# changes only slowly: with the place (a lens' focus, the body's distance) and with the edge's direction (a lamp that is not
-# round).
+# Such a drop is a lens of its own. It moves the edge visible through it by up to some tenths of a millimetre, smoothly, so that
+# no corner or bump shows it at a low bulge. But the image through it is out of focus. The width of the edge by itself changes
+# only slowly: with the place (a lens' focus, the body's distance) and with the edge's direction (a lamp that is not round).
 
 
 MIN_WIDTH_RATIO, WIDTH_FITS = 0.05, 3

@@ -253,9 +253,8 @@ CORNER_TOLERANCE_PX = 1e-3
 
 
 def straightened_corners(gray: NDArray[np.uint8], corners: Points, camera: Camera, reach: int) -> Points:
-    """Return the corners (n, 2) in px of a photograph (h, w), given right to a pixel, measured along edges that the lens
-    does not bend; ``reach`` is half the width of the window around each, which the camera is known well enough to
-    straighten."""
+    """Return the corners (n, 2) in px of a photograph (h, w), given right to a pixel, measured along edges that the lens does
+    not bend; ``reach`` is half the width of the window around each, which the camera is known well enough to straighten."""
     # Only the part of the picture that the windows can come to.
     first = np.clip(np.floor(corners.min(axis=0)).astype(int) - 2 * reach - 2, 0, None)
     last = np.ceil(corners.max(axis=0)).astype(int) + 2 * reach + 3

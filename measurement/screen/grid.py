@@ -219,9 +219,8 @@ VOTING_STEPS = 12
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Line:
-    """A straight line in ideal px, normal . (x, y) = offset, by its unit normal and the middle of its seen part, shape
-    (2,); the number of valley points on it, about its length in reduced px, and the sum of their depths in the logarithm
-    of light."""
+    """A straight line in ideal px, normal . (x, y) = offset, by its unit normal and the middle of its seen part, shape (2,);
+    the number of valley points on it, about its length in reduced px, and the sum of their depths in the logarithm of light."""
 
     normal: Points
     offset: float

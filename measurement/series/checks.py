@@ -501,7 +501,7 @@ def level(e: ZeroEvidence) -> Iterator[Doubt]:
         f"{bows} if the lamp or the body is at least {np.degrees(bow.rise / bow.radius):.1f} degrees off level: heights "
         "are too small by at least that much",
         "move the lamp to the height of the surface, level the body and repeat all photographs",
-    )  # fmt: skip
+    )
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -597,8 +597,8 @@ def moved(e: OutlineEvidence) -> Iterator[Doubt]:
             again, rejects=True, lasting=True)  # fmt: skip
     if not e.standing and np.median(e.upwards[e.above]) < 0.5:
         yield Doubt(
-            "the edge on the surface's line is not level: the actuator has moved or is not in the picture",
-            again, rejects=True)  # fmt: skip
+            "the edge on the surface's line is not level: the actuator has moved or is not in the picture", again, rejects=True
+        )
     seen = e.displaced
     if seen is None:
         yield Doubt(

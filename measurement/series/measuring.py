@@ -39,11 +39,10 @@ def trace(file: Path, setup: Setup, tone: str = AUTO, likely: str = "", anyway: 
 def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "", anyway: bool = False) -> edge.Traced:
     """Find the edge of the shadow in a photograph (h, w, 3); `Unmeasurable` if it must not be measured.
 
-    A penumbra is symmetric in light, and no longer so in numbers of another scale: half of the light lies elsewhere then, by
-    up to half of the penumbra's width. A shape with a free departure from the tone curve follows even a wrong one to some
-    extent, so with the tone ``"auto"`` all are tried, and the one with the least chi-square is taken if it is decisively
-    less. ``likely`` is that of the run's other photographs, for an edge that lies on the grid's ink and does not tell its
-    own.
+    A penumbra is symmetric in light, and no longer so in numbers of another scale: half of the light lies elsewhere then, by up
+    to half of the penumbra's width. A shape with a free departure from the tone curve follows even a wrong one to some extent,
+    so with the tone ``"auto"`` all are tried, and the one with the least chi-square is taken if it is decisively less.
+    ``likely`` is that of the run's other photographs, for an edge that lies on the grid's ink and does not tell its own.
     """
     if tone != AUTO:
         return _traced_edges(image, setup, tone, anyway)

@@ -466,8 +466,7 @@ class _Maker:
     def _pinned(
         self, upper: list[Solid], lower: list[Solid], level: float, length: float, deep: float
     ) -> tuple[list[Solid], list[Solid]]:
-        """Put pins down from one body, and sink their sockets into that below; in three corners, so that one way only
-        fits."""
+        """Put pins down from one body, and sink their sockets into that below; in three corners, so that one way only fits."""
         workshop, half = self.workshop, 0.5 * MM_PER_M * self.workshop.rim
         gap, root = MM_PER_M * workshop.clearance, 0.5 * MM_PER_M * workshop.pin
         (x, y), (X, Y) = self.low[:2] + half, self.high[:2] - half

@@ -93,9 +93,7 @@ class Mould(cards.ResultCard):
 
     def _figures(self) -> cards.Table:
         pieces = f" in {len(self.casts)} parts, bonded" if len(self.casts) > 1 else ""
-        channel = [] if math.isnan(self.channel) else [
-            ("narrowest part of the cavity", f"{self.channel * 1e3:.3g} mm")
-        ]  # fmt: skip
+        channel = [] if math.isnan(self.channel) else [("narrowest part of the cavity", f"{self.channel * 1e3:.3g} mm")]
         return [
             ("to print", ", ".join(body.name for body in self.printed)),
             ("silicone", f"{self.cast_volume * 1e6:.4g} ml{pieces}"),
@@ -810,8 +808,7 @@ def overlaps(surfaces: Surfaces) -> dict[str, float]:
 
 
 def _block_volumes(made: Tooling) -> tuple[float, float]:
-    """Return the volume of the block that is in no body, and that of bodies outside of the block, in mm3, by the CAD
-    kernel."""
+    """Return the volume of the block that is in no body, and that of bodies outside of the block, in mm3, by the CAD kernel."""
     occ = gmsh.model.occ
     solids, low, high = [body.solid for body in made.bodies], made.low, made.high
     slack = occ.cut(occ.copy(made.openings), solids, removeTool=False)[0] if made.openings else []

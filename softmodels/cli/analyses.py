@@ -525,9 +525,9 @@ class LimitOptions:
     """The options of the command except those of devices and laws."""
 
     changes: tuple[str, ...] = options.set_field()
-    working_pressure: str | None = commands.option(metavar="PRESSURE",
-    help="Working pressure, for the margin: cm of column (20), or "
-                                          "with a unit (2kPa).")  # fmt: skip
+    working_pressure: str | None = commands.option(
+        metavar="PRESSURE", help="Working pressure, for the margin: cm of column (20), or with a unit (2kPa)."
+    )
     vacuum: bool = commands.flag_option("How much vacuum it can take, instead of pressure.")
     hold: float | None = commands.option(type=registry.QuantityType("s"),
     help="Hold time the device must survive at constant pressure, applied at "

@@ -309,8 +309,7 @@ def _changes(
                 raise FitError(f"{text!r} is not NAME=VALUE")
             unit = units.get(name, "Pa" if name.startswith(residuals.ORIGIN[1]) else "")
             try:
-                changes.setdefault(name, {}).update(read(value, unit) if equals or read is not _read_fixed
-                                                    else {"fixed": True})  # fmt: skip
+                changes.setdefault(name, {}).update(read(value, unit) if equals or read is not _read_fixed else {"fixed": True})
             except (UnitError, FitError) as error:
                 raise FitError(f"{text!r}: {error}") from None
     return changes

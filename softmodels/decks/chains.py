@@ -290,9 +290,8 @@ def _springs(root: ElementTree.Element, chain: Chain) -> None:
         ties.append((name, ADVANCES[-1], quartic * of_turn / numbers[name]))
     for name, of, quartic in ties:
         ElementTree.SubElement(
-            equality, "joint", joint1=name, joint2=of, polycoef=_words(quartic), solref="0.002 1",
-            solimp="0.999 0.9999 0.001",
-        )  # fmt: skip
+            equality, "joint", joint1=name, joint2=of, polycoef=_words(quartic), solref="0.002 1", solimp="0.999 0.9999 0.001"
+        )
 
 
 def _words(values: Iterable[float]) -> str:
@@ -414,9 +413,7 @@ def fmu(model: ReducedModel) -> bytes:
 # Which file is which.
 
 
-WRITERS: dict[str, Callable[[ReducedModel], str | bytes]] = {
-    "csv": table_csv, "json": table_json, "mjcf": mjcf, "fmu": fmu,
-}  # fmt: skip
+WRITERS: dict[str, Callable[[ReducedModel], str | bytes]] = {"csv": table_csv, "json": table_json, "mjcf": mjcf, "fmu": fmu}
 ENDINGS = {".csv": "csv", ".json": "json", ".xml": "mjcf", ".fmu": "fmu"}
 """What a file is by its ending."""
 

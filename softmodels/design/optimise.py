@@ -412,10 +412,9 @@ def _pass(evaluate: Evaluate, start: Array, price: float, reach: float, objectiv
 # ----------------------------------------------------------------------------------------------------------------------
 # Least-squares search for the device closest to a target: Gauss-Newton in a trust region, within the bounds.
 #
-# The distance from a reachable target is not smooth where it is zero, and general searches stop early
-# there. Its square is a sum of squares with known derivatives, so few evaluations are enough
-# (SciPy's trust region reflective method: Branch, Coleman and Li 1999, doi 10.1137/S1064827595289108). A failed trial returns
-# NaN, which makes the method shrink its region.
+# The distance from a reachable target is not smooth where it is zero, and general searches stop early there. Its square is a
+# sum of squares with known derivatives, so few evaluations are enough (SciPy's trust region reflective method: Branch, Coleman
+# and Li 1999, doi 10.1137/S1064827595289108). A failed trial returns NaN, which makes the method shrink its region.
 
 
 PARAMETER_TOLERANCE = 1e-6
@@ -461,8 +460,7 @@ def followed(judged: Callable[[Array], Trial], form: Formulation, start: Array) 
 
 
 def distances(form: Formulation, trial: Trial) -> Array:
-    """Return the residuals of all targets of a trial, relative to the first trial's distance, weighted
-    in a mean."""
+    """Return the residuals of all targets of a trial, relative to the first trial's distance, weighted in a mean."""
     return _stacked_rows(form, trial)[:, -1]
 
 

@@ -879,9 +879,9 @@ def _turn(axis: Array, values: Array) -> tuple[float, Array]:
     sine = crossed - float(axis @ np.cross(X, x)) / area
     flat, moved = X - axis * (axis @ X), x - axis * (axis @ x)
     cosine = square - float(flat @ moved) / area
-    by_sine = np.concatenate([
-        [1.0, 0.0, float(axis @ np.cross(X, x)) / area**2], -np.cross(x, axis) / area, -np.cross(axis, X) / area,
-    ])  # fmt: skip
+    by_sine = np.concatenate(
+        [[1.0, 0.0, float(axis @ np.cross(X, x)) / area**2], -np.cross(x, axis) / area, -np.cross(axis, X) / area]
+    )
     by_cosine = np.concatenate([[0.0, 1.0, float(flat @ moved) / area**2], -moved / area, -flat / area])
     size = sine**2 + cosine**2
     return math.degrees(math.atan2(sine, cosine)), np.degrees((cosine * by_sine - sine * by_cosine) / size)
@@ -948,8 +948,7 @@ class DesignedBody:
         return self.system.by_unknowns(face_load(self.system, role, self.system.body.actuator.lift)).copy()
 
     def answer(self, force: Array) -> Array:
-        """Return K^-1 times a force with the current factorisation, refined once on the factorised K;
-        owned entries."""
+        """Return K^-1 times a force with the current factorisation, refined once on the factorised K; owned entries."""
         bordered, K = self.solver.bordered, self.system.K
         if self._vectors is None:
             self._vectors = K.createVecRight(), K.createVecRight()

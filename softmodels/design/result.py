@@ -308,8 +308,7 @@ class ParameterIntervals:
 
 
 def recovered(form: Formulation, trial: Trial) -> ParameterIntervals | None:
-    """Return the parameters determined by a problem's targets at a trial; None without a target or
-    errors."""
+    """Return the parameters determined by a problem's targets at a trial; None without a target or errors."""
     problem = form.problem
     terms = [(term.quantity, trial.squares.get(term.quantity.key)) for term in problem.terms]
     if problem.objective != "follow" or any(squares is None for _, squares in terms):
@@ -394,9 +393,8 @@ def _weakest_combination(form: Formulation, trial: Trial, free: list[Free], vect
 # ----------------------------------------------------------------------------------------------------------------------
 # Active limits of a design: Lagrange multipliers in plain words.
 #
-# At an optimum the objective's gradient is a sum of the active limits' gradients, each times a non-negative
-# multiplier (Karush, Kuhn and Tucker). They are found by non-negative least squares from the gradients, independent
-# of the search.
+# At an optimum the objective's gradient is a sum of the active limits' gradients, each times a non-negative multiplier (Karush,
+# Kuhn and Tucker). They are found by non-negative least squares from the gradients, independent of the search.
 
 
 ACTIVE_TOLERANCE = 5e-3

@@ -367,8 +367,7 @@ class DesignStates:
     bifurcation: Bifurcation | None
 
     def ahead(self, before: DesignStates, share: float) -> DesignStates:
-        """Extrapolate linearly from an earlier design's states through these, by a share of
-        their distance."""
+        """Extrapolate linearly from an earlier design's states through these, by a share of their distance."""
 
         def state(here: State, there: State) -> State:
             w = here.w + share * (here.w - there.w)
@@ -656,9 +655,8 @@ class Bifurcations:
         )
 
     def near(self, state: State, V: float, mode: Array, rest: float) -> Bifurcation:
-        """Return the bifurcation near an expected volume V and a state, the first guess, with a mode in local dofs and a
-        volume of the undeformed cavity. NoConvergence if a state around it was not found, or the eigenvalue has no zero
-        near."""
+        """Return the bifurcation near an expected volume V and a state, the first guess, with a mode in local dofs and a volume
+        of the undeformed cavity. NoConvergence if a state around it was not found, or the eigenvalue has no zero near."""
         for _ in range(MOST_TRIES):
             added = V - rest
             states, modes, values = [], [], []

@@ -707,7 +707,7 @@ def dataset_of(plan: StudyPlan, answers: Mapping[int, Mapping[str, object]]) -> 
         variables,
         coords={"sample": list(order), "state": list(range(states))} if plan.answer == "path" else {"sample": list(order)},
         attrs={"study": plan.name, "case": plan.case.to_toml(), "sampling": plan.sampling, "seed": plan.seed},
-    )  # fmt: skip
+    )
     return made
 
 

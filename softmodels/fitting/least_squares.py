@@ -1,9 +1,8 @@
 """Bounded robust least squares over any sources of standardised residuals: the fit, its error bars, what the data determine,
 what speaks against it, and profile likelihoods.
 
-A source turns parameter values into residuals (model - measured) / error with exact derivatives. It may be a tensile
-curve or a simulated outline. All decisions depend only on numbers from the sources, so processes
-that share a source stay synchronised.
+A source turns parameter values into residuals (model - measured) / error with exact derivatives. It may be a tensile curve or a
+simulated outline. All decisions depend only on numbers from the sources, so processes that share a source stay synchronised.
 """
 
 from __future__ import annotations

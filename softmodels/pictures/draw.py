@@ -49,9 +49,8 @@ def draw(
     drawn; ``at_rest`` are pictures of the undeformed device, if they may have been drawn already. What needs no rendering is
     drawn by ``beside``, if that is given; see `second_process`.
 
-    ResultsError or CaseError if the folder has no results or case that can be read; OwnFolderError if somebody else's file
-    has the name of a picture; InUseError if another program has been drawing them for too long; OSError if it cannot be
-    written.
+    ResultsError or CaseError if the folder has no results or case that can be read; OwnFolderError if somebody else's file has
+    the name of a picture; InUseError if another program has been drawing them for too long; OSError if it cannot be written.
     """
     if not (folder / f"{name}.h5").exists():
         raise ResultsError(f"{folder} holds no {name}.h5, so there is nothing to draw")

@@ -1,7 +1,6 @@
 """``python -m softmodels.pictures.draw_design results/design``: pictures and report of a design.
 
-A separate program, because VTK and DOLFINx each bring an HDF5. It reads ``design.json`` and the runs ``before`` and
-``after``.
+A separate program, because VTK and DOLFINx each bring an HDF5. It reads ``design.json`` and the runs ``before`` and ``after``.
 """
 
 from __future__ import annotations
@@ -66,8 +65,7 @@ def paths(before: table.PathTable, after: table.PathTable, gauge: str, column: u
 
 
 def history(told: result.DesignRecord) -> Figure:
-    """Plot objective and limits over the designs in the order of their evaluation; ``told`` is
-    ``design.json``."""
+    """Plot objective and limits over the designs in the order of their evaluation; ``told`` is ``design.json``."""
     figure = Figure((style.WIDTH_INCHES, 8.4), dpi=style.DPI, layout="constrained")
     top, below = figure.subplots(2, sharex=True)
     trials, objective = told["trials"], told["objective"]

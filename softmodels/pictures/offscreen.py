@@ -312,8 +312,7 @@ def shape_layers(states: StoredStates, step: float) -> list[Layer]:
 
 
 def below(plane: RigidShape, normal: Array, device: Array) -> tuple[RigidShape, float]:
-    """Return a plane with its point next to the centre of a device, points of shape (n, 3), and its drawn
-    radius."""
+    """Return a plane with its point next to the centre of a device, points of shape (n, 3), and its drawn radius."""
     middle = (device.min(axis=0) + device.max(axis=0)) / 2
     foot = np.round(middle - ((middle - np.asarray(plane.at)) @ normal) * normal, 12)  # no rounding beside the axis
     beside = device - foot

@@ -20,10 +20,9 @@ from softmodels.runs import grid
 # ----------------------------------------------------------------------------------------------------------------------
 # Detect single photographs that contradict the others from heights and pressures, without a law.
 #
-# The pressure of a device at a height depends, up to a factor, on its shape: the reading, minus the share of dead
-# loads, over the simulated pressure at the same height is an apparent shear modulus. It is a smooth function of the
-# height for any silicone, before and past limit points. A wrong pressure, a wrong photograph or two exchanged ones
-# deviate from it.
+# The pressure of a device at a height depends, up to a factor, on its shape: the reading, minus the share of dead loads, over
+# the simulated pressure at the same height is an apparent shear modulus. It is a smooth function of the height for any
+# silicone, before and past limit points. A wrong pressure, a wrong photograph or two exchanged ones deviate from it.
 
 
 SMOOTH_CURVE_ERRORS = (0.30, 0.04, 0.01, 0.01)
@@ -108,8 +107,7 @@ def wrong_readings(rows: Sequence[HeightRow]) -> list[WrongReading]:
 
 
 def expected_without(rows: Sequence[HeightRow], names: Sequence[str], row: HeightRow) -> float:
-    """Return the pressure in Pa at a row's height predicted without the named rows; its own if none is
-    usable."""
+    """Return the pressure in Pa at a row's height predicted without the named rows; its own if none is usable."""
     rows = _telling_rows(rows)
     inside = np.array([other_row.source not in names and other_row.elastic > 0.0 for other_row in rows])
     if not inside.any():
@@ -118,8 +116,7 @@ def expected_without(rows: Sequence[HeightRow], names: Sequence[str], row: Heigh
 
 
 def exchanged(rows: Sequence[HeightRow]) -> tuple[WrongReading, WrongReading] | None:
-    """Return the two rows whose exchange removes all contradictions; None if there is no
-    unique pair."""
+    """Return the two rows whose exchange removes all contradictions; None if there is no unique pair."""
     rows, exchanges = _telling_rows(rows), []
     for a, b in itertools.combinations(range(len(rows)), 2):
         swapped = list(rows)
@@ -320,7 +317,7 @@ FACTOR_TEXTS: dict[str, tuple[Callable[[float], str], str]] = {
         lambda value: f"{_share('the highest pressure')(value)}, as by a leak,",
         "check the hose for leaks, and the highest readings",
     ),
-}  # fmt: skip
+}
 
 
 def corrections(fit: least_squares.LeastSquaresFit) -> list[str]:
@@ -387,10 +384,9 @@ def exact_lengths(source: residuals.OutlineResiduals | residuals.HeightResiduals
 # ----------------------------------------------------------------------------------------------------------------------
 # Find photographs that contradict the others if a fit of all is beyond chance, with their expected values.
 #
-# Two methods. The smooth curve of pressures over heights needs no law and finds gross errors (above).
-# The fit finds small ones: its exact derivatives predict the misfit without each photograph, and a fit without the
-# suspects confirms it. A law that does not suit a silicone fails smoothly, most at the ends of the series: a small misfit there
-# is not blamed on a photograph.
+# Two methods. The smooth curve of pressures over heights needs no law and finds gross errors (above). The fit finds small ones:
+# its exact derivatives predict the misfit without each photograph, and a fit without the suspects confirms it. A law that does
+# not suit a silicone fails smoothly, most at the ends of the series: a small misfit there is not blamed on a photograph.
 
 
 MIN_PHOTOGRAPHS = 4

@@ -180,8 +180,7 @@ class DeviceModel:
         return path.start.V - self.rest_volume if path.start else 0.0
 
     def _followed(self, goals: Sequence[float], quantity: str) -> list[State]:
-        """Solve the states on one path from rest. Volume control passes limit points; pressures mean its
-        first branch."""
+        """Solve the states on one path from rest. Volume control passes limit points; pressures mean its first branch."""
         path = self.path(quantity)
         hangs = self.begins(path) if quantity == "volume" else 0.0
         if goals[0] <= hangs:
@@ -273,10 +272,9 @@ def near(solver: Solver, base: State, line: Control, w: Array, P: float) -> Stat
 # ----------------------------------------------------------------------------------------------------------------------
 # The preloaded state of a measured device at zero pressure, and the zero of its outlines' heights.
 #
-# Gravity, masses and forces are constant in newtons, so in shear moduli they change with the material: the preloaded
-# state, and every state of the path, depends on the modulus. A photograph at zero pressure shows the preloaded
-# device, whose upper edge is the measurement's zero. So simulated heights count from that edge too, which moves with the
-# parameters.
+# Gravity, masses and forces are constant in newtons, so in shear moduli they change with the material: the preloaded state, and
+# every state of the path, depends on the modulus. A photograph at zero pressure shows the preloaded device, whose upper edge is
+# the measurement's zero. So simulated heights count from that edge too, which moves with the parameters.
 
 
 MIN_WEIGHT_RATIO = 0.005
@@ -375,8 +373,7 @@ class UnpressurisedShape:
             )
 
     def told(self, values: Mapping[str, float]) -> str:
-        """Return a sentence on the loads and the zero of heights; without loads on a missing weight;
-        see `state`."""
+        """Return a sentence on the loads and the zero of heights; without loads on a missing weight; see `state`."""
         if not self.loaded:
             apex = "" if self.silhouette.flat else "the undeformed top is not flat; heights count from its apex"
             return "; ".join(filter(None, (apex, self._weightless())))

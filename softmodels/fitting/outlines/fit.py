@@ -334,8 +334,7 @@ def device_names(names: Sequence[str]) -> list[str]:
 
 
 def _without_by_device(exclude: Sequence[str], names: Sequence[str]) -> list[list[str]]:
-    """Return the names of photographs to exclude, by device; `OutlineFitError` for one that does not begin with a
-    device's."""
+    """Return the names of photographs to exclude, by device; `OutlineFitError` for one that does not begin with a device's."""
     for text in exclude:
         if not any(text.startswith(f"{name}/") for name in names):
             raise OutlineFitError(

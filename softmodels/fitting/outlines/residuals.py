@@ -168,8 +168,7 @@ class OutlineResiduals:
 
 
 class MatchedPhotograph:
-    """A photograph compared with a state: residuals of the outline, one per bin, model minus measured, and of the
-    pressure."""
+    """A photograph compared with a state: residuals of the outline, one per bin, model minus measured, and of the pressure."""
 
     def __init__(
         self, shape: Shape, state: State, curve: grid.QuadraticCurve, pressure: float, values: Mapping[str, float], most: float
@@ -651,9 +650,8 @@ def check_heights(heights: Sequence[Height], width: float) -> list[Height]:
 def least_squares_of_heights(
     source: HeightResiduals, *, changes: problem.Changes = MappingProxyType({}), loss: str = "linear"
 ) -> least_squares.LeastSquaresFit:
-    """Fit a law to heights; the size of their errors follows from their scatter, and the bench's own errors are
-    considered. Errors as of `softmodels.fitting.least_squares.fit_parameters`; `OutlineFitError` where the device does not
-    rise so high."""
+    """Fit a law to heights; the size of their errors follows from their scatter, and the bench's own errors are considered.
+    Errors as of `softmodels.fitting.least_squares.fit_parameters`; `OutlineFitError` where the device does not rise so high."""
     model = source.model
     choice = model.choice
     begins, _ = starts(model, source.measured, source.pressures, np.ones(len(source.measured)))
