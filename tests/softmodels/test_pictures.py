@@ -16,6 +16,7 @@ from PIL import Image
 
 from geometries import HollowDisk
 from softmodels.common.schema import about
+from softmodels.common.units import COLUMN
 from softmodels.path.supply import Syringe
 from softmodels.pictures import curves as curves_module, draw as pictures, offscreen, solid
 from softmodels.pictures.offscreen import look
@@ -108,8 +109,9 @@ def test_a_wrong_name_gives_exit_code_2_and_a_sentence(wedge, capsys):
     assert "holds no bellows.h5" in capsys.readouterr().err
 
 
-def test_results_without_a_step_are_refused(tmp_path):
+def test_results_without_a_step_are_refused(wedge, tmp_path):
     results = Results(tmp_path, "disk")
+    shutil.copy(wedge / "case.toml", tmp_path)
     results.begin(np.zeros((6, 3)), np.arange(6)[None], "Triangle_6")
     with pytest.raises(ResultsError, match="no step yet"):
         pictures.draw(tmp_path, "disk")
@@ -165,13 +167,13 @@ def test_which_steps_the_profile_shows():
 
 def test_limit_points_are_marked_with_their_value():
     path = rows([0.0, 20.0, 34.75, 30.0], {20.0}, limit=34.75)
-    (axes,) = curves_module.rise(path, "apex", 95.0).axes
+    (axes,) = curves_module.rise(path, "apex", COLUMN).axes
     (marked,) = [line for line in axes.lines if str(line.get_label()).startswith("limit point")]
     assert marked.get_label() == "limit point: 34.75 cm (3.301 kPa), 1 mm"
     assert (marked.get_xdata(), marked.get_ydata()) == ([34.75], [1.0])
     (asked,) = [line for line in axes.lines if line.get_label() == "requested"]
     assert asked.get_xydata().tolist() == [[20.0, 0.5]]
-    assert not [line for line in curves_module.rise(path[:2], "apex", 95.0).axes[0].lines if "limit" in str(line.get_label())]
+    assert not [line for line in curves_module.rise(path[:2], "apex", COLUMN).axes[0].lines if "limit" in str(line.get_label())]
 
 
 def test_curves_show_jumps_bifurcations_branches_and_what_a_syringe_skips():
@@ -179,7 +181,7 @@ def test_curves_show_jumps_bifurcations_branches_and_what_a_syringe_skips():
     table = ((0, 0, 0, 0, 1), (20, 5, 0, 1, 1), (20, 30, 1, 0, 1), (15, 28, 0, 0, 0), (18, 32, 0, 0, 1))
     path = [dict(zip(keys, row, strict=True), pressure_Pa=95 * row[0], requested=0, limit=0) for row in table]
     branch = [{**path[0], "pressure_cm": 19, "apex_mm": 7}, {**path[0], "pressure_cm": 18, "apex_mm": 9}]
-    (axes,) = curves_module.rise(PathTable.read(path), "apex", 95.0, PathTable.read(branch)).axes
+    (axes,) = curves_module.rise(PathTable.read(path), "apex", COLUMN, PathTable.read(branch)).axes
     shown = {line.get_label(): np.array(line.get_xydata()) for line in axes.lines}
     assert shown["jump"] == pytest.approx(np.array([[20, 5], [20, 30]]))
     assert shown["steps skipped by snap-through"] == pytest.approx(np.array([[15, 28]]))
