@@ -331,7 +331,7 @@ class Case:
 
     # -- the load -----------------------------------------------------------------------------------------------------
 
-    @property
+    @functools.cached_property
     def load(self) -> Load:
         """What the load steps say."""
         return Load(self)

@@ -155,7 +155,9 @@ def check(case: Case) -> None:
         )
     unpressed = case.timed or any(quantity.quantity != steps.PRESSURE for step in case.steps for quantity in step.prescribed)
     if unpressed or case.load_unload:
-        raise CaseError(f"the case asks for {case.load.requested.words}; a deck takes pressures (--pressure), and no unloading")
+        raise CaseError(
+            f"the case asks for {case.load.requested.words}; a deck takes pressures (pressure = '0:5 kPa'), and no unloading"
+        )
     main, *others = silicones_of(case.material, case.components, device.regions)
     main.check("")
     for silicone in others:

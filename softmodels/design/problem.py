@@ -272,7 +272,7 @@ def _errors(given: object, case: Case, folder: Path | None) -> materials.Materia
 def _check_load(case: Case) -> None:
     """Reject loads unsuitable for designs."""
     if not (pressures := case.load.of(trials.PRESSURE)):
-        raise DesignError(f"the case asks for {case.load.requested.words}; designs need pressures (--pressure)")
+        raise DesignError(f"the case asks for {case.load.requested.words}; designs need pressures (pressure = '0:5 kPa')")
     if min(pressures) < 0.0 < max(pressures):
         raise DesignError("the case asks for pressures above and below ambient; designs need one side of it")
     if case.load_unload:

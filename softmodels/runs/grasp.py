@@ -337,7 +337,7 @@ def check_grasp(case: Case, label: str, fingers: int, direction: Array) -> Rigid
     if any(part.acceleration is not None for part in case.components):
         raise GraspError("the fingers of a grasp are turned around the object and have no weight; leave out [gravity]")
     if max(case.load.of(PRESSURE), default=0.0) <= 0.0:
-        raise GraspError("a grasp needs pressures above 0 that close the fingers (--pressure '0.5,1kPa')")
+        raise GraspError("a grasp needs pressures above 0 that close the fingers (pressure = '0.5,1 kPa')")
     if np.linalg.norm(np.cross(direction, form.axis)) < 1e-9 * np.linalg.norm(direction):
         raise GraspError("the load must lie in the plane of the fingers, not along the object's axis (--direction)")
     return shape

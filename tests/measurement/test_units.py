@@ -225,4 +225,7 @@ def test_the_page_of_units_is_complete():
         (row,) = [row for row in rows if set(factors) <= row]
         for name in row - {"0.05"}:
             assert units.quantity(f"1 {name}", unit) > 0.0
+    water = units.Column(1e3)
+    assert water.pascal == pytest.approx(98.0665) and water.text(196.133) == "2 cm"
+    assert water.full(-49.03325, ".2f") == "-0.50 cm, 1 g/ml"
     assert f"{units.COLUMN.pascal:.1f} Pa" in text and units.DENSITY_NOTE.split(" water")[0] in text

@@ -109,8 +109,9 @@ def test_a_wrong_name_gives_exit_code_2_and_a_sentence(wedge, capsys):
     assert "holds no bellows.h5" in capsys.readouterr().err
 
 
-def test_results_without_a_step_are_refused(tmp_path):
+def test_results_without_a_step_are_refused(wedge, tmp_path):
     results = Results(tmp_path, "disk")
+    shutil.copy(wedge / "case.toml", tmp_path)
     results.begin(np.zeros((6, 3)), np.arange(6)[None], "Triangle_6")
     with pytest.raises(ResultsError, match="no step yet"):
         pictures.draw(tmp_path, "disk")

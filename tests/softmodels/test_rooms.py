@@ -129,3 +129,12 @@ def test_no_results_are_committed():
     folders = {file.split("/")[0] for file in files if "/" in file and not file.startswith(".")}
     assert folders <= {"docs", "geometries", "measurement", "softmodels", "tests"}
     assert not [file for file in files if file.endswith((".h5", ".vtkhdf", ".xdmf"))]
+
+
+def test_below_the_door_pressures_are_in_pascals():
+    """No variable, argument or attribute there is a number of centimetres, or Pa of one."""
+    rooms = ("mechanics", "components", "path", "materials", "fitting", "decks", "pictures", "casting", "api")
+    for path in (path for room in rooms for path in (TOP / "softmodels" / room).rglob("*.py")):
+        nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+        names = {getattr(node, key, None) for node in nodes for key in ("id", "attr", "arg")}
+        assert not [name for name in names if isinstance(name, str) and name.split("_")[-1] == "cm"], path
