@@ -234,8 +234,6 @@ MAX_LAST_CORRECTION = 1e-2
 """Maximum relative change of an eigenvalue by its last correction, whose p may be inconsistent with its displacement."""
 MIN_NEW_DIRECTION = 1e-8
 """Minimum remainder of a new direction after orthogonalisation."""
-MIN_EXACT_REMAINDER = 1e-3
-"""The same for which M x is updated; rounding would spoil that of a smaller one."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -258,23 +256,17 @@ class Space:
         self.Mx: list[PETSc.Vec] = []
         self.K = np.empty((0, 0))
 
-    def add(self, x: PETSc.Vec, Mx: PETSc.Vec | None = None) -> bool:
-        """Add a direction, which is overwritten, as is M x where it is known; return whether it extends the space."""
-        M, Kx = self.pencil.M, self.pencil.M.createVecLeft()
-        if Mx is None:
-            Mx = M.createVecLeft()
-            M.mult(x, Mx)
-        left = size = x.dot(Mx)
+    def add(self, x: PETSc.Vec) -> bool:
+        """Add a direction, which is overwritten; return whether it extends the space."""
+        M, Mx, Kx = self.pencil.M, self.pencil.M.createVecLeft(), self.pencil.M.createVecLeft()
+        M.mult(x, Mx)
+        size = x.dot(Mx)
         if not math.isfinite(size) or size <= 0.0:
             return False
         for _ in range(2 if self.x else 0):
-            shares = [-share for share in x.mDot(self.Mx)]
-            x.maxpy(shares, self.x)
-            Mx.maxpy(shares, self.Mx)  # a product takes as long as a tenth of K^-1
-            left = x.dot(Mx)
-        if not left > MIN_EXACT_REMAINDER**2 * size:
-            M.mult(x, Mx)
-            left = x.dot(Mx)
+            x.maxpy([-share for share in x.mDot(self.Mx)], self.x)
+        M.mult(x, Mx)
+        left = x.dot(Mx)
         if not left > MIN_NEW_DIRECTION**2 * size:
             return False
         x.scale(left**-0.5)
@@ -360,20 +352,19 @@ def nearest(
         place = min(len(lowest), len(chosen) - 1)
         tolerance = tolerances[min(place, count - 1)]
         solved = min(LOOSE_SOLVE_TOLERANCE, max(TIGHT_SOLVE_TOLERANCE, tolerance))
-        size, new, image = _correction(space, here[place], shares[:, chosen[place]], solved, negatives is not None)
+        size, new = _correction(space, here[place], shares[:, chosen[place]], solved, negatives is not None)
         if size <= tolerance and len(lowest) < len(chosen):
             lowest.append(here[place])
-            polished[place] = _polished(space, here[place], new, image)
-        elif not (math.isfinite(size) and space.add(new, image)):
+            polished[place] = _polished(space, here[place], new)
+        elif not (math.isfinite(size) and space.add(new)):
             break
     raise newton.NoConvergence("the lowest modes did not converge")
 
 
-def _polished(space: Space, value: float, new: PETSc.Vec, image: PETSc.Vec) -> float:
-    """Return an eigenvalue over the space with its last correction too, which is not kept: small ones may be only rounding.
-    ``image`` is M times that correction."""
+def _polished(space: Space, value: float, new: PETSc.Vec) -> float:
+    """Return an eigenvalue over the space with its last correction too, which is not kept: small ones may be only rounding."""
     kept = space.x, space.Kx, space.Mx, space.K
-    if not space.add(new, image):
+    if not space.add(new):
         return value
     values = np.linalg.eigvalsh(space.K)
     space.x, space.Kx, space.Mx, space.K = kept
@@ -391,9 +382,8 @@ def _chosen(values: Array, of_first: Array, count: int) -> npt.NDArray[np.intp]:
     return np.union1d(near, np.flatnonzero(known & (values < 0.0)))  # values are in rising order
 
 
-def _correction(space: Space, value: float, shares: Array, tolerance: float, exact: bool) -> tuple[float, PETSc.Vec, PETSc.Vec]:
-    """Return the length of K^-1 times the residual of a mode of the space, to a tolerance and without the mode's own part, that
-    vector, and M times it.
+def _correction(space: Space, value: float, shares: Array, tolerance: float, exact: bool) -> tuple[float, PETSc.Vec]:
+    """Return K^-1 times the residual of a mode of the space, to a tolerance and without the mode's own part, and its length.
 
     With the exact K^-1 what lies in the space is rounding, which near a critical point is large: it is left out.
     """
@@ -405,7 +395,7 @@ def _correction(space: Space, value: float, shares: Array, tolerance: float, exa
     inside = np.asarray(new.mDot(space.Mx))
     new.maxpy([float(-share) for share in (inside if exact else inside @ shares * shares)], space.x)
     pencil.M.mult(new, residual)
-    return max(new.dot(residual), 0.0) ** 0.5, new, residual
+    return max(new.dot(residual), 0.0) ** 0.5, new
 
 
 # ----------------------------------------------------------------------------------------------------------------------

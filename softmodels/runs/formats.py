@@ -10,9 +10,9 @@ import dataclasses
 import functools
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from html import escape
 from pathlib import Path
 from typing import Any, Protocol
-from xml.sax.saxutils import escape, quoteattr
 
 import h5py
 import numpy as np
@@ -269,7 +269,7 @@ def xdmf(name: str, heavy: str, shapes: Shapes, stored: Sequence[StoredStep]) ->
         _grid(name, heavy, shapes, f"{time:.12g}", f"{step.file}:{step.group}", tuple(step.shapes.items()))
         for step, time in zip(stored, times_of(stored), strict=True)
     ]
-    series = f'<Grid Name={quoteattr(name)} GridType="Collection" CollectionType="Temporal">'
+    series = f'<Grid Name="{escape(name)}" GridType="Collection" CollectionType="Temporal">'
     lines = ["<?xml version='1.0' encoding='utf-8'?>", '<Xdmf Version="3.0">', "  <Domain>", f"    {series}", *steps]
     return "\n".join([*lines, "    </Grid>", "  </Domain>", "</Xdmf>"]).encode()
 
@@ -292,9 +292,9 @@ def _grid(
     ]
     for field, shape in fields:
         kind = "Scalar" if len(shape) == 1 else "Tensor" if shape[1] == TENSOR_COMPONENTS else "Vector"
-        attributes = f'Name={quoteattr(field)} AttributeType="{kind}" Center="Node"'
+        attributes = f'Name="{escape(field)}" AttributeType="{kind}" Center="Node"'
         parts.append(part("Attribute", attributes, shape, f"{place}/{field}"))
-    head = f'      <Grid Name={quoteattr(name)} GridType="Uniform">\n        <Time Value="{number}" />'
+    head = f'      <Grid Name="{escape(name)}" GridType="Uniform">\n        <Time Value="{number}" />'
     return "\n".join([head, *parts, "      </Grid>"])
 
 
