@@ -55,6 +55,17 @@ def test_a_specimen_that_differs_is_named():
     assert "differs" not in "; ".join(fit_curves(curves[:4], "mooney-rivlin").notes)
 
 
+def test_a_slack_specimen_is_one_of_the_sample():
+    """Its slack is its own: the interval of the law stays what the scatter makes it."""
+    factors = [0.95, 0.98, 1.07, 1.0]
+    curves = [curve(f"s{i}", factor * TRUE) for i, factor in enumerate(factors)]
+    slack = np.r_[np.linspace(1.0, 1.05, 12), STRETCH[1:] + 0.05]
+    loose = TensileCurve("s3", "uniaxial", slack, np.r_[np.zeros(12), stress(factors[3] * TRUE, STRETCH[1:])])
+    tight, with_slack = (fit_curves([*curves[:3], last], "mooney-rivlin").chosen for last in (curves[3], loose))
+    assert with_slack.sound and with_slack.fit.values["slack4"] == pytest.approx(0.05, abs=3e-3)
+    assert with_slack.interval("c10") == pytest.approx(tight.interval("c10"), rel=0.05)
+
+
 def test_two_specimens_are_no_sample():
     report = fit_curves([curve("a", TRUE), curve("b", 1.02 * TRUE)], "mooney-rivlin")
     assert not report.notes and "gauge2" in report.chosen.fit.values

@@ -124,8 +124,8 @@ class CurveColumn:
     @property
     def sentence(self) -> str:
         """What is read from where, such as "strain from column 4 'Tensile strain (Extension)' in mm/mm"."""
-        unit = "" if self.unit in ("", NONE) else f" in {'%' if self.unit == 'percent' else self.unit}"
-        return f"{self.kind} from column {self.place + 1} {self.header!r}{unit}"
+        unit = {"percent": "%", NONE: "mm/mm", "": "" if KINDS[self.kind] else "mm/mm"}.get(self.unit, self.unit)
+        return f"{self.kind} from column {self.place + 1} {self.header!r}{unit and f' in {unit}'}"
 
 
 @dataclasses.dataclass(frozen=True)

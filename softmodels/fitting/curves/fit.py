@@ -78,7 +78,9 @@ class _Task:
         judged = [residuals.on_yardstick(fit, fit.problem.sources) for fit in fits] if len(fits) > 1 else None  # type: ignore[arg-type]
         comparison = compare(fits, judged)
         laws = self._laws(fits, comparison, known)
-        report = FitReport(laws, comparison, tuple(self.curves), _fit_options(self.options), notes=tuple(self._notes(laws)))
+        report = FitReport(
+            laws, comparison, tuple(self.curves), _fit_options(self.options, self.is_sample), notes=tuple(self._notes(laws))
+        )
         report = self._compared(report, scale)
         return dataclasses.replace(report, curves=tuple(residuals.counted_from(self.curves, report.chosen.fit.values)))
 
@@ -507,10 +509,13 @@ def fit_curves(
     return task.report()
 
 
-def _fit_options(options: FitOptions) -> str:
+def _fit_options(options: FitOptions, sample: bool) -> str:
     size = {
         "auto": "weighted by 2 % of the stress and the curve's noise, scaled by the scatter",
         "constant": "unweighted least squares on the nominal stress, its error from the scatter",
     }.get(options.stress_error, f"stress error {options.stress_error}")
     robust = ", outliers counted by their size" if options.robust else ""
-    return f"{size}{robust}{options.gauge_words}; Poisson's ratio {options.poisson:g} is given, not fitted"
+    gauge = (
+        f", a load cell's factor of 1 +- {100 * problem.LOAD_CELL_ERROR:g} % common to all tests" if options.gauge_error else ""
+    )
+    return f"{size}{robust}{gauge if sample else options.gauge_words}; Poisson's ratio {options.poisson:g} is given, not fitted"

@@ -19,7 +19,7 @@ from softmodels.common import names
 from softmodels.common.arrays import Array
 from softmodels.fitting import least_squares
 from softmodels.fitting.curves.curve import TensileCurve
-from softmodels.fitting.curves.residuals import TensileResiduals
+from softmodels.fitting.curves.residuals import ORIGIN, TensileResiduals
 
 MIN_SPECIMENS = 3
 """Least number of curves of each kind of test that are a sample: two show no scatter to rely on."""
@@ -63,13 +63,23 @@ class SampleFit(least_squares.LeastSquaresFit):
 
     @functools.cached_property
     def between(self) -> Array:
-        """Covariance of the mean by the scatter between the specimens, shape (m, m); nan for parameters at a bound."""
-        inside, n = self.inside, self.specimens
+        """Covariance of the mean by the scatter between the specimens, shape (m, m); nan for parameters at a bound. What a
+        specimen has of its own, its slack and the load cell's zero, is uncertain by its own readings."""
+        inside, n = [i for i in self.inside if not self.free[i].name.startswith(ORIGIN)], self.specimens
+        private = [i for i in self.inside if i not in inside]
         full = np.full((len(self.free), len(self.free)), np.nan)
+        if private:
+            full[np.ix_(private, private)] = self._sandwich(self.jacobian[:, self.inside])[
+                np.ix_(*2 * [[self.inside.index(i) for i in private]])
+            ]
+            full[np.ix_(private, inside)] = full[np.ix_(inside, private)] = 0.0
         if not inside:
             return full
         psi, slope = self.influence
         J = self.jacobian[:, inside]
+        if private:  # Frisch & Waugh 1933
+            Q = np.linalg.qr(self.jacobian[:, private])[0]
+            J = J - Q @ (Q.T @ J)
         size = np.linalg.norm(J, axis=0)
         size[size == 0.0] = 1.0
         J, labels = J / size, np.array(self.rows.groups)
