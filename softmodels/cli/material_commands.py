@@ -395,7 +395,7 @@ def fit_material(files: tuple[Path, ...], how: FitGiven) -> None:
     )
     try:
         with notes.sentences() if files else contextlib.nullcontext():
-            report = _device_report(files, how) if files else _curves_report(how, folder)
+            report = _device_report(files, how) if files else _curves_report(how)
     except (problem.UnsoundError, problem.CannotEvaluate) as error:
         if folder is not None:  # the files of an earlier fit are not mistaken for this one's
             with contextlib.suppress(OSError):
@@ -423,24 +423,14 @@ def _closing(report: comparison.FitReport, folder: Path) -> str:
     return f"written to {folder}; no fitted.toml, because the fit was rejected: inspect {file}, do not simulate with it"
 
 
-def _curves_report(how: FitGiven, folder: commands.ResultFolder | None) -> comparison.FitReport:
+def _curves_report(how: FitGiven) -> comparison.FitReport:
     if how.heights or how.free or how.untrusted or how.exclude or how.height_datum:
         raise FitError("--heights, --free, --untrusted, --exclude and --height-datum need a device; give its case file first")
     curves = how.read(how.stretch, how.memory)
     choices = problem.law_choices(how.laws, how.poisson)
     residuals.StressError.from_text(how.stress_error)
-    if folder is not None and not how.no_pictures and not (folder.path / "fit.json").exists():
-        options.write_into(folder, lambda place: _write_measured(curves, place), "the picture of the readings")
     progress = outcomes.Progress(len(choices), "{:g} laws".format, labels.StateLabels(""), how.quiet or not mpi.speaks())
     return fit_curves(curves, how.laws, how.fit_options(curve_changes(how, choices)), progress=progress.say)
-
-
-def _write_measured(curves: Sequence[TensileCurve], place: Path) -> None:
-    """Draw what was read before anything is fitted to it, so that a wrong column shows."""
-    from softmodels.pictures import fits, style
-
-    if (figure := fits.draw_measured(curves)) is not None:
-        (place / "measured.png").write_bytes(style.png(figure))
 
 
 def _device_report(files: Sequence[Path], how: FitGiven) -> comparison.FitReport:
@@ -631,7 +621,7 @@ class ScoreOptions(OutlineOptions, CurveFiles):
                                "stress, 2%+0.5kPa; auto is 2 % and the curve's noise.")  # fmt: skip
     quiet: bool = commands.quiet_option()
     output: Path | None = commands.output_option(  # noqa: RUF009
-        "Folder for the table scores.csv.  [default: results/score; results/score-2 and so on if that holds other scores]"
+        "Folder for scores.csv and, of curves, curves.csv.  [default: results/score; results/score-2 and so on if that holds other scores]"
     )
 
 
@@ -688,6 +678,8 @@ def score(files: tuple[Path, ...], how: ScoreOptions) -> None:
 
     def write(place: Path) -> None:
         scoring.write_scores(place / "scores.csv", scores)
+        if curves:
+            scoring.write_readings(place / "curves.csv", materials, curves, error, errors)
         write_text(place / "report.html", score_page(scores, materials, read_text(place / "scores.csv")))
 
     options.write_into(folder, write, "the results")

@@ -23,7 +23,7 @@ from softmodels.fitting.curves.residuals import ORIGIN, TensileResiduals
 
 MIN_SPECIMENS = 3
 """Least number of curves of each kind of test that are a sample: two show no scatter to rely on."""
-LEAST_SCATTER, SIGNIFICANCE = 0.01, 0.05
+LEAST_SCATTER, SIGNIFICANCE_LEVEL = 0.01, 0.05
 """Least scatter between specimens, as a share of the stress, by which one of them is found to differ; and the share of samples
 of like specimens in which one is named nevertheless."""
 
@@ -141,7 +141,7 @@ def sentences(fit: SampleFit, curves: Sequence[TensileCurve]) -> list[str]:
         rest = np.delete(logs, worst)
         spread = max(float(np.std(rest, ddof=1)), LEAST_SCATTER)
         t = abs(float(logs[worst] - rest.mean())) / (spread * math.sqrt(1 + 1 / len(rest)))
-        if 2 * n * (1 - stdtr(n - 2, t)) < SIGNIFICANCE:
+        if 2 * n * (1 - stdtr(n - 2, t)) < SIGNIFICANCE_LEVEL:
             made.append(
                 f"{group[worst][0]} differs from the other specimens: its stress is {math.exp(logs[worst] - rest.mean()):.3g} "
                 f"times theirs, which scatter by {100 * float(np.std(rest, ddof=1)):.2g} %; check its sizes, or leave it out"
