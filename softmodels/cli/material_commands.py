@@ -621,7 +621,7 @@ class ScoreOptions(OutlineOptions, CurveFiles):
                                "stress, 2%+0.5kPa; auto is 2 % and the curve's noise.")  # fmt: skip
     quiet: bool = commands.quiet_option()
     output: Path | None = commands.output_option(  # noqa: RUF009
-        "Folder for scores.csv and, of curves, curves.csv.  [default: results/score; results/score-2 and so on if that holds other scores]"
+        "Folder for scores.csv and curves.csv.  [default: results/score; results/score-2 and so on if that holds other scores]"
     )
 
 
