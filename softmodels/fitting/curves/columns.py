@@ -6,9 +6,12 @@ to them by a line: ``columns.register_words("force", "kuvvet")``, ``columns.UNIT
 
 from __future__ import annotations
 
+import contextlib
+import csv
 import dataclasses
 import datetime
 import functools
+import itertools
 import math
 import re
 import unicodedata
@@ -323,9 +326,21 @@ def _no_header(sheets: Sequence[tables.Worksheet], told: Mapping[str, tuple[str,
         names = " and ".join(repr(name) for name, _ in told.values())
         return TensileError(f"{where} of the file has the columns {names}")
     return TensileError(
-        f"{where} names a deformation and a load, such as 'strain (%)' and 'stress "
-        f"(MPa)'; choose the columns with --columns 'strain=1[%],stress=2[MPa]'"
+        f"{where} names a deformation and a load, such as 'strain (%)' and 'stress (MPa)'{_above_numbers(sheets)}; choose the "
+        "columns with --columns 'strain=1[%],stress=2[MPa]'"
     )
+
+
+def _above_numbers(sheets: Sequence[tables.Worksheet]) -> str:
+    """Return a clause with the cells above the first numbers; empty where there are none."""
+    for sheet in sheets:
+        with contextlib.suppress(csv.Error):
+            for (_, words), (_, row) in itertools.pairwise(sheet.rows):
+                if sum(map(_is_number, row)) > 1 and not any(map(_is_number, words)):
+                    cells = [f"{i} {cell.strip()!r}" for i, cell in enumerate(words, 1) if cell.strip()]
+                    more = f" and {len(cells) - 8} more" if len(cells) > 8 else ""
+                    return f"; above its numbers are the columns {', '.join(cells[:8])}{more}" if cells else ""
+    return ""
 
 
 def _form(block: _Block) -> tuple[str, ...]:
