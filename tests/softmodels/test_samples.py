@@ -66,6 +66,16 @@ def test_a_slack_specimen_is_one_of_the_sample():
     assert with_slack.interval("c10") == pytest.approx(tight.interval("c10"), rel=0.05)
 
 
+def test_a_robust_sample_and_a_set_factor():
+    random = np.random.default_rng(3)
+    curves = [curve(f"s{i}", factor * TRUE, noise=random.normal(0.0, 300.0, 41)) for i, factor in enumerate([0.97, 1.0, 1.03])]
+    curves[0] = TensileCurve("s0", "uniaxial", STRETCH, curves[0].stress + 40e3 * (np.arange(41) == 20))
+    plain, robust = (fit_curves(curves, "mooney-rivlin", FitOptions(robust=r)).chosen.fit for r in (False, True))
+    assert robust.loss == "soft_l1" and plain.loss == "linear" and robust.values != plain.values
+    fixed = fit_curves(curves, "mooney-rivlin", FitOptions(changes={"gauge1": {"start": 1.0, "fixed": True}}))
+    assert "gauge2" in fixed.chosen.fit.values
+
+
 def test_two_specimens_are_no_sample():
     report = fit_curves([curve("a", TRUE), curve("b", 1.02 * TRUE)], "mooney-rivlin")
     assert not report.notes and "gauge2" in report.chosen.fit.values

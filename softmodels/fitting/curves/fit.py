@@ -86,8 +86,9 @@ class _Task:
 
     @functools.cached_property
     def is_sample(self) -> bool:
-        """Whether the curves are specimens whose scatter shows; else each has a factor of the usual size."""
-        return sample.is_sample(self.curves)
+        """Whether the curves are specimens whose scatter shows; else, or where such a factor is set, each has one of the usual
+        size."""
+        return sample.is_sample(self.curves) and not any(name.startswith("gauge") for name in self.options.changes)
 
     def _notes(self, laws: Sequence[FittedLaw]) -> list[str]:
         return sample.sentences(laws[0].fit, self.curves) if isinstance(laws[0].fit, sample.SampleFit) else []
@@ -111,7 +112,8 @@ class _Task:
             fit = fit_law_to_curves(choice, sources, extra, changes=changes, errors=self.errors, loss=loss, scale=scale)
             if self.is_sample:
                 again = sample.weighted_alike(fit)
-                fit = fit_law_to_curves(choice, again, extra, changes=changes, errors=self.errors)
+                scaled = None if loss == "linear" else 1.0  # the errors of the first fit's sources are
+                fit = fit_law_to_curves(choice, again, extra, changes=changes, errors=self.errors, loss=loss, scale=scaled)
                 fit = sample.SampleFit.of(fit, min(self.options.gauge_error, problem.LOAD_CELL_ERROR))
             fits.append(fit)
         return fits
