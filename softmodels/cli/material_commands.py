@@ -616,7 +616,7 @@ class ScoreOptions(OutlineOptions, CurveFiles):
                                "stress, 2%+0.5kPa; auto is 2 % and the curve's noise.")  # fmt: skip
     quiet: bool = commands.quiet_option()
     output: Path | None = commands.output_option(  # noqa: RUF009
-        "Folder for the table scores.csv.  [default: results/score; results/score-2 and so on if that holds other scores]"
+        "Folder for scores.csv and curves.csv.  [default: results/score; results/score-2 and so on if that holds other scores]"
     )
 
 
@@ -673,6 +673,8 @@ def score(files: tuple[Path, ...], how: ScoreOptions) -> None:
 
     def write(place: Path) -> None:
         scoring.write_scores(place / "scores.csv", scores)
+        if curves:
+            scoring.write_readings(place / "curves.csv", materials, curves, error, errors)
         write_text(place / "report.html", score_page(scores, materials, read_text(place / "scores.csv")))
 
     ending.write_into(folder, write, "the results")

@@ -226,6 +226,37 @@ def write_scores(path: Path, scores: Sequence[Score]) -> None:
             rows.writerow([score.material, score.data, score.count, *numbers, score.worst])
 
 
+READINGS_COLUMNS = [
+    "data", "material", "stretch", "time_s", "measured_Pa", "error_Pa", "predicted_Pa", "predicted_low_Pa", "predicted_high_Pa",
+]  # fmt: skip
+
+
+def write_readings(
+    path: Path,
+    materials: Mapping[str, Material],
+    curves: Sequence[TensileCurve],
+    error: residuals.StressError,
+    errors: Mapping[str, MaterialErrors] = MappingProxyType({}),
+) -> None:
+    """Write the nominal stress of every point of the curves as CSV: measured with its standard error, predicted with the ends
+    of the 95 % band of the material's errors, which are empty where those are unknown."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file)
+        rows.writerow(READINGS_COLUMNS)
+        for curve in curves:
+            times = [""] * len(curve.stretch) if curve.time is None else [f"{t:.9g}" for t in curve.time]
+            for name, material in materials.items():
+                predicted = residuals.predicted(material, curve)
+                ends = [[""] * len(predicted)] * 2
+                if (known := errors.get(name)) is not None:
+                    moves = residuals.slopes_of(material, curve, known.names) @ known.roots
+                    half = BAND_ERRORS * np.linalg.norm(moves, axis=1)
+                    ends = [[f"{v:.9g}" for v in predicted + side * half] for side in (-1, 1)]
+                numbers = np.column_stack([curve.stress, error.of(curve), predicted])
+                for stretch, time, row, low, high in zip(curve.stretch, times, numbers, *ends, strict=True):
+                    rows.writerow([curve.name, name, f"{stretch:.9g}", time, *(f"{v:.9g}" for v in row), low, high])
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # Score materials against measurements they were not fitted to: from laws and data to a list of scores.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import textwrap
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -159,6 +160,30 @@ def draw_curves(report: comparison.FitReport) -> Figure:
     return figure
 
 
+MAX_READINGS_SHOWN = 2000
+
+
+@matplotlib.rc_context({**style.STYLE, "font.size": 10, "axes.titlesize": 10, "legend.fontsize": 9})
+def draw_measured(curves: Sequence[TensileCurve]) -> Figure | None:
+    """Plot all readings of the curves' files, what of them is fitted, and what was read from where; None for curves from
+    elsewhere."""
+    read = [curve for curve in curves if curve.raw is not None]
+    if not read:
+        return None
+    figure, panels = _panels(len(read), 4.6, 2, whole=True)
+    for axes, curve in zip(panels, read, strict=True):
+        assert curve.raw is not None
+        stretch, stress = curve.raw[:, :: max(curve.raw.shape[1] // MAX_READINGS_SHOWN, 1)]
+        slack, zero = (curve.origin.slack, curve.origin.zero) if curve.origin else (0.0, 0.0)
+        axes.plot(stretch, stress / 1e3, ".", ms=4, color=style.FAINT, label="all readings")
+        axes.plot(curve.stretch + slack, (curve.stress + zero) / 1e3, color=style.LINE_COLOURS[0], lw=1.6, label="fitted")
+        about = [textwrap.fill(processes.plain(text), 62) for text in (curve.source, *curve.remarks) if text]
+        axes.set_title("\n".join([processes.plain(curve.name), *about]))
+        axes.set(xlabel="stretch", ylabel="nominal stress (kPa)")
+    panels[0].legend(loc="best")
+    return figure
+
+
 def draw_law(report: comparison.FitReport) -> Figure:
     """Plot the laws in uniaxial tension with the 95 % band of the fit: solid over the stretches that were fitted, dashed
     beyond."""
@@ -259,6 +284,8 @@ SMALL_STYLE = {**style.STYLE, "font.size": 10, "axes.titlesize": 11, "legend.fon
 def figures(report: comparison.FitReport) -> dict[str, Figure]:
     """Return all pictures by the stem of their file's name."""
     figures = {"law": draw_law(report)}
+    if (measured := draw_measured(report.curves)) is not None:
+        figures["measured"] = measured
     if report.curves:
         figures |= {"curves": draw_curves(report), "residuals": draw_residuals(report)}
     for law, states in report.photographs.items():
@@ -301,6 +328,7 @@ def page(report: comparison.FitReport, figures: Mapping[str, Figure], tables: Ma
 
 CAPTIONS = {
     "law": "Stress over stretch; dashed beyond the fitted range",
+    "measured": "All readings of the files, and what was read of them",
     "curves": "Measured curves and the fitted laws",
     "residuals": "Residuals of the curves (fit - measured)",
     "outlines": "Outlines, measured and simulated",

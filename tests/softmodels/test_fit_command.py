@@ -120,7 +120,7 @@ def test_numbers_pictures_and_page(whole):
         assert image.shape[1] == 1280, (name, image.shape)
         assert image[..., :3].std() > 0.02, "an empty picture"
     page = (folder / "report.html").read_text()
-    assert page.count('<figure data-name="') == 6 and page.count("</svg>") == 6
+    assert page.count('<figure data-name="') == 7 and page.count("</svg>") == 7
     assert set(re.findall(r'[a-z:]+="http[^"]*"', page)) == {
         'xmlns="http://www.w3.org/2000/svg"', 'xmlns:xlink="http://www.w3.org/1999/xlink"'
     }  # fmt: skip

@@ -146,6 +146,20 @@ ONE: dict[str, tuple[str | bytes, Pull]] = {
         "Time,Displacement,Force,Compressive strain (Displacement),Compressive stress\n(s),(mm),(N),(%),(kPa)\n"
         + rows(PRESS.t, -PRESS.mm, -PRESS.N, -100 * PRESS.strain, -PRESS.S / 1e3), PRESS,
     ),
+    "Bluehill in German": (
+        ("Abmessung : Querschnitt;8,00000;mm^2\nDehnung : Zugdehnung (Traversenweg) Messlänge;25,00000;mm\n"
+         "Allgemein : Startdatum;16.08.2018 16:07:51\n"
+         "Abmessung : Länge;25,00000;mm\n\nZeit;Traversenweg;Last\n(sec);(mm);(kN)\n"
+         + rows(PULL.t, PULL.mm, PULL.N / 1e3, comma=True, separator=";")).encode("cp1252"), PULL,
+    ),
+    "Bluehill in Chinese, compression": (
+        "时间,位移,载荷,压缩应变 (位移),压缩应力,循环计数\n(s),(mm),(N),(%),(MPa),\n"
+        + rows(PRESS.t, -PRESS.mm, -PRESS.N, -100 * PRESS.strain, -PRESS.S / 1e6, 0 * PRESS.t), PRESS,
+    ),
+    "Bluehill with the gauge length of the strain": (
+        'Area,8.0,mm^2\nStrain : Tensile strain (Extension) gauge length,"25.00000",mm\n\nTime,Extension,Load\n(s),(mm),(N)\n'
+        + rows(PULL.t, PULL.mm, PULL.N, quoted=True), PULL,
+    ),
     "testXpert in Latin-1": (
         (ZWICK + "Prüfzeit;Standardkraft;Standardweg\ns;N;mm\n" + rows(PULL.t, PULL.N, PULL.mm, comma=True, separator=";")
          ).encode("cp1252"), PULL,
@@ -270,7 +284,7 @@ def test_a_word_and_a_unit_are_added_by_a_line(write, monkeypatch):
     monkeypatch.setitem(columns.WORDS, "stress", list(columns.WORDS["stress"]))
     monkeypatch.setitem(columns.UNITS, "dyn/cm2", "0.1 Pa")
     text = "Strain (%),Voltage (kPa)\n" + rows(100 * PULL.strain, PULL.S / 1e3)
-    with pytest.raises(TensileError, match="no line names a deformation and a load"):
+    with pytest.raises(TensileError, match=r"no line names .*; above its numbers are the columns 1 'Strain \(%\)', 2 'Voltage"):
         read_curves(write(text))
     columns.register_words("stress", "Voltage")
     assert read_curves(write(text))[0].stress == pytest.approx(PULL.S, abs=1e-6)

@@ -93,6 +93,15 @@ def test_a_fitted_file_brings_its_errors(says, tmp_path):
     with (tmp_path / "out" / "scores.csv").open() as file:
         rows = {row["material"]: row for row in csv.DictReader(file)}
     assert rows["ecoflex-00-30"]["chi2_material"] == ""
+    with (tmp_path / "out" / "curves.csv").open() as file:
+        readings = [row for row in csv.DictReader(file) if row["material"] == "fit/fitted.toml"]
+    measured_Pa, predicted, low, high = (
+        np.array([float(row[f"{name}_Pa"]) for row in readings])
+        for name in ("measured", "predicted", "predicted_low", "predicted_high")
+    )
+    assert measured_Pa == pytest.approx(other.stress, rel=1e-6, abs=1e-3) and (low < predicted)[1:].all()
+    assert np.sqrt(np.mean((predicted - measured_Pa) ** 2)) == pytest.approx(float(rows["fit/fitted.toml"]["rms"]), rel=1e-6)
+    assert (high + low) / 2 == pytest.approx(predicted, rel=1e-7, abs=1e-3)
     fitted = {name: float(rows["fit/fitted.toml"][f"chi2_{name}"]) for name in ("per_value", "measurement", "material")}
     assert fitted["per_value"] > 2.0 and fitted["per_value"] - fitted["material"] < 1.3 and fitted["material"] > 0.5
     options = sm.FitOptions(stress_error="2%+0.2kPa", gauge_error=0.05)

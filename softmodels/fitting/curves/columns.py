@@ -6,9 +6,12 @@ to them by a line: ``columns.register_words("force", "kuvvet")``, ``columns.UNIT
 
 from __future__ import annotations
 
+import contextlib
+import csv
 import dataclasses
 import datetime
 import functools
+import itertools
 import math
 import re
 import unicodedata
@@ -39,17 +42,19 @@ DEFORMATIONS = ("stretch", "strain", "true-strain", "extension", "radius")  # th
 LOADS = ("stress", "true-stress", "force", "pressure")
 
 WORDS = {
-    "time": ["time", "elapsed", "*zeit", "temps", "tiempo", "tempo", "zaman"],
+    "time": ["time", "elapsed", "*zeit", "temps", "tiempo", "tempo", "zaman", "时间", "時間"],
     "stretch": ["stretch*", "lambda", "extension ratio", "streckgrad", "etirement"],
     "strain": ["strain", "elongation", "*dehnung", "allongement", "deformation", "verformung", "*stauchung",
-               "alargamiento", "allungamento", "birim uzama", "epsilon"],
+               "alargamiento", "allungamento", "birim uzama", "epsilon", "*应变"],
     "radius": ["radius", "rayon"],
-    "extension": ["extension", "extensometer", "verlangerung", "*langenanderung", "extensometre", "uzama",
+    "extension": ["extension", "extensometer", "verlangerung", "*langenanderung", "extensometre", "uzama", "伸长",
                   # the machine's way, which a column of the specimen's own is preferred to
                   "displacement", "crosshead", "stroke", "travel", "position", "distance", "traverse", "*weg", "course",
-                  "deplacement", "desplazamiento", "spostamento", "corsa"],
-    "stress": ["stress", "*spannung", "contrainte", "tension nominal", "esfuerzo", "sforzo", "gerilme", "sigma"],
-    "force": ["force", "load", "*kraft", "charge", "fuerza", "carga", "forza", "carico", "kuvvet"],
+                  "deplacement", "desplazamiento", "spostamento", "corsa",
+                  "位移", "変位"],
+    "stress": ["stress", "*spannung", "contrainte", "esfuerzo", "sforzo", "gerilme", "sigma", "*应力", "*応力"],
+    "force": ["force", "load", "*kraft", "charge", "fuerza", "carga", "forza", "carico", "kuvvet", "last",
+              "载荷", "荷重", "試験力"],
     "pressure": ["pressure", "druck", "uberdruck", "innendruck", "pression", "presion"],
 }  # fmt: skip
 """Words of headers by kind, the first kind with a word of the header being its own; without accents, in small letters. A star
@@ -69,7 +74,8 @@ SIZES = {
     "width": ["width", "*breite", "largeur", "ancho", "anchura", "larghezza"],
     "diameter": ["diameter", "*durchmesser", "diametre", "diametro"],
     "cross_section": ["area", "cross section", "cross sectional area", "*querschnitt", "*querschnittsflache", "section"],
-    "gauge_length": ["gauge length", "gage length", "*messlange", "longueur de reference", "longitud calibrada"],
+    "gauge_length": ["gauge length", "gage length", "tensile strain gauge length", "compressive strain gauge length",
+                      "*messlange", "longueur de reference", "longitud calibrada"],
     "length": ["length", "grip separation", "*einspannlange", "*lange", "longueur", "longitud", "lunghezza"],
 }  # fmt: skip
 """Sizes of the specimen above or beside a curve, by their names; a gauge length goes before a length."""
@@ -95,8 +101,8 @@ def register_words(kind: str, *words: str) -> None:
     _pattern.cache_clear()
 
 
-_COMPRESSION = re.compile(r"[ck]ompr[eéi]s|stauch|druc?k", re.IGNORECASE)
-_TENSION = re.compile(r"\btens(ile|ion)|\bzug|\btra[ck]tion|\btracci[oó]n|\btrazione", re.IGNORECASE)
+_COMPRESSION = re.compile(r"[ck]ompr[eéi]s|stauch|druc?k|压缩|圧縮", re.IGNORECASE)
+_TENSION = re.compile(r"\btens(ile|ion)|\bzug|拉伸|\btra[ck]tion|\btracci[oó]n|\btrazione", re.IGNORECASE)
 """What says in a header that positive numbers are compression, or tension; in the languages of test machines."""
 _CLOCK = re.compile(r"(?:(\d{4}-\d\d-\d\d)[ T])?(?:(\d+):)?(\d+):(\d+(?:[.,]\d+)?)")
 _TAIL = re.compile(
@@ -124,8 +130,8 @@ class CurveColumn:
     @property
     def sentence(self) -> str:
         """What is read from where, such as "strain from column 4 'Tensile strain (Extension)' in mm/mm"."""
-        unit = "" if self.unit in ("", NONE) else f" in {'%' if self.unit == 'percent' else self.unit}"
-        return f"{self.kind} from column {self.place + 1} {self.header!r}{unit}"
+        unit = {"percent": "%", NONE: "mm/mm", "": "" if KINDS[self.kind] else "mm/mm"}.get(self.unit, self.unit)
+        return f"{self.kind} from column {self.place + 1} {self.header!r}{unit and f' in {unit}'}"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -320,9 +326,21 @@ def _no_header(sheets: Sequence[tables.Worksheet], told: Mapping[str, tuple[str,
         names = " and ".join(repr(name) for name, _ in told.values())
         return TensileError(f"{where} of the file has the columns {names}")
     return TensileError(
-        f"{where} names a deformation and a load, such as 'strain (%)' and 'stress "
-        f"(MPa)'; choose the columns with --columns 'strain=1[%],stress=2[MPa]'"
+        f"{where} names a deformation and a load, such as 'strain (%)' and 'stress (MPa)'{_above_numbers(sheets)}; choose the "
+        "columns with --columns 'strain=1[%],stress=2[MPa]'"
     )
+
+
+def _above_numbers(sheets: Sequence[tables.Worksheet]) -> str:
+    """Return a clause with the cells above the first numbers; empty where there are none."""
+    for sheet in sheets:
+        with contextlib.suppress(csv.Error):
+            for (_, words), (_, row) in itertools.pairwise(sheet.rows):
+                if sum(map(_is_number, row)) > 1 and not any(map(_is_number, words)):
+                    cells = [f"{i} {cell.strip()!r}" for i, cell in enumerate(words, 1) if cell.strip()]
+                    more = f" and {len(cells) - 8} more" if len(cells) > 8 else ""
+                    return f"; above its numbers are the columns {', '.join(cells[:8])}{more}" if cells else ""
+    return ""
 
 
 def _form(block: _Block) -> tuple[str, ...]:
@@ -352,13 +370,13 @@ def _blocks(sheet: tables.Worksheet, told: Mapping[str, tuple[str, str | None]])
         return None
     blocks: list[_Block] = []
     above, ends = 0, [start - 1 for start, _ in heads[1:]]
-    for (start, known), end in zip(heads, [*ends, len(rows)], strict=True):
+    for (start, columns), end in zip(heads, [*ends, len(rows)], strict=True):
         last = end
-        while end in ends and last > start and not _is_numeric(rows[last - 1][1], known):
+        while end in ends and last > start and not _is_numeric(rows[last - 1][1], columns):
             last -= 1  # text above the next header
         sizes = sizes_of([row for _, row in rows[above : start - 1]]) or (blocks[-1].sizes if blocks else {})
         names = rows[start - 2][1] if start > 1 else ()
-        blocks.append(_Block(start, last, known, bool(told), sizes, names))
+        blocks.append(_Block(start, last, columns, bool(told), sizes, names))
         above = last
     return blocks
 
@@ -373,7 +391,9 @@ def sizes_of(rows: Sequence[Sequence[str]]) -> dict[str, float]:
     sizes: dict[str, float] = {}
     for i, row in enumerate(rows):
         for place, cell in enumerate(row):
-            label, _, rest = re.sub(r'^"|"$', "", cell.strip()).partition("=" if "=" in cell else ":")
+            # "Dimension : Width" is a heading with a name, "Width: 4 mm" a name with a value.
+            text = cell.strip().strip('"').rpartition(" : ")[2]
+            label, _, rest = text.partition("=" if "=" in text else ":")
             bracket = _BRACKET.findall(label)
             # A symbol behind the name (a0, b0, L0) is no part of it.
             bare = re.sub(r"\b(?:specimen|sample|initiale?)\b|\b[a-z][0-9o]?$", "", _plain(_BRACKET.sub(" ", label)))

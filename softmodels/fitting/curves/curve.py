@@ -8,7 +8,6 @@ import itertools
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -217,9 +216,17 @@ def read_curves(
     return [_curve_of(path, table, kind, bool(told), specimen or Specimen(), history, rate) for table in tables]
 
 
-def read_curve(path: Path, *args: Any, **more: Any) -> TensileCurve:
+def read_curve(
+    path: Path,
+    test: str = "uniaxial",
+    columns: str = "",
+    specimen: Specimen | None = None,
+    *,
+    history: bool = False,
+    rate: float | None = None,
+) -> TensileCurve:
     """Return the only curve of a file; see `read_curves`, also for the arguments."""
-    curves = read_curves(path, *args, **more)
+    curves = read_curves(path, test, columns, specimen, history=history, rate=rate)
     if len(curves) > 1:
         raise TensileError(f"{path}: it has {len(curves)} specimens, not one ({', '.join(curve.name for curve in curves[:5])})")
     return curves[0]

@@ -78,14 +78,17 @@ class _Task:
         judged = [residuals.on_yardstick(fit, fit.problem.sources) for fit in fits] if len(fits) > 1 else None  # type: ignore[arg-type]
         comparison = compare(fits, judged)
         laws = self._laws(fits, comparison, known)
-        report = FitReport(laws, comparison, tuple(self.curves), _fit_options(self.options), notes=tuple(self._notes(laws)))
+        report = FitReport(
+            laws, comparison, tuple(self.curves), _fit_options(self.options, self.is_sample), notes=tuple(self._notes(laws))
+        )
         report = self._compared(report, scale)
         return dataclasses.replace(report, curves=tuple(residuals.counted_from(self.curves, report.chosen.fit.values)))
 
     @functools.cached_property
     def is_sample(self) -> bool:
-        """Whether the curves are specimens whose scatter shows; else each has a factor of the usual size."""
-        return sample.is_sample(self.curves)
+        """Whether the curves are specimens whose scatter shows; else, or where such a factor is set, each has one of the usual
+        size."""
+        return sample.is_sample(self.curves) and not any(name.startswith("gauge") for name in self.options.changes)
 
     def _notes(self, laws: Sequence[FittedLaw]) -> list[str]:
         return sample.sentences(laws[0].fit, self.curves) if isinstance(laws[0].fit, sample.SampleFit) else []
@@ -109,7 +112,8 @@ class _Task:
             fit = fit_law_to_curves(choice, sources, extra, changes=changes, errors=self.errors, loss=loss, scale=scale)
             if self.is_sample:
                 again = sample.weighted_alike(fit)
-                fit = fit_law_to_curves(choice, again, extra, changes=changes, errors=self.errors)
+                scaled = None if loss == "linear" else 1.0  # the errors of the first fit's sources are
+                fit = fit_law_to_curves(choice, again, extra, changes=changes, errors=self.errors, loss=loss, scale=scaled)
                 fit = sample.SampleFit.of(fit, min(self.options.gauge_error, problem.LOAD_CELL_ERROR))
             fits.append(fit)
         return fits
@@ -507,10 +511,13 @@ def fit_curves(
     return task.report()
 
 
-def _fit_options(options: FitOptions) -> str:
+def _fit_options(options: FitOptions, sample: bool) -> str:
     size = {
         "auto": "weighted by 2 % of the stress and the curve's noise, scaled by the scatter",
         "constant": "unweighted least squares on the nominal stress, its error from the scatter",
     }.get(options.stress_error, f"stress error {options.stress_error}")
     robust = ", outliers counted by their size" if options.robust else ""
-    return f"{size}{robust}{options.gauge_words}; Poisson's ratio {options.poisson:g} is given, not fitted"
+    gauge = (
+        f", a load cell's factor of 1 +- {100 * problem.LOAD_CELL_ERROR:g} % common to all tests" if options.gauge_error else ""
+    )
+    return f"{size}{robust}{gauge if sample else options.gauge_words}; Poisson's ratio {options.poisson:g} is given, not fitted"

@@ -19,11 +19,11 @@ from softmodels.common import names
 from softmodels.common.arrays import Array
 from softmodels.fitting import least_squares
 from softmodels.fitting.curves.curve import TensileCurve
-from softmodels.fitting.curves.residuals import TensileResiduals
+from softmodels.fitting.curves.residuals import ORIGIN, TensileResiduals
 
 MIN_SPECIMENS = 3
 """Least number of curves of each kind of test that are a sample: two show no scatter to rely on."""
-LEAST_SCATTER, SIGNIFICANCE = 0.01, 0.05
+LEAST_SCATTER, SIGNIFICANCE_LEVEL = 0.01, 0.05
 """Least scatter between specimens, as a share of the stress, by which one of them is found to differ; and the share of samples
 of like specimens in which one is named nevertheless."""
 
@@ -63,13 +63,23 @@ class SampleFit(least_squares.LeastSquaresFit):
 
     @functools.cached_property
     def between(self) -> Array:
-        """Covariance of the mean by the scatter between the specimens, shape (m, m); nan for parameters at a bound."""
-        inside, n = self.inside, self.specimens
+        """Covariance of the mean by the scatter between the specimens, shape (m, m); nan for parameters at a bound. What a
+        specimen has of its own, its slack and the load cell's zero, is uncertain by its own readings."""
+        inside, n = [i for i in self.inside if not self.free[i].name.startswith(ORIGIN)], self.specimens
+        private = [i for i in self.inside if i not in inside]
         full = np.full((len(self.free), len(self.free)), np.nan)
+        if private:
+            full[np.ix_(private, private)] = self._sandwich(self.jacobian[:, self.inside])[
+                np.ix_(*2 * [[self.inside.index(i) for i in private]])
+            ]
+            full[np.ix_(private, inside)] = full[np.ix_(inside, private)] = 0.0
         if not inside:
             return full
         psi, slope = self.influence
         J = self.jacobian[:, inside]
+        if private:  # Frisch & Waugh 1933
+            Q = np.linalg.qr(self.jacobian[:, private])[0]
+            J = J - Q @ (Q.T @ J)
         size = np.linalg.norm(J, axis=0)
         size[size == 0.0] = 1.0
         J, labels = J / size, np.array(self.rows.groups)
@@ -131,7 +141,7 @@ def sentences(fit: SampleFit, curves: Sequence[TensileCurve]) -> list[str]:
         rest = np.delete(logs, worst)
         spread = max(float(np.std(rest, ddof=1)), LEAST_SCATTER)
         t = abs(float(logs[worst] - rest.mean())) / (spread * math.sqrt(1 + 1 / len(rest)))
-        if 2 * n * (1 - stdtr(n - 2, t)) < SIGNIFICANCE:
+        if 2 * n * (1 - stdtr(n - 2, t)) < SIGNIFICANCE_LEVEL:
             made.append(
                 f"{group[worst][0]} differs from the other specimens: its stress is {math.exp(logs[worst] - rest.mean()):.3g} "
                 f"times theirs, which scatter by {100 * float(np.std(rest, ddof=1)):.2g} %; check its sizes, or leave it out"
