@@ -174,11 +174,14 @@ class ImportedPart(Actuator):
             return []
         if inner >= self.cavity_count and not self.inlets:
             return []
-        spaces = air_spaces(*surface())
         points = [point("cavities", text) for text in self.cavities if re.match(r"\s*at\b", text)]
-        if points:
-            spaces = [space for space in spaces if any(space.holds(place) for place in points)]
-        openings = [opening for space in spaces for opening in space.inlets]
+
+        def search() -> dict[str, Array]:
+            spaces = [space for space in air_spaces(*surface()) if not points or any(map(space.holds, points))]
+            return {"openings": np.array([opening.row for space in spaces for opening in space.inlets]).reshape(-1, 9)}
+
+        key = ("openings", self.digest(), points, getattr(self, "unit", ""))
+        openings = [Inlet.from_row(row) for row in meshing.cached_arrays(key, search)["openings"].tolist()]
         if not self.inlets:
             return openings
         named = []
@@ -1330,8 +1333,13 @@ def _is_closed(file: str, arrays: Any, unit: float) -> tuple[NDArray[np.float64]
 
 def _meshed_solid(file: str, surface: Surface, cell_size: float) -> mesh_arrays.Tetrahedra:
     """Return the solid between the surfaces of an STL file, meshed."""
-    try:
+
+    def fill() -> dict[str, Array]:
         nodes, cells = meshing.apart(_fill, *surface, cell_size)
+        return {"nodes": nodes, "cells": cells}
+
+    try:
+        nodes, cells = meshing.cached_arrays(("filled", *(array.tobytes() for array in surface), cell_size), fill).values()
     except MeshingError as error:
         raise GeometryError(
             f"the solid between the surfaces of {file} cannot be meshed ({error}); look for surfaces that touch or cross each "
