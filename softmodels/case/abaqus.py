@@ -61,6 +61,11 @@ def import_model(file: Path, folder: Path, unit: str = "mm", stress: str = "", p
         CaseError: A law that is not read, or nothing that holds the part or presses on it.
         GeometryError: A mesh or surface that cannot be used.
     """
+    if file.suffix.lower() != ".inp":
+        raise CaseError(
+            f"file {file} is no deck (.inp); other meshes and drawings need no import: softmodels run --device ImportedMesh, or "
+            "ImportedActuator for STEP"
+        )
     try:
         text = files.read_file(file, files.MAX_GEOMETRY_BYTES).decode("utf-8", errors="replace")
     except OSError as error:
@@ -280,8 +285,8 @@ class _Model:
 
     def _face(self, target: str) -> str | None:
         """Return the file's name of a set of nodes or a surface, as the mesh has it."""
-        plain = target.upper()
-        return next((name for name in self.mesh.faces if name.upper() == plain), None)
+        known = {name.upper(): name for name in self.mesh.faces}
+        return known.get(target.upper()) or known.get(target.upper().rpartition(".")[2])  # of the only instance
 
     def _label(self, name: str) -> str:
         """Return the case's name of a face."""

@@ -7,6 +7,7 @@ import subprocess
 import gmsh
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import softmodels as sm
 from geometries import abaqus as deck_reader
@@ -15,6 +16,7 @@ from geometries.meshing import private_model
 from softmodels.case import abaqus
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
+from softmodels.cli.exports import import_command
 from softmodels.common.errors import GeometryError
 from softmodels.path import steps
 from tests.support import decks
@@ -311,6 +313,24 @@ def test_what_cannot_be_read_is_refused(tmp_path, change, words):
     (tmp_path / "one.inp").write_text(text.replace(*change))
     with pytest.raises((CaseError, GeometryError), match=words):
         abaqus.import_model(tmp_path / "one.inp", tmp_path)
+
+
+def test_other_files_are_no_decks(tmp_path):
+    with pytest.raises(CaseError, match=r"part.msh is no deck .*softmodels run .*ImportedMesh"):
+        abaqus.import_model(tmp_path / "part.msh", tmp_path)
+
+
+def test_the_command_writes_a_case_and_what_it_leaves_out(block, tmp_path):
+    """And no file of somebody else's, nor the deck itself, is replaced."""
+    folder, _ = block
+    run = CliRunner().invoke(import_command, [str(folder / "block.inp"), "-o", str(tmp_path / "block.toml")])
+    assert run.exit_code == 0, run.output
+    assert Case.from_file(tmp_path / "block.toml").material.c1 == pytest.approx(50e3)
+    (tmp_path / "other.toml").write_text("mine = 1\n")
+    for target in (folder / "block.inp", tmp_path / "other.toml"):
+        before = target.read_bytes()
+        assert CliRunner().invoke(import_command, [str(folder / "block.inp"), "-o", str(target)]).exit_code != 0
+        assert target.read_bytes() == before
 
 
 def test_ties_of_unlike_meshes_are_refused(block):
