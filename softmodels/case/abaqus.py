@@ -63,8 +63,8 @@ def import_model(file: Path, folder: Path, unit: str = "mm", stress: str = "", p
     """
     if file.suffix.lower() != ".inp":
         raise CaseError(
-            f"file {file} is no deck (.inp); other meshes and drawings need no import: softmodels run --device ImportedMesh, or "
-            "ImportedActuator for STEP"
+            f"file {file} is no deck (.inp); other meshes and drawings need no import: softmodels run --device ImportedMesh, "
+            "or ImportedActuator for STEP"
         )
     try:
         text = files.read_file(file, files.MAX_GEOMETRY_BYTES).decode("utf-8", errors="replace")
