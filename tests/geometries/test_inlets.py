@@ -149,7 +149,7 @@ def test_a_plugged_part_bends_as_one_drawn_closed(tmp_path):
 
 @pytest.mark.campaign
 def test_cells_that_miss_the_air_of_a_surface_are_said(tmp_path, monkeypatch):
-    """A ball of air with an inlet: the file's air is that of the ball and what is left of the bore; less in the cells is said."""
+    """A ball of air with an inlet: the file's air is that of the ball and the rest of the bore; less in the cells is said."""
     import meshio
 
     ball = OpenPart((20.0, 20.0, 20.0), (((10.0, 10.0, 10.0, 6.0),),), ((Bore((0.0, 10.0, 10.0), (1.0, 0.0, 0.0), 1.2, 8.0),),))
