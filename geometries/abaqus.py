@@ -14,8 +14,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from geometries import mesh_arrays
+from geometries.mesh_arrays import Ints
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
 from softmodels.common.lazy import scipy
@@ -83,7 +85,7 @@ class Deck:
         elif keyword == "SOLID SECTION":
             self._add("sections", options["MATERIAL"], [options["ELSET"]])
         else:
-            self.cards.append(Card(number, keyword, options, lines))
+            self.cards.append(Card(number, keyword, dict(options), lines))
             for _, (elset, *load) in lines if keyword == "DLOAD" else ():
                 if load and re.fullmatch(r"P\d", load[0].upper()):  # pressure on sides of elements, a surface without a name
                     self._add("surfaces", dload_surface(load[1]), [(elset, f"S{load[0][1]}")])
@@ -176,9 +178,9 @@ class Deck:
             for tie in ties:
                 for line in tie.lines:
                     self._weld(line, read, offsets, points, same)
-        groups = {kind: defaultdict[str, list[Array]](list) for kind in ("node_sets", "faces", "cell_sets", "sections")}
-        elements = defaultdict[str, list[Array]](list)
-        numbers = defaultdict[str, list[Array]](list)
+        groups = {kind: defaultdict[str, list[Ints]](list) for kind in ("node_sets", "faces", "cell_sets", "sections")}
+        elements = defaultdict[str, list[Ints]](list)
+        numbers = defaultdict[str, list[Ints]](list)
         for i, (body, offset) in enumerate(zip(read, offsets, strict=False)):
             for kind in ("node_sets", "faces"):
                 for key, rows in getattr(body, kind).items():
@@ -195,12 +197,12 @@ class Deck:
         self,
         meshio: Any,
         points: Array,
-        groups: Mapping[str, Mapping[str, list[Array]]],
-        elements: Mapping[str, list[Array]],
-        numbers: Mapping[str, list[Array]],
+        groups: Mapping[str, Mapping[str, list[Ints]]],
+        elements: Mapping[str, list[Ints]],
+        numbers: Mapping[str, list[Ints]],
     ) -> Any:
         """Return elements by shape, their bodies and numbers, and names as a mesh."""
-        blocks, owners = list[tuple[str, Array]](), list[Array]()
+        blocks, owners = list[tuple[str, Ints]](), list[Ints]()
         whole = {shape: np.concatenate(rows) for shape, rows in elements.items()}
         middles, points = with_middles(whole, points)
         for shape, rows in whole.items():
@@ -222,7 +224,7 @@ class Deck:
             cell_sets={key: [np.flatnonzero(_among(owner, members)) for owner in owners] for key, members in sets.items()},
         )
 
-    def _weld(self, line: Line, bodies: list[_Body], offsets: Array, points: Array, same: Array) -> None:
+    def _weld(self, line: Line, bodies: list[_Body], offsets: Ints, points: Array, same: Ints) -> None:
         """Join the nodes of two tied surfaces in ``same``; `GeometryError` if they do not coincide."""
         number, names = line
         sides = []
@@ -326,7 +328,7 @@ class Shape:
         return [self.corners + i for i, edge in enumerate(self.edges) if set(edge) <= set(side)]
 
     @property
-    def between(self) -> Array:
+    def between(self) -> Ints:
         """Which node lies between two corners, of an edge or by the middles that follow its nodes: of squares, and its own."""
         between = np.zeros((self.corners, self.corners), dtype=np.int64)
         pairs = dict(zip(map(tuple, self.edges), range(self.corners, self.nodes), strict=True))
@@ -397,7 +399,7 @@ def dload_surface(magnitude: str) -> str:
     return f"DLOAD {magnitude}"
 
 
-def split(shape: str, cells: Array, middles: Array | None = None) -> tuple[Array, Array]:
+def split(shape: str, cells: Ints, middles: Ints | None = None) -> tuple[Ints, Ints]:
     """Return the triangles or tetrahedra of elements of a shape (n, nodes), and the element that each is of; elements of second
     order need their middles, see `with_middles`.
 
@@ -425,13 +427,13 @@ def split(shape: str, cells: Array, middles: Array | None = None) -> tuple[Array
     return np.take_along_axis(cells[owner], local, axis=1), owner
 
 
-def _from_lowest(corners: Array, side: Array) -> Array:
+def _from_lowest(corners: Ints, side: Ints) -> Ints:
     """Return the corners of one side of elements by their places, beginning with that of the lowest number."""
     first = corners[:, side].argmin(axis=1)
     return np.asarray(side[(first[:, None] + np.arange(len(side))) % len(side)])
 
 
-def with_middles(elements: Mapping[str, Array], points: Array) -> tuple[dict[str, Array], Array]:
+def with_middles(elements: Mapping[str, Ints], points: Array) -> tuple[dict[str, Ints], Array]:
     """Return the nodes to add to hexahedra and wedges of second order, in the middles of their squares, once for two that
     share one, and of hexahedra themselves; and the points with these."""
     own = {shape: cells for shape, cells in elements.items() if SHAPES[shape].edges and SHAPES[shape].squares}
@@ -458,7 +460,7 @@ def with_middles(elements: Mapping[str, Array], points: Array) -> tuple[dict[str
     return middles, points
 
 
-def _halved(sides: Array) -> Array:
+def _halved(sides: Ints) -> Ints:
     """Return the triangles (t, 3) of sides (n, 4), of which triangles repeat their last corner, split as elements are."""
     turned = np.take_along_axis(sides, _from_lowest(sides, np.arange(4)), axis=1)
     halves = np.concatenate([turned[:, [0, 1, 2]], turned[:, [0, 2, 3]]])
@@ -466,7 +468,7 @@ def _halved(sides: Array) -> Array:
     return halves[(ends[:, 0] != ends[:, 1]) & (ends[:, 1] != ends[:, 2])]
 
 
-def _among(owner: Array, members: Array) -> Array:
+def _among(owner: Ints, members: Ints) -> NDArray[np.bool_]:
     """Return which rows of pairs of body and number are among others."""
     shift = 1 + max(int(owner[:, 1].max(initial=0)), int(members[:, 1].max(initial=0)))
     return np.isin(owner[:, 0] * shift + owner[:, 1], members[:, 0] * shift + members[:, 1])
@@ -485,11 +487,11 @@ class _Body:
     scope: Scope
     points: Array
     row: dict[int, int]
-    elements: dict[str, tuple[Array, Array]]
-    node_sets: dict[str, Array]
-    faces: dict[str, Array]
-    cell_sets: dict[str, Array]
-    sections: dict[str, Array]
+    elements: dict[str, tuple[Ints, Ints]]
+    node_sets: dict[str, Ints]
+    faces: dict[str, Ints]
+    cell_sets: dict[str, Ints]
+    sections: dict[str, Ints]
 
     @classmethod
     def of(cls, deck: Deck, name: str, scope: Scope) -> _Body:
@@ -525,7 +527,7 @@ class _Body:
         points = _placed_nodes(points, deck.places.get(name, []))
         return cls(name, scope, points, row, elements, node_sets, faces, cell_sets, sections)
 
-    def nodes_of(self, deck: Deck, surface: str) -> Array:
+    def nodes_of(self, deck: Deck, surface: str) -> Ints:
         """Return the rows of the nodes of a surface, those inside edges among them; empty where it has none here."""
         rows = set[int]()
         for _, where, text in deck._names(self.name, self.scope, "surfaces"):

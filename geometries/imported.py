@@ -161,10 +161,18 @@ class ImportedPart(Actuator):
 
     @property
     def remarks(self) -> tuple[str, ...]:  # type: ignore[override]
-        return tuple(
+        reading = self.reading
+        remarks = [
             f"the opening {plug.text} is closed by a plug {1e3 * plug.length:.2g} mm long; --inlets none leaves it open"
-            for plug in self.reading.plugs
-        )
+            for plug in reading.plugs
+        ]
+        share = sum(reading.cavity_volumes) / reading.air_on_file - 1.0 if reading.air_on_file else 0.0
+        if abs(share) > SURFACE_VOLUME_TOLERANCE:
+            remarks.append(
+                f"the cavities have {abs(share):.2%} {'more' if share > 0 else 'less'} volume in these cells than in the file; "
+                "use smaller ones (--cell-size)"
+            )
+        return tuple(remarks)
 
     def to_close(self, inner: int, surface: Callable[[], Surface]) -> list[Inlet]:
         """Return the openings to close in a part with a number of closed inner shells, whose closed surface (corners in m, and
@@ -174,11 +182,14 @@ class ImportedPart(Actuator):
             return []
         if inner >= self.cavity_count and not self.inlets:
             return []
-        spaces = air_spaces(*surface())
         points = [point("cavities", text) for text in self.cavities if re.match(r"\s*at\b", text)]
-        if points:
-            spaces = [space for space in spaces if any(space.holds(place) for place in points)]
-        openings = [opening for space in spaces for opening in space.inlets]
+
+        def search() -> dict[str, Array]:
+            spaces = [space for space in air_spaces(*surface()) if not points or any(map(space.holds, points))]
+            return {"openings": np.array([opening.row for space in spaces for opening in space.inlets]).reshape(-1, 9)}
+
+        key = ("openings", self.digest(), points, getattr(self, "unit", ""))
+        openings = [Inlet.from_row(row) for row in meshing.cached_arrays(key, search)["openings"].tolist()]
         if not self.inlets:
             return openings
         named = []
@@ -242,6 +253,8 @@ class ImportedPart(Actuator):
 
 MAIN = "solid"
 """Region of a file with one solid."""
+SURFACE_VOLUME_TOLERANCE = 5e-3
+"""Share of the air's volume by which cells may miss that of the file's surface without a remark."""
 NONE = "none"
 """What ``cavities`` says of a solid part."""
 
@@ -263,6 +276,8 @@ class Reading:
     cavity_volumes: tuple[float, ...]
     regions: tuple[str, ...] = ()
     plugs: tuple[Inlet, ...] = ()
+    air_on_file: float = 0.0
+    """Volume in m3 of the air within a file's closed surface, if that had inlets; its cells may follow it less closely."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -608,7 +623,10 @@ class Boundary(abc.ABC):
         for i, text in enumerate(part.cavities[: part.cavity_count]):
             wall = self._wall(text, pieces, left)
             if np.isin(outside, wall).any():
-                raise GeometryError(f"cavities has {text!r}; that is outside the part, or its cavity is open to the outside")
+                cut = "; inlets of a part that is cut are not found, so close them where it is drawn" if part.planes else ""
+                raise GeometryError(
+                    f"cavities has {text!r}; that is outside the part, or its cavity is open to the outside{cut}"
+                )
             if not np.isin(wall, left).all():
                 raise GeometryError(f"cavities has {text!r}; that cavity is already selected")
             take(cavity_role(i), wall)
@@ -1330,8 +1348,13 @@ def _is_closed(file: str, arrays: Any, unit: float) -> tuple[NDArray[np.float64]
 
 def _meshed_solid(file: str, surface: Surface, cell_size: float) -> mesh_arrays.Tetrahedra:
     """Return the solid between the surfaces of an STL file, meshed."""
-    try:
+
+    def fill() -> dict[str, NDArray[Any]]:
         nodes, cells = meshing.apart(_fill, *surface, cell_size)
+        return {"nodes": np.asarray(nodes), "cells": np.asarray(cells)}
+
+    try:
+        nodes, cells = meshing.cached_arrays(("filled", *(array.tobytes() for array in surface), cell_size), fill).values()
     except MeshingError as error:
         raise GeometryError(
             f"the solid between the surfaces of {file} cannot be meshed ({error}); look for surfaces that touch or cross each "
@@ -1591,13 +1614,19 @@ def _parts_of(file: str, mesh: mesh_arrays.Tetrahedra) -> dict[str, str]:
 def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra, Reading]:
     """Read the file and check every choice against it. Another digest, of another content, is another reading."""
     plugs: list[Inlet] = []
+    air = 0.0
 
     def close(surface: Surface) -> Surface:
         points, triangles = surface
         edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]]])
         shells = len(np.unique(actuator.joined(edges, len(points))[triangles[:, 0]]))
         plugs.extend(part.to_close(shells - 1, lambda: surface))
-        return plugged(surface, plugs) if plugs else surface
+        if not plugs:
+            return surface
+        nonlocal air
+        closed = plugged(surface, plugs)
+        air = mesh_arrays.enclosed_air(*closed)
+        return closed
 
     mesh = read_mesh(part.file, UNITS[part.unit], part.cell_size, close)
     if not 1e-5 < mesh.extent < 10.0:
@@ -1610,4 +1639,4 @@ def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra,
     normals = boundary.outward(roles)
     mesh = put_on_planes(mesh, roles, normals)
     volumes = cavity_volumes(part, mesh, roles)
-    return mesh, Reading(normals, gauge(part, mesh, roles), mesh.volume, volumes, plugs=tuple(plugs))
+    return mesh, Reading(normals, gauge(part, mesh, roles), mesh.volume, volumes, plugs=tuple(plugs), air_on_file=air)

@@ -51,6 +51,16 @@ class Inlet:
     length: float
 
     @property
+    def row(self) -> list[float]:
+        """Its numbers in one row, which `from_row` takes back."""
+        return [*self.place, *self.axis, self.radius, self.reach, self.length]
+
+    @classmethod
+    def from_row(cls, row: Sequence[float]) -> Inlet:
+        """Return the inlet of a row of numbers."""
+        return cls(_vector(row[:3]), _vector(row[3:6]), *row[6:])
+
+    @property
     def text(self) -> str:
         """Radius and place, for a message."""
         x, y, z = (round(1e3 * value, 1) + 0.0 for value in self.place)

@@ -22,6 +22,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import zipfile
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -534,14 +535,36 @@ def cache_mesh(actuator: Meshable, path: Path) -> None:
     """Keep the mesh in a file as a device's."""
     with contextlib.suppress(OSError, RuntimeError):
         if (kept := _place(actuator)) is not None:
-            kept.parent.mkdir(parents=True, exist_ok=True)
-            partial = kept.with_name(f".{kept.name}-{os.getpid()}")
-            try:
-                shutil.copyfile(path, partial)
-                partial.replace(kept)
-            finally:
-                partial.unlink(missing_ok=True)
-            _forget_old(kept.parent)
+            _keep(kept, lambda partial: shutil.copyfile(path, partial))
+
+
+def cached_arrays(key: object, make: Callable[[], dict[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
+    """Return arrays by name that are kept beside the meshes under a key, whose text has all that they depend on; made where
+    they are not."""
+    name = f"{hashlib.sha256(repr((key, _mesher_versions())).encode()).hexdigest()[:32]}.npz"
+    with contextlib.suppress(OSError, RuntimeError, ValueError, zipfile.BadZipFile), np.load(folder() / name) as kept:
+        return dict(kept)
+    arrays = make()
+
+    def write(partial: Path) -> None:
+        with partial.open("wb") as stream:
+            np.savez(stream, **arrays)  # type: ignore[arg-type]  # no name of these is one of its options
+
+    with contextlib.suppress(OSError, RuntimeError):
+        _keep(folder() / name, write)
+    return arrays
+
+
+def _keep(kept: Path, write: Callable[[Path], object]) -> None:
+    """Write a file of the cache whole, and take away what is beyond its size."""
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    partial = kept.with_name(f".{kept.name}-{os.getpid()}")
+    try:
+        write(partial)
+        partial.replace(kept)
+    finally:
+        partial.unlink(missing_ok=True)
+    _forget_old(kept.parent)
 
 
 def _place(actuator: Meshable) -> Path | None:
@@ -564,7 +587,7 @@ def _mesher_versions() -> str:
 
 
 def _forget_old(place: Path) -> None:
-    kept_files = sorted(((file.stat().st_mtime, file.stat().st_size, file) for file in place.glob("*.msh")), reverse=True)
+    kept_files = sorted(((file.stat().st_mtime, file.stat().st_size, file) for file in place.glob("*.[mn]*")), reverse=True)
     total = 0
     for _, size, file in kept_files:
         total += size

@@ -6,4 +6,5 @@ Begin with `case`. A field of `Case` names its entry in `entries`, from which co
 - `entries`: fields as text; named points and angles.
 - `load`: load steps from files, options and calls. `materials`: materials as text, their errors, regions; tables of what is
   added; the user's own Python files.
+- `abaqus`: the case of a deck of Abaqus or CalculiX.
 """

@@ -7,6 +7,7 @@ seconds. What is not read is listed with its line, so that nothing is lost in si
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
@@ -60,6 +61,11 @@ def import_model(file: Path, folder: Path, unit: str = "mm", stress: str = "", p
         CaseError: A law that is not read, or nothing that holds the part or presses on it.
         GeometryError: A mesh or surface that cannot be used.
     """
+    if file.suffix.lower() != ".inp":
+        raise CaseError(
+            f"file {file} is no deck (.inp); other meshes and drawings need no import: softmodels run --device ImportedMesh, "
+            "or ImportedActuator for STEP"
+        )
     try:
         text = files.read_file(file, files.MAX_GEOMETRY_BYTES).decode("utf-8", errors="replace")
     except OSError as error:
@@ -185,9 +191,9 @@ class _Model:
             return laws.Ogden.from_two_mu(mu, alpha, self._poisson(sum(mu), compress[0]))
         own = [pascal * value for value in own]
         if kind in ("MOONEY RIVLIN", "POLYNOMIAL"):
-            return laws.MooneyRivlin(*own, self._poisson(2 * sum(own), compress[0]))
+            return laws.MooneyRivlin(own[0], own[1], poisson=self._poisson(2 * sum(own), compress[0]))
         c1, c2, c3 = (*own, 0.0, 0.0)[:3]
-        return laws.Yeoh(c1, c2, c3, self._poisson(2 * c1, compress[0]))
+        return laws.Yeoh(c1, c2, c3, poisson=self._poisson(2 * c1, compress[0]))
 
     def _poisson(self, mu: float, compressibility: float) -> float:
         """Return Poisson's ratio of a shear modulus (Pa) and the D of an energy (J - 1)^2/D in the deck's unit."""
@@ -222,11 +228,12 @@ class _Model:
             self.remarks.append(f"{bare} cells have no *Solid section; they take the material {main}")
         self.main = main
         tables: dict[str, dict[str, object]] = {"material": materials.to_table(silicones[main])}
-        regions = {sets[name]: materials.to_table(silicones[name]) for name in others}
         for name in others:
+            table = materials.to_table(silicones[name])
             if name in densities:
-                regions[sets[name]]["density"] = units.exact_text(densities[name], "kg/m^3")
-        return tables | ({"region": regions} if regions else {})
+                table["density"] = units.exact_text(densities[name], "kg/m^3")
+            tables.setdefault("region", {})[sets[name]] = table
+        return tables
 
     # ------------------------------------------------------------------------------------------------------------------
     # Supports and loads.
@@ -235,9 +242,9 @@ class _Model:
         """Add the support and the cut planes to the geometry, and return the tables of further clamps."""
         held = defaultdict[str, set[int]](set)
         for card in self.deck.cards:
-            if card.keyword != "BOUNDARY" or any(words[0].upper() in self._cavities() for _, words in card.lines):
-                continue
-            for number, (target, *rest) in card.lines:
+            for number, (target, *rest) in card.lines if card.keyword == "BOUNDARY" else ():
+                if target.upper() in self._cavities():
+                    continue
                 where = f"*Boundary (line {number}) of {target}"
                 free, value = _components(rest)
                 if value:
@@ -278,8 +285,8 @@ class _Model:
 
     def _face(self, target: str) -> str | None:
         """Return the file's name of a set of nodes or a surface, as the mesh has it."""
-        plain = target.upper()
-        return next((name for name in self.mesh.faces if name.upper() == plain), None)
+        known = {name.upper(): name for name in self.mesh.faces}
+        return known.get(target.upper()) or known.get(target.upper().rpartition(".")[2])  # of the only instance
 
     def _label(self, name: str) -> str:
         """Return the case's name of a face."""
@@ -310,11 +317,13 @@ class _Model:
             for number, words in card.lines if card.keyword == "DLOAD" else ():
                 if len(words) > 1 and words[1].upper() == "GRAV":
                     acceleration, *way = (_number(word) for word in words[2:6])
-                    density = {"density": units.exact_text(densities[self.main], "kg/m^3")} if self.main in densities else {}
                     tables["gravity"] = {
                         "direction": ", ".join(f"{x:.12g}" for x in way),
                         "magnitude": units.exact_text(acceleration * self.metre, "m/s^2"),
-                    } | density
+                    }
+                    self.remarks.append("gravity acts from the beginning, whatever its step")
+                    if self.main in densities:
+                        tables["gravity"]["density"] = units.exact_text(densities[self.main], "kg/m^3")
                 elif len(words) > 1 and not words[1].upper().startswith("P"):
                     self.unread[f"*Dload (line {number}): {words[1]}"] = 1
         pressed = list(dict.fromkeys(surface for step in steps for surface in step))
@@ -331,13 +340,17 @@ class _Model:
         if not top:
             raise CaseError(f"file {self.file}: its pressures are 0")
         ratios = largest / top
-        if not np.allclose(history, np.outer(history @ ratios / (ratios @ ratios), ratios), rtol=0, atol=1e-9 * abs(top)):
-            self.remarks.append("the ratio of the cavities' pressures varies between the steps; that of the highest is kept")
+        shares = history @ ratios / (ratios @ ratios)
+        if not np.allclose(history, np.outer(shares, ratios), rtol=0, atol=1e-9 * abs(top)):
+            return {
+                f"cavity{i}": {"pressure": ["0 Pa", *(units.exact_text(value, "Pa") for value in series)]}
+                for i, series in enumerate(history.T.tolist(), 1)
+            }
         if len(ratios) > 1:
             geometry["pressure_ratios"] = ratios.tolist()
-        values = [value for value in (history @ ratios / (ratios @ ratios)).tolist() if value]
+        values = [value for value, _ in itertools.groupby([0.0, *shares.tolist()])][1:]  # a step may change something else
         if len(values) == 1:
-            return {"pressure": f"0:{units.exact_text(values[0], 'Pa')}"}
+            return {"pressure": f"0:{units.exact_text(values[0], 'Pa')}"}  # in as many steps as it takes
         return {"pressure": ["0 Pa", *(units.exact_text(value, "Pa") for value in values)]}
 
     def _pressures(self, card: Card) -> Iterator[tuple[str, float]]:

@@ -7,6 +7,7 @@ import subprocess
 import gmsh
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import softmodels as sm
 from geometries import abaqus as deck_reader
@@ -15,7 +16,9 @@ from geometries.meshing import private_model
 from softmodels.case import abaqus
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
+from softmodels.cli.exports import import_command
 from softmodels.common.errors import GeometryError
+from softmodels.path import steps
 from tests.support import decks
 
 
@@ -243,6 +246,46 @@ def test_steps_gravity_and_a_guided_face_are_read(tmp_path):
     assert made.unread == (f"*Damping (line {line_of(tmp_path / 'one.inp', '*Damping, alpha=1')})",)
 
 
+def test_a_fluid_cavity_has_the_pressure_of_its_node(tmp_path):
+    """And one line of *Boundary may be a pressure, the other a support."""
+    text = decks_of_one("*Hyperelastic, neo hooke\n0.1, 0.").replace(
+        "*DSLOAD\nInside, P, 0.01", "*BOUNDARY\nRef, 8, 8, 0.02\nFoot, 1, 3"
+    )
+    text = text.replace("*DSLOAD\nInside, P, 0.03\n", "").replace("Foot, ENCASTRE\n", "Foot, 1\n")
+    text = text.replace("*MATERIAL", "*FLUID CAVITY, NAME=Air, REF NODE=Ref, SURFACE=Inside\n*MATERIAL")
+    (tmp_path / "one.inp").write_text(text)
+    case = abaqus.import_model(tmp_path / "one.inp", tmp_path).case
+    assert case.actuator.cavities == ("named Inside",)
+    assert case.actuator.support.lower() == "named foot" and list(case.values)[-1] == pytest.approx(2e4)
+
+
+def test_cavities_may_have_steps_of_their_own(tmp_path):
+    """Two surfaces of one chamber's walls would be one cavity; of two blocks they are two, each with its series."""
+    text = decks_of_one("*Hyperelastic, neo hooke\n0.1, 0.")
+    lines = text.splitlines()
+    cells = [line for line in lines[lines.index("*ELEMENT, TYPE=C3D8H, ELSET=Cube") + 1 :] if line[0].isdigit()][:26]
+    shifted = [", ".join(str(int(n) + (0 if k == 0 else 64)) for k, n in enumerate(line.split(", "))) for line in cells]
+    shifted = [f"{int(line.split(', ')[0]) + 26}, {line.split(', ', 1)[1]}" for line in shifted]
+    nodes = [line for line in lines[1:] if line.count(",") == 3][:64]
+    moved = [f"{int(a) + 64}, {float(x) + 3}, {y}, {z}" for a, x, y, z in (line.split(", ") for line in nodes)]
+    # The second cube shares the first one's face at x = 3: its nodes there are the first one's.
+    same = {int(a.split(", ")[0]): int(b.split(", ")[0]) for a in moved for b in nodes
+            if [float(v) for v in a.split(", ")[1:]] == [float(v) for v in b.split(", ")[1:]]}  # fmt: skip
+    shifted = [
+        ", ".join([line.split(", ")[0], *(str(same.get(int(n), int(n))) for n in line.split(", ")[1:])]) for line in shifted
+    ]
+    inside = [line for line in lines if line.endswith(("S1", "S2", "S3", "S4", "S5", "S6"))]
+    second = ["*SURFACE, NAME=Other", *(f"{int(line.split(',')[0]) + 26},{line.split(',')[1]}" for line in inside)]
+    text = text.replace("*ELEMENT, TYPE", "\n".join(moved) + "\n*ELEMENT, TYPE")
+    text = text.replace("*SURFACE, NAME=Inside", "\n".join(shifted) + "\n*SURFACE, NAME=Inside")
+    text = text.replace("*NSET, NSET=Foot", "\n".join(second) + "\n*NSET, NSET=Foot")
+    text = text.replace("Inside, P, 0.03", "Inside, P, 0.01\nOther, P, 0.02")
+    (tmp_path / "two.inp").write_text(text)
+    case = abaqus.import_model(tmp_path / "two.inp", tmp_path).case
+    assert case.actuator.cavity_volume == pytest.approx(2e-9)
+    assert [list(course.values) for course in steps.courses(case.steps)] == [[0.0, 1e4, 1e4], [0.0, 0.0, 2e4]]
+
+
 def test_branches_are_of_the_relaxed_modulus(tmp_path):
     """Abaqus' shares are of the instantaneous one; laws may be given as either."""
     prony = "*Viscoelastic, time=PRONY\n0.2, 0., 0.5\n0.1, 0., 20."
@@ -270,6 +313,24 @@ def test_what_cannot_be_read_is_refused(tmp_path, change, words):
     (tmp_path / "one.inp").write_text(text.replace(*change))
     with pytest.raises((CaseError, GeometryError), match=words):
         abaqus.import_model(tmp_path / "one.inp", tmp_path)
+
+
+def test_other_files_are_no_decks(tmp_path):
+    with pytest.raises(CaseError, match=r"part.msh is no deck .*softmodels run .*ImportedMesh"):
+        abaqus.import_model(tmp_path / "part.msh", tmp_path)
+
+
+def test_the_command_writes_a_case_and_what_it_leaves_out(block, tmp_path):
+    """And no file of somebody else's, nor the deck itself, is replaced."""
+    folder, _ = block
+    run = CliRunner().invoke(import_command, [str(folder / "block.inp"), "-o", str(tmp_path / "block.toml")])
+    assert run.exit_code == 0, run.output
+    assert Case.from_file(tmp_path / "block.toml").material.c1 == pytest.approx(50e3)
+    (tmp_path / "other.toml").write_text("mine = 1\n")
+    for target in (folder / "block.inp", tmp_path / "other.toml"):
+        before = target.read_bytes()
+        assert CliRunner().invoke(import_command, [str(folder / "block.inp"), "-o", str(target)]).exit_code != 0
+        assert target.read_bytes() == before
 
 
 def test_ties_of_unlike_meshes_are_refused(block):

@@ -117,6 +117,7 @@ def test_a_surface_is_closed_as_a_drawing_is(open_finger, tmp_path):
     part = ImportedMesh(file=str(tmp_path / "finger.stl"), support="x = 0 mm")
     assert part.cavity_volume == pytest.approx(drawn.cavity_volume, rel=1e-2)  # the round bore is cut to facets twice
     assert part.solid_volume == pytest.approx(drawn.solid_volume, rel=2e-3)
+    assert part.reading.air_on_file == pytest.approx(drawn.cavity_volume, rel=1e-2)
 
 
 @pytest.mark.campaign
@@ -144,3 +145,19 @@ def test_a_plugged_part_bends_as_one_drawn_closed(tmp_path):
         plugged, whole = (getattr(run, name)[-1] for run in runs)
         assert plugged == pytest.approx(whole, rel=1e-2), name
     assert abs(runs[0].tip[-1]) > 3e-4
+
+
+@pytest.mark.campaign
+def test_cells_that_miss_the_air_of_a_surface_are_said(tmp_path, monkeypatch):
+    """A ball of air with an inlet: the file's air is that of the ball and the rest of the bore; less in the cells is said."""
+    import meshio
+
+    ball = OpenPart((20.0, 20.0, 20.0), (((10.0, 10.0, 10.0, 6.0),),), ((Bore((0.0, 10.0, 10.0), (1.0, 0.0, 0.0), 1.2, 8.0),),))
+    points, triangles = ball.surface()
+    meshio.write_points_cells(tmp_path / "ball.stl", 1e3 * points, [("triangle", triangles)])
+    part = ImportedMesh(file=str(tmp_path / "ball.stl"), support="z = 0 mm", cell_size=0.008)
+    reading = part.reading
+    assert reading.air_on_file == pytest.approx(4.0 / 3.0 * math.pi * 6e-3**3, rel=0.06)
+    larger = dataclasses.replace(reading, air_on_file=sum(reading.cavity_volumes) / 0.97)
+    monkeypatch.setattr(ImportedMesh, "reading", property(lambda self: larger))
+    assert part.remarks[-1].startswith("the cavities have 3.00% less volume in these cells than in the file; use smaller ones")
