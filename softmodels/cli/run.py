@@ -13,10 +13,9 @@ import shlex
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
 
 from softmodels.case import materials
 from softmodels.case.case import Case
@@ -82,7 +81,7 @@ class Reporter(recording.Observer):
         if self.drawing is not None:
             self.drawing.begin(results)
 
-    def closed(self, results: store.Results | None, ended: outcomes.Ended, summary: Mapping[str, Any]) -> None:
+    def closed(self, results: store.Results | None, ended: outcomes.Ended, summary: recording.Summary) -> None:
         self.status, message = self._outcome(results, ended)
         if results is None:
             processes.say(f"softmodels: {commands.bounded(message)}", err=True)

@@ -143,6 +143,7 @@ def _warm_up() -> None:
 
 def _draw_charts(folder: Path, name: str, colormap: str, each: Callable[[Path], object]) -> tuple[list[Path], report.Report]:
     """Draw the charts of a folder's results; see `_charts`."""
+    materials.import_own_modules()
     with matplotlib.rc_context(style.STYLE):
         return _charts(offscreen.look(FolderStates(folder, name), colormap), folder, each)
 

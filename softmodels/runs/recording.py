@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from time import monotonic
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
@@ -275,13 +275,24 @@ def mesh_is_known(results: store.Results, mesh: Path) -> bool:
 # Write a simulation into a results folder while it runs.
 
 
-def gather(case: Case, results: store.Results, ended: outcomes.Ended) -> dict[str, Any]:
+class Summary(TypedDict, total=False):
+    """What ``summary.json`` says of a run, beside its states and how it was made."""
+
+    status: int
+    message: str
+    events: object
+    stretch_at_break: object
+    notes: list[str]
+    stability: str
+
+
+def gather(case: Case, results: store.Results, ended: outcomes.Ended) -> Summary:
     """Bring all steps into one file, and write and return the summary; on rank 0. `OSError` if there is no room."""
     if ended.status in (commands.EXIT_DONE, commands.EXIT_NO_EQUILIBRIUM):
         results.later.clear()  # the path has ended before them
     results.finish()
     words = labels.state_labels(case)
-    summary = {
+    summary: Summary = {
         "status": ended.status, "message": ended.message, "events": events(results.rows, words),
         "stretch_at_break": stretch_at_break(case.material),
         "notes": [*results.mesh_notes, *notes.notes_of(case, results.rows, results.sources(case))],
@@ -302,7 +313,7 @@ class Observer:
     def begun(self, results: store.Results) -> None:
         """The folder holds the first state of this run."""
 
-    def closed(self, results: store.Results | None, ended: outcomes.Ended, summary: Mapping[str, Any]) -> None:
+    def closed(self, results: store.Results | None, ended: outcomes.Ended, summary: Summary) -> None:
         """The run has ended and its folder is complete, and still locked; None where no folder could be taken. The summary is
         empty where there are no states, or it could not be written."""
 
@@ -358,7 +369,7 @@ def solved_into(
 
 def _complete(case: Case, results: store.Results | None, ended: outcomes.Ended, observer: Observer) -> tuple[str, bool]:
     """Gather the states of a run that has ended, on rank 0; return why only that failed, else "", and whether it is loaded."""
-    failure, summary = "", dict[str, Any]()
+    failure, summary = "", Summary()
     if results is not None and results.stored and ended.status != commands.EXIT_BAD_INPUT:
         try:
             summary = gather(case, results, ended)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 import math
 from collections.abc import Sequence
 
@@ -592,15 +593,16 @@ class FacingWalls:
         normals = np.tile(-plane, (len(facet), 1))
         return -2.0 * beyond, facet, point, np.full(len(facet), -1 - number), np.zeros((len(facet), k)), normals
 
-    def _of_facets(self, at: Array, reach: float) -> list[tuple[Array, ...]]:
+    def _of_facets(self, at: Array, reach: float) -> list[tuple[np.ndarray, ...]]:
         """Return the places that face a facet."""
         middle, normal = self._middles(at)
         corners = at[self.facets]
         radius = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1)
-        i, j = _near(middle, reach + 2 * float(radius.max()))
-        near = np.linalg.norm(middle[i] - middle[j], axis=1) < reach + radius[i] + radius[j]
-        near &= (self._air[i] == self._air[j]) & (np.einsum("pi,pi->p", normal[i], normal[j]) < -MAX_OPPOSED_PRODUCT)
+        i, j = _near(middle, radius + reach / 2)
+        near = self._air[i] == self._air[j]
         i, j = i[near], j[near]
+        opposed = np.einsum("pi,pi->p", normal[i], normal[j]) < -MAX_OPPOSED_PRODUCT
+        i, j = i[opposed], j[opposed]
         X, N = self._rest
         chord = X[j] - X[i]
         least = MIN_AIR_SINE * np.linalg.norm(chord, axis=1)
@@ -620,23 +622,41 @@ class FacingWalls:
         apart = (self.facets[i][:, :, None] != self.facets[j][:, None, :]).all(axis=(1, 2))
         i, j = np.concatenate([i[apart], j[apart]]), np.concatenate([j[apart], i[apart]])
         places = np.einsum("sk,fki->fsi", _weights(self._lattice, self.flat), corners)
-        step = max(PLACES_AT_ONCE // len(self._lattice), 1)
-        chunks = range(0, max(len(i), 1), step)
-        return [self._projected(corners, places, i[a : a + step], j[a : a + step], reach) for a in chunks]
+        faced, number = np.unique(j, return_inverse=True)
+        planes = self._planes_of(corners[faced])
+        step = PLACES_AT_ONCE // len(self._lattice)
+        return [
+            self._projected(corners, places, i[a:b], j[a:b], [each[number[a:b]] for each in planes], reach)
+            for a, b in itertools.pairwise([*range(0, max(len(i), 1), step), len(i)])
+        ]
+
+    def _planes_of(self, nodes: Array) -> list[Array]:
+        """Return of facets with nodes (p, k, 3) the tangents of the plane through their corners as columns, their
+        pseudoinverses, and how far off the plane a closest point may be."""
+        d = 1 if self.flat else 2
+        sides = np.swapaxes(nodes[:, 1 : d + 1] - nodes[:, :1], 1, 2)
+        edges = np.linalg.norm(np.diff(nodes[:, [0, *range(1, d + 1), 0]], axis=1), axis=2)
+        return [sides, np.linalg.pinv(sides), edges.max(axis=1, initial=0.0) * CURVATURE_REACH]
 
     def _projected(
-        self, nodes: Array, places: Array, i: npt.NDArray[np.int64], j: npt.NDArray[np.int64], reach: float
-    ) -> tuple[Array, ...]:
+        self,
+        nodes: Array,
+        places: Array,
+        i: npt.NDArray[np.int64],
+        j: npt.NDArray[np.int64],
+        planes: Sequence[Array],
+        reach: float,
+    ) -> tuple[np.ndarray, ...]:
         """Return the places of facets ``i`` on facets ``j``, shape (p,), those that have a closest point there, no farther
-        than ``reach``; ``nodes`` are places of each facet's nodes, shape (f, k, 3), ``places`` its lattice, shape (f, s, 3)."""
-        d = 1 if self.flat else 2
-        base, sides = nodes[:, 0], np.swapaxes(nodes[:, 1 : d + 1] - nodes[:, :1], 1, 2)
-        flat = np.linalg.pinv(sides)  # in the plane through the corners
-        bent = np.linalg.norm(np.diff(nodes[:, [0, *range(1, d + 1), 0]], axis=1), axis=2).max(axis=1) * CURVATURE_REACH
-        way = places[i] - base[j][:, None]
-        start = np.einsum("pdi,psi->psd", flat[j], way)
-        off = np.linalg.norm(way - np.einsum("pid,psd->psi", sides[j], start), axis=2)
-        near = (np.minimum(start.min(axis=2), 1.0 - start.sum(axis=2)) > -CURVATURE_REACH) & (off < reach + bent[j][:, None])
+        than ``reach``; ``nodes`` are places of each facet's nodes, shape (f, k, 3), ``places`` its lattice, shape (f, s, 3),
+        and ``planes`` those of ``j``, see `_planes_of`."""
+        sides, flat, bent = planes
+        d = sides.shape[2]
+        way = places[i] - nodes[j, :1]
+        start = way @ np.swapaxes(flat, 1, 2)
+        rest = way - start @ np.swapaxes(sides, 1, 2)
+        near = np.minimum(start.min(axis=2), 1.0 - start.sum(axis=2)) > -CURVATURE_REACH
+        near &= (rest * rest).sum(axis=2) < (reach + bent[:, None]) ** 2
         pair, point = np.nonzero(near)
         start, x, i, j = start[pair, point], places[i[pair], point], i[pair], j[pair]
         for _ in range(MAX_PROJECTIONS):
@@ -750,24 +770,37 @@ def _through(
     return distances
 
 
-def _near(places: Array, reach: float) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    """Return the pairs of places, shape (n, 3), that are not farther apart than ``reach``, each pair once, by boxes as wide as
-    the reach. SciPy's tree does the same, but takes longer to load than a wedge's path needs for a state."""
-    box = np.floor((places - places.min(axis=0)) / reach).astype(np.int64) + 1
+def _near(places: Array, radii: Array) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """Return the pairs of balls around places, shape (n, 3), that overlap, each pair once: those of a class of radii with each
+    other and with all smaller ones, by boxes as wide as its largest ball. SciPy's tree takes longer to load than a wedge's path
+    needs for a state."""
+    order = np.argsort(-radii, kind="stable")
+    pairs, done = [(order[:0], order[:0])], 0
+    while done < len(order):
+        left = order[done:]
+        count = int(np.searchsorted(-radii[left], -radii[left[0]] / 2, side="right"))
+        i, j = _overlapping(places[left], radii[left], count)
+        pairs.append((left[i], left[j]))
+        done += count
+    i, j = (np.concatenate(side) for side in zip(*pairs, strict=True))
+    return i, j
+
+
+def _overlapping(places: Array, radii: Array, count: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """Return the pairs of overlapping balls, the largest first, of which the first is among the first ``count``."""
+    box = np.floor((places - places.min(axis=0)) / (2 * radii[0])).astype(np.int64) + 1
     strides = np.append(np.cumprod((box.max(axis=0) + 2)[:0:-1])[::-1], 1)
     key = box @ strides
     order = np.argsort(key, kind="stable")
-    ordered = key[order]
-    around = np.stack(np.meshgrid(*[(-1, 0, 1)] * 3, indexing="ij"), axis=-1).reshape(-1, 3) @ strides
-    pairs = []
-    for step in np.unique(around[around >= 0]):
-        first, last = (np.searchsorted(ordered, ordered + step, side=side) for side in ("left", "right"))
-        first = np.arange(1, len(key) + 1) if step == 0 else first
-        count = last - first
-        i = np.repeat(np.arange(len(key)), count)
-        j = np.arange(len(i)) - np.repeat(np.cumsum(count) - count - first, count)
-        i, j = order[i], order[j]
-        near = ((places[i] - places[j]) ** 2).sum(axis=1) <= reach**2
+    ordered, pairs = key[order], []
+    for step in np.stack(np.meshgrid(*[(-1, 0, 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2) @ strides[:2]:
+        start = np.searchsorted(ordered, key[:count] + step - 1, side="left")  # three boxes in a row
+        many = np.searchsorted(ordered, key[:count] + step + 1, side="right") - start
+        i = np.repeat(np.arange(count), many)
+        j = order[np.arange(len(i)) - np.repeat(np.cumsum(many) - many - start, many)]
+        once = j > i
+        i, j = i[once], j[once]
+        near = ((places[i] - places[j]) ** 2).sum(axis=1) < (radii[i] + radii[j]) ** 2
         pairs.append((i[near], j[near]))
     i, j = (np.concatenate(side) for side in zip(*pairs, strict=True))
     return i, j

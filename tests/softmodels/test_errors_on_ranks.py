@@ -21,10 +21,10 @@ from softmodels.runs.fields import Fields
 comm = mpi.start()
 figures = Fields.figures
 processes.GRACE_SECONDS = 1
-def fails(self, state):
+def fails(self, state, values):
     if comm.rank == LAST:
         ERROR
-    return figures(self, state)
+    return figures(self, state, values)
 Fields.figures = fails
 sys.argv[1:] = ["--section", "axisymmetric", "--no-pictures", "--pressure-cm", "0:2", "-o", FOLDER, "--quiet"]
 from softmodels.cli.ending import main
