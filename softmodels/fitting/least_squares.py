@@ -268,6 +268,11 @@ class LeastSquaresFit:
             made[name] = GroupSummary(units[here[0]], len(part), rms, float(part.mean()), largest, run)
         return made
 
+    @property
+    def unexplained(self) -> Array:
+        """Residuals of the measurements that the model should follow, in errors, shape (count,)."""
+        return self.residuals[: self.count]
+
     @functools.cached_property
     def excess(self) -> dict[str, float]:
         """Groups whose root mean square residual exceeds `MAX_RMS_RESIDUAL` errors of the measurement, and by what factor:
@@ -275,10 +280,19 @@ class LeastSquaresFit:
         sizes, usual = np.array(self.rows.sizes), np.array(self.rows.usual)
         if self.errors == "stated":
             usual = np.where(np.isnan(usual), sizes, usual)
-        squares = (self.residuals[: self.count] * sizes / usual) ** 2
+        squares = (self.unexplained * sizes / usual) ** 2
         losses, labels = loss_of(self.loss, squares, 0)[0], np.array(self.rows.groups)
         times = {name: math.sqrt(float(losses[labels == name].mean())) for name in self.runs}
         return {name: value for name, value in times.items() if value > MAX_RMS_RESIDUAL}
+
+    @property
+    def misfits(self) -> list[str]:
+        """Sentences on the groups of `excess`."""
+        known = "stated" if self.errors == "stated" else "usual"
+        return [
+            f"the model does not follow {name}: the residual is {times:.3g} times the {known} error (root mean square)"
+            for name, times in self.excess.items()
+        ]
 
     @property
     def aicc(self) -> float:
@@ -414,12 +428,7 @@ def _with_warnings(
     ends = [(p, result.at_bounds[p.name]) for p in result.free if p.name in result.at_bounds]
     troubles += [f"{p.words} ended at its bound {bound:.4g} {p.unit}".rstrip() for p, bound in ends]
     troubles += _disagreement(runs, result)
-    known = "stated" if errors == "stated" else "usual"
-    troubles += [
-        f"the model does not follow {name}: the residual is {times:.3g} times the {known} error (root mean square)"
-        for name, times in result.excess.items()
-    ]
-    return dataclasses.replace(result, troubles=tuple(troubles), converged=converged)
+    return dataclasses.replace(result, troubles=(*troubles, *result.misfits), converged=converged)
 
 
 def _disagreement(runs: list[StartResult], result: LeastSquaresFit) -> list[str]:

@@ -47,6 +47,15 @@ def test_the_load_cell_is_common_to_all():
     assert (high - low) / 2 / TRUE[0] == pytest.approx(1.96 * 0.01, rel=0.02)
 
 
+def test_a_specimen_is_followed_by_its_own_factor():
+    """Scatter between specimens is no misfit of the law, another shape of a curve is."""
+    curves = [curve(f"s{i}", factor * TRUE) for i, factor in enumerate([0.9, 1.0, 1.1])]
+    assert not fit_curves(curves, "mooney-rivlin").chosen.fit.excess
+    curves.append(TensileCurve("s3", "uniaxial", STRETCH, stress(TRUE, STRETCH) * (0.6 + 0.4 * (STRETCH - 1))))
+    fit = fit_curves(curves, "mooney-rivlin").chosen.fit
+    assert list(fit.excess) == ["s3 (uniaxial)"] and any("does not follow s3" in trouble for trouble in fit.troubles)
+
+
 def test_a_specimen_that_differs_is_named():
     factors = [1.0, 1.02, 0.99, 1.01, 1.3]
     curves = [curve(f"strip {i}", factor * TRUE) for i, factor in enumerate(factors)]

@@ -45,7 +45,20 @@ class SampleFit(least_squares.LeastSquaresFit):
         sources: Sequence[TensileResiduals] = fit.problem.sources  # type: ignore[assignment]
         measured = np.concatenate([source.curve.stress / source.errors for source in sources])
         shared = load_cell * (fit.residuals[: fit.count] + measured)[:, None] if load_cell else None
-        return cls(**{**values, "shared": shared})
+        made = cls(**{**values, "shared": shared})
+        others = (trouble for trouble in fit.troubles if trouble not in fit.misfits)
+        return dataclasses.replace(made, troubles=(*others, *made.misfits))
+
+    @property
+    def unexplained(self) -> Array:
+        """Residuals about the law times each specimen's own factor; see the base class."""
+        sources: Sequence[TensileResiduals] = self.problem.sources  # type: ignore[assignment]
+        law = self.residuals[: self.count] + np.concatenate([source.curve.stress / source.errors for source in sources])
+        parts, labels = self.residuals[: self.count].copy(), np.array(self.rows.groups)
+        for label in self.runs:
+            own = labels == label
+            parts[own] -= law[own] * float(law[own] @ parts[own]) / float(law[own] @ law[own])
+        return parts
 
     @property
     def specimens(self) -> int:
