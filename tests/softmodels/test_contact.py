@@ -114,20 +114,26 @@ def test_thickness_is_that_of_the_wall(made):
     assert walls.thickness[ceiling] == pytest.approx(disk.membrane) and walls.thickness[floor] == pytest.approx(disk.base)
 
 
+@pytest.mark.parametrize("decades", [0.0, 1.5])
 @pytest.mark.parametrize("count", [2, 300, 4000])
 @pytest.mark.parametrize("flat", [False, True])
-def test_near_pairs_are_those_of_a_tree(count, flat):
-    places = np.random.default_rng(count).random((count, 3)) - 0.4
+def test_near_pairs_are_those_of_a_tree(count, flat, decades):
+    random = np.random.default_rng(count)
+    places = random.random((count, 3)) - 0.4
     places[:, 1] *= not flat
     reach = 1.7 if count == 2 else count ** (-1 / (2 if flat else 3))
-    pairs = np.sort(_near(places, reach), axis=0).T
-    expected = scipy.spatial.cKDTree(places).query_pairs(reach, output_type="ndarray")
-    assert len(expected) > count / 3
+    radii = reach / 2 * 10 ** random.uniform(-decades / 2, decades / 2, count)
+    pairs = np.sort(_near(places, radii), axis=0).T
+    expected = scipy.spatial.cKDTree(places).query_pairs(2 * radii.max(), output_type="ndarray")
+    distance = np.linalg.norm(np.diff(places[expected], axis=1)[:, 0], axis=1)
+    expected = expected[distance < radii[expected].sum(axis=1)]
+    assert len(expected) > count / 4
     assert sorted(map(tuple, pairs)) == sorted(map(tuple, expected))
 
 
-def test_a_single_facet_is_near_none():
-    assert not any(len(side) for side in _near(np.zeros((1, 3)), 0.1))
+@pytest.mark.parametrize("count", [0, 1])
+def test_a_single_facet_is_near_none(count):
+    assert not any(len(side) for side in _near(np.zeros((count, 3)), np.full(count, 0.1)))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
