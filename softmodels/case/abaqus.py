@@ -176,11 +176,12 @@ class _Model:
         """Return the law of a card whose stresses are in a unit (Pa); `CaseError` for one that is not read."""
         kind = ", ".join(key for key in card.options if key not in ("N", "MODULI", "PROPERTIES")).replace("-", " ")
         n, values = int(card.options.get("N", 1)), _numbers(card)
-        most = {"NEO HOOKE": 1, "MOONEY RIVLIN": 1, "YEOH": 1, "REDUCED POLYNOMIAL": 3, "OGDEN": 4, "POLYNOMIAL": 1}
+        most = {"NEO HOOKE": 1, "MOONEY RIVLIN": 1, "YEOH": 1, "REDUCED POLYNOMIAL": 3, "OGDEN": 4, "POLYNOMIAL": 2}
         if n > most.get(kind, 0):
             terms = f" with N={n}" if n > 1 else ""
             raise CaseError(f"file {self.file}: {where} is {kind.lower() or 'empty'}{terms}, which is not read; {LAWS} are")
-        counts = {"MOONEY RIVLIN": (2, 1), "POLYNOMIAL": (2, 1), "YEOH": (3, 3), "OGDEN": (2 * n, n)}
+        polynomial = (5, 2) if n == 2 else (2, 1)
+        counts = {"MOONEY RIVLIN": (2, 1), "POLYNOMIAL": polynomial, "YEOH": (3, 3), "OGDEN": (2 * n, n)}
         count, compressive = counts.get(kind, (n, n))
         values += [0.0] * (count + compressive - len(values))
         own, compress = values[:count], values[count : count + compressive]
@@ -191,7 +192,8 @@ class _Model:
             return laws.Ogden.from_two_mu(mu, alpha, self._poisson(sum(mu), compress[0]))
         own = [pascal * value for value in own]
         if kind in ("MOONEY RIVLIN", "POLYNOMIAL"):
-            return laws.MooneyRivlin(own[0], own[1], poisson=self._poisson(2 * sum(own), compress[0]))
+            law = laws.Polynomial if n == 2 else laws.MooneyRivlin
+            return law(*own, poisson=self._poisson(2 * sum(own[:2]), compress[0]))
         c1, c2, c3 = (*own, 0.0, 0.0)[:3]
         return laws.Yeoh(c1, c2, c3, poisson=self._poisson(2 * c1, compress[0]))
 
@@ -380,7 +382,7 @@ class _Model:
         return 1.0
 
 
-LAWS = "neo hooke, mooney-rivlin, yeoh, reduced polynomial up to N=3, polynomial with N=1, and ogden up to N=4"
+LAWS = "neo hooke, mooney-rivlin, yeoh, reduced polynomial up to N=3, polynomial up to N=2, and ogden up to N=4"
 OF_MATERIAL = (
     "HYPERELASTIC", "VISCOELASTIC", "ELASTIC", "DENSITY", "MULLINS EFFECT", "DAMPING", "HYPERFOAM", "EXPANSION", "DEPVAR",
     "USER MATERIAL", "PLASTIC", "CREEP", "HYSTERESIS", "CONDUCTIVITY", "SPECIFIC HEAT",

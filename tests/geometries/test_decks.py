@@ -198,6 +198,9 @@ def test_curved_bricks_keep_their_volume(tmp_path):
 LAWS = {
     "*Hyperelastic, neo hooke\n0.1, 0.": sm.Yeoh(1e5, poisson=0.5),
     "*Hyperelastic, reduced polynomial, n=2\n0.1, 0.01, 2., 0.": sm.Yeoh(1e5, 1e4, poisson=(3e6 - 4e5) / (6e6 + 4e5)),
+    "*Hyperelastic, polynomial, n=2\n0.1, 0.02, 3e-3, 4e-4, 5e-5, 2., 0.": sm.Polynomial(
+        1e5, 2e4, 3e3, 4e2, 5e1, poisson=(3e6 - 4.8e5) / (6e6 + 4.8e5)
+    ),
     "*Hyperelastic, polynomial, n=1\n0.1, 0.02, 0.": sm.MooneyRivlin(1e5, 2e4, 0.5),
     "*Hyperelastic, n=2, ogden\n0.1, 2., 0.05, -3.,\n1., 0.": sm.Ogden.from_two_mu(
         (1e5, 5e4), (2.0, -3.0), (6e6 - 3e5) / (12e6 + 3e5)
