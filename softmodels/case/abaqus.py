@@ -192,8 +192,9 @@ class _Model:
             return laws.Ogden.from_two_mu(mu, alpha, self._poisson(sum(mu), compress[0]))
         own = [pascal * value for value in own]
         if kind in ("MOONEY RIVLIN", "POLYNOMIAL"):
-            law = laws.Polynomial if n == 2 else laws.MooneyRivlin
-            return law(*own, poisson=self._poisson(2 * sum(own[:2]), compress[0]))
+            c10, c01, c20, c11, c02 = (*own, 0.0, 0.0, 0.0)[:5]
+            poisson = self._poisson(2 * (c10 + c01), compress[0])
+            return laws.MooneyRivlin(c10, c01, poisson=poisson) if n == 1 else laws.Polynomial(c10, c01, c20, c11, c02, poisson)
         c1, c2, c3 = (*own, 0.0, 0.0)[:3]
         return laws.Yeoh(c1, c2, c3, poisson=self._poisson(2 * c1, compress[0]))
 
