@@ -16,7 +16,7 @@ from softmodels.case import abaqus
 from softmodels.case.case import Case
 from softmodels.casting.settings import Workshop, asked_of
 from softmodels.cli import ending, options
-from softmodels.common import commands, processes, schema
+from softmodels.common import commands, files, processes, schema
 from softmodels.mechanics import mpi
 
 if TYPE_CHECKING:
@@ -193,7 +193,7 @@ def import_command(file: Path, output: Path, unit: str, stress: str | None, prog
         commands.check_output_file(output, [file], lambda path: IMPORTED_BY in path.read_text("utf-8", "replace"), "a case",
                                    "--output")  # fmt: skip
         made = abaqus.import_model(file, output.parent, unit, stress or "", program or "")
-        output.write_text(f"{IMPORTED_BY}\n{made.text}", encoding="utf-8")
+        files.write_text(output, f"{IMPORTED_BY}\n{made.text}")
     if quiet:
         return
     processes.say(f"{output}: {made.case.actuator.expected_cells:.0f} cells, {made.case.actuator.solid_volume * 1e6:.5g} ml")

@@ -349,9 +349,7 @@ def _form(block: _Block) -> tuple[str, ...]:
 
 def _count(sheet: tables.Worksheet, block: _Block) -> int:
     """Return the number of rows with numbers in at least two of the block's columns."""
-    places = [column.place for column in block.known]
-    rows = (row for _, row in sheet.rows[block.start : block.end])
-    return sum(sum(place < len(row) and _is_number(row[place]) for place in places) > 1 for row in rows)
+    return sum(_is_numeric(row, block.known) for _, row in sheet.rows[block.start : block.end])
 
 
 def _blocks(sheet: tables.Worksheet, told: Mapping[str, tuple[str, str | None]]) -> list[_Block] | None:
@@ -470,7 +468,7 @@ def _specimens(sheet: tables.Worksheet, block: _Block, sure: Collection[str]) ->
     made = []
     for group in groups:
         columns, further = _chosen(group)
-        lines = [(number, row) for number, row in sheet.rows[start : block.end]]
+        lines = list(sheet.rows[start : block.end])
         if len(groups) > 1:  # a specimen that ended earlier leaves its cells empty
             lines = [(number, row) for number, row in lines if any(_cell(row, column) for column in columns)]
         label = ""

@@ -422,7 +422,7 @@ def _falling_envelope(load: Array) -> Array:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Signs and units of columns held against each other.
+# Signs and units of columns compared with each other.
 
 
 WRONG_SIGN = 0.05
