@@ -435,12 +435,13 @@ class Actuator(Designable, Castable, DeviceLabels, ABC):
             return points
         return np.column_stack([points[:, 0], np.zeros(len(points)), points[:, 1]])
 
-    def write(self, path: str | Path, stopped: Callable[[], bool] = bool) -> Path:
+    def write(self, path: str | Path, stopped: Callable[[], bool] = bool, finer: float = 1.0) -> Path:
         """Mesh the device and write it as a Gmsh file (MSH 4.1, m).
 
         Args:
             path: File ending in ``.msh`` in an existing folder; it is replaced only once the new mesh is complete.
             stopped: Asked several times a second while a mesh that takes longer is made; once true, the mesher is killed.
+            finer: How many times smaller all cells are than the device's own.
 
         Returns:
             The path.
@@ -452,7 +453,7 @@ class Actuator(Designable, Castable, DeviceLabels, ABC):
             OSError: The folder is missing or cannot be written.
         """
 
-        return meshing.write_mesh(self, Path(path), stopped)
+        return meshing.write_mesh(self, Path(path), stopped, finer)
 
 
 @dataclasses.dataclass(frozen=True)

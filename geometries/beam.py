@@ -132,7 +132,7 @@ class Beam(actuator.MirroredHalf):
         for _, curve in model.getEntities(1):
             box = np.reshape(model.getBoundingBox(1, curve), (2, 3))
             along = int(np.argmax(box[1] - box[0]))
-            mesh.setTransfiniteCurve(curve, self._cells[along] + 1)
+            mesh.setTransfiniteCurve(curve, meshing.divided(self._cells[along]) + 1)
             if (
                 along == 1
                 and np.abs(box.mean(axis=0)[[0, 2]] - (low[0], low[2])).max() < POINT_TOLERANCE * self.length + GMSH_BOX

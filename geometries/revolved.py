@@ -480,7 +480,8 @@ def build_section(device: Revolved) -> None:
             gmsh.model.mesh.setTransfiniteSurface(face)
     for key, tag in drawing.curves.items():
         side = drawing.sides[key]
-        gmsh.model.mesh.setTransfiniteCurve(tag, side.cells + 1, "Progression", side.growth)
+        cells = meshing.divided(side.cells)
+        gmsh.model.mesh.setTransfiniteCurve(tag, cells + 1, "Progression", side.growth ** (side.cells / cells))
     meshing.name_groups(1, drawing.roles)
     for role, place in device.anchors.items():
         meshing.name_group(0, [drawing.points[place]], role)

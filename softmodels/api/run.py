@@ -30,7 +30,7 @@ from softmodels.materials import laws, silicones
 from softmodels.mechanics import mpi, newton
 from softmodels.path.continuation import Continuation
 from softmodels.path.steps import STROKE, one_step
-from softmodels.runs import analyses, columns, formats, labels, notes, outcomes, recording, states, store
+from softmodels.runs import analyses, columns, formats, labels, mesh_error, notes, outcomes, recording, states, store
 from softmodels.runs.analyses import Limit
 from softmodels.runs.fields import OUTPUTS, OutputField, requestable
 from softmodels.runs.outcomes import RunError
@@ -158,10 +158,16 @@ class Run(cards.ResultCard):
         among them; empty unless the case's ``band`` is a silicone's."""
         return {name: [row.written for row in table] for name, table in self._source.sources.items()}
 
+    @functools.cached_property
+    def mesh_errors(self) -> dict[str, float]:
+        """Half widths of the 95 % intervals due to the mesh, in SI by variable (such as ``"apex"``), of the last requested
+        state that the path with smaller cells reaches too; empty unless the case has ``mesh_error``."""
+        return mesh_error.MeshErrors(self.case, self.table, self._source.finer).last[1]
+
     @property
     def notes(self) -> list[str]:
         """Warnings on the run's validity, as sentences; empty if there are none."""
-        texts = [*self._source.mesh_notes, *notes.notes_of(self.case, self.table, self._source.sources)]
+        texts = [*self._source.mesh_notes, *notes.notes_of(self.case, self.table, self._source.sources, self._source.finer)]
         return [errors.spoken(note) for note in texts]
 
     # -- its states ---------------------------------------------------------------------------------------------------
@@ -487,7 +493,7 @@ class Run(cards.ResultCard):
             write_states(self._source, results)
             if self.branch is not None:
                 self.branch._save_branch(results)
-            results.write_sources(self._source.others)
+            results.write_beside(self._source.others, self._source.finer)
             recording.gather(self.case, results, self._ended)
             results.own.forget_unwritten()
         finally:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, TypedDict, Unpack
 
-from geometries import Actuator, faces, registry as geometry_table
+from geometries import Actuator, faces, meshing, registry as geometry_table
 from geometries.actuator import changed, parameter, parameter_names
 from softmodels.case import load, materials
 from softmodels.case.entries import (
@@ -239,6 +239,11 @@ class Case:
         "error of the stress by one step in time, over the largest stress, and with "
         "--inertia of the displacement", STRESS_TOLERANCE, hidden=True,
     )  # fmt: skip
+    mesh_error: bool = _value(
+        "solver", schema.Flag(),
+        "estimate the mesh error of the last state and of limit points: the path is solved again with smaller cells", False,
+        hidden=True,
+    )  # fmt: skip
     inertia: bool = _value(
         "load", schema.Flag(),
         "let mass count in time (--rate, --hold): the device swings, and is followed through jumps", False, hidden=True,
@@ -268,6 +273,8 @@ class Case:
             if self.band is not None:
                 self.band.check(self.material)
                 self.load.check_band()
+            if self.mesh_error and self.actuator.meshed:
+                raise CaseError(f"--mesh-error needs another mesh, but {meshing.NOT_REFINED}")
             self.load.check_size(self.material.shear_modulus_0, self.actuator.cavity_volume)
             specimens.check_rest(self.material)
         except PART_ERRORS as error:
@@ -670,6 +677,7 @@ class RequestOptions(SolveOptions, total=False):
     cycles: int
     time_tolerance: float
     inertia: bool
+    mesh_error: bool
     spectral_radius: float
     steps: Sequence[Step]
     supply: AirSupply | None

@@ -91,10 +91,11 @@ def case_of_file(
     material: str | None,
     changes: Sequence[str],
     band: str | None = None,
-    solver: str | None = None,
     kind: type[Case] = Case,
+    **fields: object,
 ) -> Case:
-    """Return a case file's case, as the class given, with changed fields, and the given material, band or solver."""
+    """Return a case file's case, as the class given, with changed entries, the given material and band, and other fields of
+    `Case` that are not None."""
     more: dict[str, Mapping[str, object]] = {}
     if material is not None:
         more["material"] = materials.to_table(materials.material_from(material, {}))
@@ -102,7 +103,7 @@ def case_of_file(
         product = silicones.product_of(band) if silicones.silicone_called(band) else ""
         more["band"] = {"silicone": product} if product else {"file": str(Path(band).absolute())}
     case = kind.from_file(file, more, changes)
-    return case if solver is None else dataclasses.replace(case, solver=solver)
+    return dataclasses.replace(case, **{name: value for name, value in fields.items() if value is not None})  # type: ignore[arg-type]
 
 
 def execute(case: Callable[[], Case], how: commands.RunOptions, inputs: Sequence[Path] = ()) -> None:
@@ -424,10 +425,17 @@ def _named(args: list[str]) -> str | None:
               "adds the 95 % band from its errors to path.csv and the curves. Or a silicone's name: each of its sources "
               "is solved, and the curves show the band they span.")  # fmt: skip
 @case_option(next(case.entries()["solver"].options()))
+@case_option(next(case.entries()["mesh_error"].options()))
 @set_option
 @commands.options(commands.RunOptions)
 def run(
-    file: Path, how: commands.RunOptions, material: str | None, band: str | None, solver: str | None, changes: tuple[str, ...]
+    file: Path,
+    how: commands.RunOptions,
+    material: str | None,
+    band: str | None,
+    solver: str | None,
+    mesh_error: bool | None,
+    changes: tuple[str, ...],
 ) -> None:
     """Run a case FILE, or a device by its options.
 
@@ -442,4 +450,4 @@ def run(
       softmodels run --device HollowDisk --pressure-cm 0:177 --section axisymmetric
       softmodels run --device HollowDisk --help
     """
-    execute(lambda: case_of_file(file, material, changes, band, solver), how, [file])
+    execute(lambda: case_of_file(file, material, changes, band, solver=solver, mesh_error=mesh_error), how, [file])

@@ -23,7 +23,7 @@ from softmodels.common import commands, processes
 from softmodels.common.errors import OWN_MODULES, reason, spoken
 from softmodels.common.lazy import MPI, PETSc, consoles, progress
 from softmodels.mechanics import mpi
-from softmodels.runs import fields, labels, notes, outcomes, recording, store
+from softmodels.runs import fields, labels, mesh_error, notes, outcomes, recording, store
 
 
 def run(
@@ -121,7 +121,9 @@ class Reporter(recording.Observer):
 
 def _summarise(case: Case, results: store.Results, drawn: str, stability: str) -> None:
     """Print the last state of a run that has reached all its values, its stability, and what there is in its folder."""
-    for text in (*notes.closing(case, results.rows[-1]), stability):
+    last = results.rows[-1]
+    meshed = mesh_error.MeshErrors(case, results.rows, results.finer(case)).of(last)
+    for text in (*notes.closing(case, last, meshed), stability):
         if text:
             processes.say(text)
     drawn = f"; {drawn}" if drawn else ""

@@ -32,7 +32,7 @@ from softmodels.materials.laws import parameter_fields
 from softmodels.mechanics import newton
 from softmodels.path import steps
 from softmodels.pictures import curves, offscreen, style
-from softmodels.runs import columns, grid, labels, table
+from softmodels.runs import columns, grid, labels, mesh_error, table
 from softmodels.runs.notes import ending, left_out, notes_of, stability_text
 from softmodels.runs.states import StoredStates
 
@@ -62,7 +62,7 @@ class Report:
         terms = [(name, columns.term(name, states.actuator, states.case.load.driver)) for name in states.rows.columns]
         warnings = told.get("notes")
         if warnings is None:
-            warnings = [*states.mesh_notes, *notes_of(states.case, states.rows, states.sources)]
+            warnings = [*states.mesh_notes, *notes_of(states.case, states.rows, states.sources, states.finer)]
         self._head: list[pages.Section] = [
             ("3-D view", [pages.Program(viewer)]),
             ("The path", [pages.Charts(_curves(states)), pages.Text(_contact(states))]),
@@ -318,8 +318,7 @@ def convergence(states: StoredStates) -> list[str]:
     count = f"{len(states.cells)} cells of second order, {len(states.points)} nodes"
     return [
         f"{text}.",
-        f"Mesh: {count}. The mesh error was not estimated: halve the cell size in a copy of case.toml, run it, and "
-        "compare the two results with softmodels compare.",
+        f"Mesh: {count}. {mesh_error.MeshErrors(states.case, states.rows, states.finer).text()}",
         "The largest stress and stretch converge only at rounded corners; at sharp ones they grow with mesh refinement.",
     ]
 

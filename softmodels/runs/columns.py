@@ -474,8 +474,8 @@ for _variable in _VARIABLES:
 type SourceTables = Mapping[str, table.PathTable]
 """PathTable of each source by its name, from the softest to the stiffest."""
 
-FILE = "sources.csv"
-WORDS = ("control",)
+FILE, FINER_FILE = "sources.csv", "finer.csv"
+WORDS = ("control", "source")
 """Columns of words."""
 
 
@@ -491,14 +491,22 @@ def read_sources(folder: Path, cm: float) -> dict[str, table.PathTable]:
     """Return the table of each source, ``cm`` being Pa in one cm of the case's column; empty where there is none, or none that
     can be read."""
     sources: dict[str, table.PathTable] = {}
-    try:
-        with (folder / FILE).open(newline="", encoding="utf-8") as file:
-            for cells in csv.DictReader(file):
-                own = sources.setdefault(cells.pop("source"), table.PathTable())
-                own.append(table.Row({k: _cell(k, v) for k, v in cells.items()}, cm))
-    except (OSError, ValueError, KeyError):
-        return {}
+    for cells in _read(folder / FILE):
+        sources.setdefault(str(cells.pop("source", "")), table.PathTable()).append(table.Row(cells, cm))
     return sources
+
+
+def read_finer(folder: Path, cm: float) -> table.PathTable:
+    """Return the table of the path with smaller cells; as `read_sources`."""
+    return table.PathTable.read(_read(folder / FINER_FILE), cm)
+
+
+def _read(file: Path) -> list[dict[str, table.Cell]]:
+    try:
+        with file.open(newline="", encoding="utf-8") as stream:
+            return [{column: _cell(column, text) for column, text in cells.items()} for cells in csv.DictReader(stream)]
+    except (OSError, ValueError):
+        return []
 
 
 def _cell(column: str, text: str) -> table.Cell:

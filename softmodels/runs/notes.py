@@ -27,13 +27,19 @@ from softmodels.mechanics import compiling, component, controls, mpi
 from softmodels.path import schedule, stability, steps
 from softmodels.path.continuation import Continuation
 from softmodels.path.supply import MAX_LAMINAR_REYNOLDS, Reservoir
-from softmodels.runs import columns, labels, outcomes, table
+from softmodels.runs import columns, labels, mesh_error, outcomes, table
 from softmodels.runs.fields import Fields
 from softmodels.runs.outcomes import RunError
 
 
-def notes_of(case: Case, rows: table.PathTable, sources: columns.SourceTables = MappingProxyType({})) -> list[str]:
-    """Return the warnings for a run's states, as sentences, from its table and those of every source of the silicone."""
+def notes_of(
+    case: Case,
+    rows: table.PathTable,
+    sources: columns.SourceTables = MappingProxyType({}),
+    finer: table.PathTable = mesh_error.NOT_SOLVED,
+) -> list[str]:
+    """Return the warnings for a run's states, as sentences, from its table, those of every source of the silicone, and the one
+    with smaller cells."""
     return [
         *case.load.doubts,
         *vacuum_notes(case),
@@ -49,6 +55,7 @@ def notes_of(case: Case, rows: table.PathTable, sources: columns.SourceTables = 
         *depth_notes(case, rows),
         *place_notes(case, rows),
         *band_notes(rows),
+        *mesh_error.MeshErrors(case, rows, finer).doubts(),
         *time_notes(case, rows),
         *motion_notes(case, rows),
         *supply_notes(case, rows),
@@ -622,31 +629,66 @@ def stability_text(
 # The last state of a run, and how the run has ended.
 
 
-def closing(case: Case, row: table.Row) -> list[str]:
-    """Return the last state of a run that has reached all its values, for its closing message."""
+def closing(case: Case, row: table.Row, meshed: Mapping[str, float] = MappingProxyType({})) -> list[str]:
+    """Return the last state of a run that has reached all its values, for its closing message; ``meshed`` are mesh errors by
+    variable, see `softmodels.runs.mesh_error.MeshErrors.of`."""
     words, gauge = labels.state_labels(case), case.actuator.gauge
-    volume = f", added volume {row.shown('added_volume'):.5g}{_band(row, 'added_volume')} ml" if words.volume else ""
+    volume = f", added volume {row.shown('added_volume'):.5g}{_half(row, 'added_volume', meshed)} ml" if words.volume else ""
     breaks, overlap = silicones.break_words(case.material), labels.overlap_text(row)
     state = (
-        f"{_loaded(row, words)}: {gauge} rise {row.shown(gauge):+.5g}{_band(row, gauge)} mm{volume}{pressed(row)}, "
+        f"{_loaded(row, words)}: {gauge} rise {row.shown(gauge):+.5g}{_half(row, gauge, meshed)} mm{volume}{pressed(row)}, "
         f"largest stretch {row['max_stretch']:.4g}{f' [{breaks}]' if breaks else ''} and von Mises stress "
         f"{row.told('max_von_mises')} (at integration points), J {row['J_min']:.4f} to {row['J_max']:.4f} (at vertices)"
         f"{f'; {overlap}' if overlap else ''}"
     )
-    gauges = ", ".join(_gauge(table.parsed(column)[0], row) for column in case.gauges.columns())
-    return [text for text in (state, _sideways(row, gauge), gauges) if text]
+    gauges = ", ".join(_gauge(table.parsed(column)[0], row, meshed) for column in case.gauges.columns())
+    parts = _parts(case, row, gauge, meshed) if meshed else ""
+    return [text for text in (state, parts, _sideways(row, gauge), gauges) if text]
 
 
-def _gauge(name: str, row: table.Row) -> str:
+def _gauge(name: str, row: table.Row, meshed: Mapping[str, float]) -> str:
     """Return a named point or angle with its value and unit."""
     unit = row.unit(name)
-    return f"{name.replace('_', ' ')} {row.shown(name):.5g}{unit if unit == '°' else f' {unit}'}"
+    return f"{name.replace('_', ' ')} {row.shown(name):.5g}{_half(row, name, meshed)}{unit if unit == '°' else f' {unit}'}"
 
 
-def _band(row: table.Row, name: str) -> str:
-    """Return half the 95 % interval due to the material's errors, to print after a variable; empty if unknown."""
-    width = row.shown(table.band_of(name)) if table.band_of(name) in row else math.nan
-    return "" if math.isnan(width) or not width else f" +- {width:.3g} (95 %)"
+def error_parts(row: table.Row, name: str, meshed: Mapping[str, float]) -> dict[str, float]:
+    """Return the half widths of a variable's 95 % intervals by their cause, in SI: the material's errors, the mesh."""
+    band = row.get(table.band_of(name), math.nan)
+    return {cause: half for cause, half in (("material", band), ("mesh", meshed.get(name, math.nan))) if half > 0.0}
+
+
+def errors_of(case: Case, rows: table.PathTable, finer: table.PathTable) -> list[dict[str, object]]:
+    """Return the half widths of the 95 % intervals of the last requested state and of limit points, as in ``summary.json``: a
+    table for each, by column, with the value, the half width and its causes, in the column's unit; empty if none is known."""
+    meshed, tables = mesh_error.MeshErrors(case, rows, finer), []
+    for row in [*rows.where("requested")[-1:], *rows.where("limit")]:
+        widths = meshed.of(row)
+        own = {name: parts for name in row if (parts := error_parts(row, name, widths))}
+        figures = {
+            row.column(name): {
+                "value": row.shown(name),
+                "half_width": mesh_error.in_unit(row, name, math.hypot(*parts.values())),
+                **{cause: mesh_error.in_unit(row, name, half) for cause, half in parts.items()},
+            }
+            for name, parts in own.items()
+        }
+        tables += [{"step": row["step"], **figures}] if figures else []
+    return tables
+
+
+def _half(row: table.Row, name: str, meshed: Mapping[str, float]) -> str:
+    """Return half the 95 % interval of all known causes, to print after a variable; empty if unknown."""
+    parts = error_parts(row, name, meshed)
+    return f" +- {mesh_error.in_unit(row, name, math.hypot(*parts.values())):.3g} (95 %)" if parts else ""
+
+
+def _parts(case: Case, row: table.Row, gauge: str, meshed: Mapping[str, float]) -> str:
+    """Return how much each cause has in the gauge's interval, and where the mesh error comes from."""
+    causes, unit = error_parts(row, gauge, meshed), row.unit(gauge)
+    parts = ", ".join(f"{cause} {mesh_error.in_unit(row, gauge, half):.3g} {unit}" for cause, half in causes.items())
+    finer = f"by cells {mesh_error.FINER[case.actuator.dimension]:g} times smaller"
+    return f"parts of the {gauge} rise's interval: {parts} ({finer})" if len(causes) > 1 else f"mesh error found {finer}"
 
 
 def _sideways(row: table.Row, gauge: str) -> str:

@@ -29,7 +29,7 @@ from softmodels.runs import columns, formats, labels, notes, outcomes, store, ta
 from softmodels.runs.fields import Fields
 from softmodels.runs.notes import events
 from softmodels.runs.outcomes import RunError
-from softmodels.runs.simulation import FROM_REST, RunStart, Simulation, solve_sources
+from softmodels.runs.simulation import FROM_REST, RunStart, Simulation, solve_finer, solve_sources
 from softmodels.runs.states import StoredStates
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -282,6 +282,7 @@ class Summary(TypedDict, total=False):
     message: str
     events: object
     stretch_at_break: object
+    errors: object
     notes: list[str]
     stability: str
 
@@ -295,7 +296,8 @@ def gather(case: Case, results: store.Results, ended: outcomes.Ended) -> Summary
     summary: Summary = {
         "status": ended.status, "message": ended.message, "events": events(results.rows, words),
         "stretch_at_break": stretch_at_break(case.material),
-        "notes": [*results.mesh_notes, *notes.notes_of(case, results.rows, results.sources(case))],
+        "errors": notes.errors_of(case, results.rows, finer := results.finer(case)),
+        "notes": [*results.mesh_notes, *notes.notes_of(case, results.rows, results.sources(case), finer)],
         "stability": notes.stability_text(results.rows, case.actuator, words, results.branch_rows),
     }  # fmt: skip
     started = results.started
@@ -421,7 +423,8 @@ def record(
     if branch:
         _record_branch(simulation, results)
     sources = solve_sources(simulation, results.own.path / mesh.name)  # stored since the first state
-    mpi.on_root(comm, lambda: results.write_sources(sources))
+    finer = solve_finer(simulation)
+    mpi.on_root(comm, lambda: results.write_beside(sources, finer))
     if ended is not None:
         raise ended
 

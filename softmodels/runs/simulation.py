@@ -15,7 +15,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from geometries import Actuator, MeshingStopped, meshing
+from geometries import Actuator, MeshingError, MeshingStopped, meshing
 from softmodels.case import load, materials
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
@@ -35,7 +35,7 @@ from softmodels.mechanics.system import State, System
 from softmodels.path import continuation, schedule, stability, steps, supply
 from softmodels.path.continuation import Continuation, LoadedState
 from softmodels.path.stability import Stability
-from softmodels.runs import columns, formats, notes, outcomes, table
+from softmodels.runs import columns, formats, mesh_error, notes, outcomes, table
 from softmodels.runs.fields import Fields, Figures, check_requested
 from softmodels.runs.outcomes import RunError
 from softmodels.runs.states import StoredStates
@@ -87,14 +87,14 @@ class Simulation:
         self._path: Continuation | None = None
         self._bifurcations: list[stability.Point] = []
 
-    def write_mesh(self, file: Path) -> None:
-        """Mesh the device into a Gmsh file, on rank 0; `CaseError` for a field that there is not, `RunError` if it was
-        stopped, else see `Actuator.write`."""
+    def write_mesh(self, file: Path, finer: float = 1.0) -> None:
+        """Mesh the device into a Gmsh file, on rank 0, with cells a number of times smaller than its own; `CaseError` for a
+        field that there is not, `RunError` if it was stopped, else see `Actuator.write`."""
         check_requested(self.case.fields)
         device = self.case.actuator
-        self.listener.say(meshing.mesh_label(device))
+        self.listener.say(meshing.mesh_label(device, finer))
         try:
-            mpi.on_root(self.comm, lambda: device.write(file, self.stopped))
+            mpi.on_root(self.comm, lambda: device.write(file, self.stopped, finer))
         except MeshingStopped:
             raise RunError("stopped by the user during meshing; nothing was solved", commands.EXIT_STOPPED) from None
 
@@ -823,22 +823,49 @@ def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, table.PathTab
     case, band = simulation.case, simulation.case.band
     if not isinstance(band, materials.SourceBand):
         return {}
-    sources: dict[str, table.PathTable] = {}
-    others = band.others(case.material)
+    others, sources = band.others(case.material), {}
     for number, (name, material) in enumerate(others.items(), 1):
         simulation.listener.say(f"solving with {name}, source {number} of {len(others)} besides the run's own")
-        aside = Simulation(dataclasses.replace(case, material=material, band=None), simulation.comm, None, simulation.stopped)
-        rows = sources[name] = table.PathTable()
-        try:
-            aside.prepare(mesh)
-            for step in aside.steps():
-                rows.append(step.row)
-        except outcomes.PathEnded as end:
-            simulation.listener.say(f"  {end}")
-        except RunError as error:
-            if error.status == commands.EXIT_STOPPED:
-                raise
-            simulation.listener.say(f"  the path of {name} ends here: {error}")
-        finally:
-            aside.release()
+        aside = _aside(simulation, material=material)
+        sources[name] = _followed(simulation, aside, lambda aside=aside: aside.prepare(mesh), f"the path of {name}")
     return {name: rows for name, rows in sources.items() if rows}
+
+
+def solve_finer(simulation: Simulation) -> table.PathTable:
+    """Follow the path of a case once more with smaller cells, for `softmodels.runs.mesh_error`; all ranks call it. Return its
+    rows, on all ranks; none where the case does not ask for the mesh error. `RunError` if the user stopped it."""
+    case = simulation.case
+    if not case.mesh_error:
+        return table.PathTable()
+    finer, aside = mesh_error.FINER[case.actuator.dimension], _aside(simulation)
+    simulation.listener.say(f"solving again with cells {finer:g} times smaller, for the mesh error")
+
+    def prepare() -> None:
+        with temporary_folder(simulation.comm) as folder:
+            aside.write_mesh(folder / "finer.msh", finer)
+            aside.prepare(folder / "finer.msh")
+
+    return _followed(simulation, aside, prepare, "the path with smaller cells")
+
+
+def _aside(simulation: Simulation, **changes: Material) -> Simulation:
+    case = dataclasses.replace(simulation.case, band=None, mesh_error=False, **changes)
+    return Simulation(case, simulation.comm, None, simulation.stopped)
+
+
+def _followed(simulation: Simulation, aside: Simulation, prepare: Callable[[], None], what: str) -> table.PathTable:
+    """Return the rows of another path beside a run's, as far as it goes; the listener is told where it ends early."""
+    rows, say = table.PathTable(), simulation.listener.say
+    try:
+        prepare()
+        for step in aside.steps():
+            rows.append(step.row)
+    except outcomes.PathEnded as end:
+        say(f"  {end}")
+    except (RunError, MeshingError) as error:
+        if getattr(error, "status", None) == commands.EXIT_STOPPED:
+            raise
+        say(f"  {what} ends here: {error}")
+    finally:
+        aside.release()
+    return rows

@@ -85,11 +85,18 @@ class Results:
         """Recorded warnings about the mesh."""
         return list(self.own.about.get("mesh_notes", ()))
 
-    def write_sources(self, sources: columns.SourceTables) -> None:
-        """Write the paths of the silicone's other sources, if any."""
+    def write_beside(self, sources: columns.SourceTables, finer: table.PathTable) -> None:
+        """Write the paths of the silicone's other sources, and the one with smaller cells, if any."""
         if sources:
             self.own.claim([columns.FILE])
             write_sources(self.folder, sources)
+        if finer:
+            self.own.claim([columns.FINER_FILE])
+            files.write_text(self.folder / columns.FINER_FILE, finer.csv())
+
+    def finer(self, case: Case) -> table.PathTable:
+        """Return the table of the path with smaller cells; empty if none was solved."""
+        return columns.read_finer(self.folder, case.column.pascal) if case.mesh_error else table.PathTable()
 
     def sources(self, case: Case) -> dict[str, table.PathTable]:
         """Return the table of each source of the silicone, the run's own included; empty if no others were solved."""
@@ -103,7 +110,7 @@ class Results:
     def files(self) -> list[str]:
         """Names of the files of a run, pictures excluded."""
         own = (f"{self.name}{end}" for end in (".h5", ".xdmf", ".vtkhdf", ".msh", ".steps/"))
-        return ["case.toml", *own, "path.csv", columns.FILE, "summary.json", INPUTS]
+        return ["case.toml", *own, "path.csv", columns.FILE, columns.FINER_FILE, "summary.json", INPUTS]
 
     @staticmethod
     def inputs_of(files: Iterable[str]) -> dict[str, str]:

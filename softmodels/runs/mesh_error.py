@@ -1,0 +1,136 @@
+"""The mesh error of a run's numbers, estimated from the same path solved again with smaller cells.
+
+A number f of a mesh with cells of size h is wrong by C h^p. Its order p is 1 or more: twice the exponent of the strain's
+singularity, which is at least 1/2 at the edge of a clamp or a re-entrant corner, and 3 or 4 where the solution is smooth and
+the cells are quadratic. With cells r times smaller in all places
+
+    |f(h) - f| = |f(h) - f(h / r)| / (1 - r^-p)  <=  |f(h) - f(h / r)| / (1 - 1 / r).
+
+That bound is the stated half width. It is the grid convergence index of Roache (1994, 10.1115/1.2910291) with the least order
+in place of an observed one, which takes a third mesh and is noisy on unstructured ones. It holds for what converges: the
+largest stretch and stress at a sharp corner have no limit (see `PEAKS`).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from geometries import Actuator
+from softmodels.case.case import Case
+from softmodels.runs import columns, labels, table
+
+FINER: Mapping[int, float] = {2: 2.0, 3: 1.5}
+"""How many times smaller the cells of the other path are, by dimension: twice the cost of a section, four times a solid's."""
+PEAKS = ("max_stretch", "max_von_mises")
+"""Peaks of the fields at integration points: at a sharp corner they grow with every refinement, so that they have no error."""
+NOT_SOLVED = table.PathTable()
+"""Table where the mesh error was not asked for."""
+LARGE_ERROR = 0.02
+"""Mesh error relative to the number above which the user is warned."""
+LARGE_GROWTH = 0.05
+"""Growth of a peak by smaller cells, relative to it, above which the user is warned."""
+LEAST_RISE = 1e-3
+"""Rise relative to the device's size below which an error relative to it means nothing."""
+
+
+@dataclasses.dataclass(frozen=True)
+class MeshErrors:
+    """Mesh errors of the states of a path, from its table and the one with smaller cells, which may be empty.
+
+    Attributes:
+        case: What was solved.
+        rows, finer: The two tables.
+    """
+
+    case: Case
+    rows: table.PathTable
+    finer: table.PathTable
+
+    @property
+    def times(self) -> float:
+        """How many times smaller the other cells are."""
+        return FINER[self.case.actuator.dimension]
+
+    def half_width(self, name: str, row: table.Row, other: table.Row) -> float:
+        """Return the half width of the interval of a variable in a state, in SI; ``other`` is the state with smaller cells."""
+        return abs(row[name] - other[name]) / (1.0 - 1.0 / self.times)
+
+    def paired(self, row: table.Row) -> table.Row | None:
+        """Return the state with smaller cells that corresponds to a requested state or a limit point; None if there is none."""
+        if row.get("limit"):
+            marked = self.finer.where("limit")
+            number = sum(bool(one["limit"]) and one["step"] < row["step"] for one in self.rows)
+            return marked[number] if number < len(marked) else None
+        if "load_step" in row:
+            same = self.finer.where(lambda other: bool(np.isclose(other["load_step"], row["load_step"], rtol=1e-9)))
+        else:
+            same = self.finer.where(lambda other: columns.stands_at(other, self.case, row[self.case.variable]))
+        return same[0] if row["requested"] and same else None
+
+    def of(self, row: table.Row) -> dict[str, float]:
+        """Return half widths in SI by variable of a requested state or a limit point; empty if unknown."""
+        if (other := self.paired(row)) is None:
+            return {}
+        return {name: self.half_width(name, row, other) for name in _told(self.case, row) if name in other}
+
+    @property
+    def last(self) -> tuple[table.Row | None, dict[str, float]]:
+        """The last requested state of which errors are known, and these; None and none without one."""
+        known = ((row, self.of(row)) for row in reversed(self.rows) if row["requested"])
+        return next((pair for pair in known if pair[1]), (None, {}))
+
+    def text(self) -> str:
+        """Return a sentence with the mesh errors of the last requested state that both meshes have, for a report."""
+        row, widths = self.last
+        if row is None:
+            return "The mesh error was not estimated: run the case with --mesh-error."
+        words = labels.state_labels(self.case)
+        figures = ", ".join(
+            f"{columns.term(row.column(name), self.case.actuator).name} {row.told(name)} +- {in_unit(row, name, half):.2g}"
+            for name, half in widths.items()
+        )
+        return (
+            f"Mesh error at {words.place(row)}, from the same path on cells {self.times:g} times smaller "
+            f"({columns.FINER_FILE}), as half a 95 % interval: {figures}."
+        )
+
+    def doubts(self) -> Iterator[str]:
+        """Yield sentences on numbers that the mesh does not resolve, and how to improve them."""
+        device, (last, _) = self.case.actuator, self.last
+        if self.case.mesh_error and self.rows and (last is None or not last[self.case.variable]):
+            yield "the mesh error is unknown: with smaller cells the path ends before a state under load that both meshes have"
+        if last is None:
+            return
+        for row in [last, *self.rows.where("limit")]:
+            widths = self.of(row)
+            for name in ("pressure",) if row.get("limit") else (device.gauge, "added_volume"):
+                scale = max(abs(row[name]), LEAST_RISE * device.size if name == device.gauge else 0.0)
+                if widths.get(name, 0.0) > LARGE_ERROR * scale > 0.0:
+                    what = "limit pressure" if row.get("limit") else columns.term(row.column(name), device).name
+                    yield f"the mesh error of the {what} is {widths[name] / scale:.1%}; use smaller cells (--cell-size)"
+        other = self.paired(last)
+        for name in PEAKS:
+            if other is not None and name in last and other[name] > (1.0 + LARGE_GROWTH) * last[name]:
+                what = columns.term(last.column(name), device).name
+                yield (
+                    f"the {what} is {last.told(name)}, and {other.told(name)} with cells {self.times:g} times smaller: it "
+                    "grows without bound at a sharp corner, and is underestimated at a rounded one; compare it only on equal "
+                    "meshes, or use smaller cells at a rounded corner"
+                )
+
+
+def in_unit(row: table.Row, name: str, half: float) -> float:
+    """Return a half width in SI in the unit in which its variable is shown."""
+    return table.parsed(row.column(name))[1].written(half, row.cm)
+
+
+def _told(case: Case, row: table.Row) -> list[str]:
+    """Return the variables whose error is stated: rises, figures and named points of the device, volume, pressure, forces."""
+    device: Actuator = case.actuator
+    named = [*device.probes, *(table.parsed(column)[0] for column in (*device.figure_columns.values(), *case.gauges.columns()))]
+    loads = [name for name in ("pressure", "added_volume", "stroke") if name != case.variable or row.get("limit")]
+    forces = [name for name in row if name.endswith("_force")]
+    return [name for name in dict.fromkeys([*named, *loads, *forces]) if name in row]

@@ -1,0 +1,93 @@
+"""The mesh error of a run's numbers, against meshes with much smaller cells, and where it is told."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+import softmodels as sm
+from geometries import meshing
+from softmodels.api.calls import case_of
+from softmodels.case.entries import CaseError
+from softmodels.case.materials import MaterialErrors
+from softmodels.mechanics import mpi
+from softmodels.runs import mesh_error, notes
+from softmodels.runs.simulation import Simulation
+from tests.support import runs
+
+DISK = sm.HollowDisk(section="axisymmetric")
+LAW = sm.Yeoh(14e3, 60.0)
+DEVICES = {
+    "disk": (DISK, "0,100 cm"),
+    "tube": (sm.Cylinder(section="axisymmetric"), "0,5 kPa"),
+    "balloon": (sm.Balloon(), "0,10 cm"),
+    "cup": (sm.SuctionCup(), "0,-0.4 kPa"),
+}
+
+
+def last_with(device, pressures, finer, folder):
+    """The last state on a mesh with smaller cells."""
+    simulation = Simulation(case_of(device, LAW, pressures), mpi.start())
+    simulation.write_mesh(folder / "mesh.msh", finer)
+    simulation.prepare(folder / "mesh.msh")
+    *_, last = simulation.steps()
+    simulation.release()
+    return last.row
+
+
+@pytest.mark.parametrize("name", DEVICES)
+def test_the_half_width_holds_the_error(name, tmp_path):
+    device, pressures = DEVICES[name]
+    run = sm.inflate(device, LAW, pressures, mesh_error=True)
+    fine = last_with(device, pressures, 3.0, tmp_path)
+    for figure in (device.gauge, "added_volume"):
+        error = abs(run.table[-1][figure] - fine[figure])
+        assert error < run.mesh_errors[figure] < 4 * error
+
+
+@pytest.mark.parametrize(
+    "device", [DISK, sm.Balloon(), sm.Beam(), sm.Membrane(section="wedge"), sm.HollowDisk()], ids=lambda d: type(d).__name__
+)
+def test_all_cells_get_smaller(device, tmp_path):
+    own, finer = (meshing.summarize(device.write(tmp_path / f"{n}.msh", finer=n)) for n in (1, 1.5))
+    assert 1.5**device.dimension == pytest.approx(finer.cells / own.cells, rel=0.3)
+    assert finer.measure == pytest.approx(own.measure, rel=2e-3)
+
+
+def test_on_the_command_line(tmp_path):
+    done = runs.disk(tmp_path / "disk", "--pressure-cm", "0,50", "--mesh-error")
+    assert done.status == 0 and " +- " in done.out and "by cells 2 times smaller" in done.out
+    errors = json.loads((tmp_path / "disk" / "summary.json").read_text())["errors"]
+    assert errors[-1]["apex_mm"]["half_width"] == errors[-1]["apex_mm"]["mesh"] > 0.0
+    run = sm.load(tmp_path / "disk")
+    assert 1e3 * run.mesh_errors["apex"] == pytest.approx(errors[-1]["apex_mm"]["mesh"], rel=1e-9)
+    again = sm.inflate(DISK, run.case.material, "0,50 cm", mesh_error=True)
+    assert run.mesh_errors == pytest.approx(again.mesh_errors, rel=1e-3)
+
+
+def test_of_a_limit_point():
+    run = sm.inflate(sm.Balloon(), sm.NeoHookean(20e3), "0:60 cm", mesh_error=True)
+    limit = run.table.where("limit")[0]
+    errors = mesh_error.MeshErrors(run.case, run.table, run._source.finer).of(limit)
+    assert 0.0 < errors["pressure"] < 0.01 * limit["pressure"]
+
+
+def test_smaller_cells_cure_a_mesh_that_is_told_to_be_too_coarse():
+    coarse = sm.inflate(sm.SuctionCup(cell_size=0.002, through=1), LAW, "0,-0.4 kPa", mesh_error=True)
+    assert any("the mesh error of the added volume" in note and "cell_size" in note for note in coarse.notes)
+    finer = sm.inflate(sm.SuctionCup(cell_size=0.001, through=2), LAW, "0,-0.4 kPa", mesh_error=True)
+    assert finer.mesh_errors["added_volume"] < 0.6 * coarse.mesh_errors["added_volume"]
+
+
+def test_with_the_materials_errors():
+    run = sm.inflate(DISK, LAW, "0,50 cm", band=MaterialErrors(("c1",), ((700.0**2,),)), mesh_error=True)
+    parts = notes.error_parts(run.table[-1], "apex", run.mesh_errors)
+    assert set(parts) == {"material", "mesh"} and parts["material"] > 10 * parts["mesh"]
+
+
+def test_a_part_whose_mesh_is_given(tmp_path):
+    sm.Beam().write(tmp_path / "beam.msh")
+    part = sm.ImportedMesh(file=str(tmp_path / "beam.msh"), unit="m", support="x = 0 mm", cavities=("none",))
+    with pytest.raises(CaseError, match="mesh the part more finely"):
+        case_of(part, LAW, None, mesh_error=True, steps=sm.steps_of(share="0:1"), components=[sm.Gravity("-z")])
