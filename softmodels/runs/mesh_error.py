@@ -62,7 +62,7 @@ class MeshErrors:
         """Return the state with smaller cells that corresponds to a requested state or a limit point; None if there is none."""
         if row.get("limit"):
             marked = self.finer.where("limit")
-            number = sum(bool(one["limit"]) and one["step"] < row["step"] for one in self.rows)
+            number = len(self.rows.where(lambda before: before["limit"] and before["step"] < row["step"]))
             return marked[number] if number < len(marked) else None
         if "load_step" in row:
             same = self.finer.where(lambda other: bool(np.isclose(other["load_step"], row["load_step"], rtol=1e-9)))

@@ -826,7 +826,7 @@ def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, table.PathTab
     others, sources = band.others(case.material), {}
     for number, (name, material) in enumerate(others.items(), 1):
         simulation.listener.say(f"solving with {name}, source {number} of {len(others)} besides the run's own")
-        aside = _aside(simulation, material=material)
+        aside = _aside(simulation, material)
         sources[name] = _followed(simulation, aside, lambda aside=aside: aside.prepare(mesh), f"the path of {name}")
     return {name: rows for name, rows in sources.items() if rows}
 
@@ -848,8 +848,9 @@ def solve_finer(simulation: Simulation) -> table.PathTable:
     return _followed(simulation, aside, prepare, "the path with smaller cells")
 
 
-def _aside(simulation: Simulation, **changes: Material) -> Simulation:
-    case = dataclasses.replace(simulation.case, band=None, mesh_error=False, **changes)
+def _aside(simulation: Simulation, material: Material | None = None) -> Simulation:
+    case = simulation.case
+    case = dataclasses.replace(case, material=material or case.material, band=None, mesh_error=False)
     return Simulation(case, simulation.comm, None, simulation.stopped)
 
 

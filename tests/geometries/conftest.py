@@ -17,7 +17,7 @@ from geometries.meshing import private_model
 def _meshed_anew(monkeypatch, request):
     """These tests are about making meshes; none is taken from those kept, but where that is what is tested."""
     if "made" not in request.fixturenames:
-        monkeypatch.setattr(meshing, "load_cached_mesh", lambda actuator, path: False)
+        monkeypatch.setattr(meshing, "load_cached_mesh", lambda *_: False)
 
 
 @dataclasses.dataclass

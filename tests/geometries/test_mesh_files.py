@@ -157,9 +157,9 @@ def made(monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     found, make = [], meshing._make
 
-    def counted(actuator, path, curving):
+    def counted(actuator, path, *how):
         found.append(actuator)
-        make(actuator, path, curving)
+        make(actuator, path, *how)
 
     monkeypatch.setattr(meshing, "_make", counted)
     return found

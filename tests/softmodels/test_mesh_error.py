@@ -10,7 +10,9 @@ import softmodels as sm
 from geometries import meshing
 from softmodels.api.calls import case_of
 from softmodels.case.entries import CaseError
+from softmodels.case.load import steps_of
 from softmodels.case.materials import MaterialErrors
+from softmodels.components.loads import Gravity
 from softmodels.mechanics import mpi
 from softmodels.runs import mesh_error, notes
 from softmodels.runs.simulation import Simulation
@@ -89,5 +91,6 @@ def test_with_the_materials_errors():
 def test_a_part_whose_mesh_is_given(tmp_path):
     sm.Beam().write(tmp_path / "beam.msh")
     part = sm.ImportedMesh(file=str(tmp_path / "beam.msh"), unit="m", support="x = 0 mm", cavities=("none",))
+    weight = steps_of(share="0:1")
     with pytest.raises(CaseError, match="mesh the part more finely"):
-        case_of(part, LAW, None, mesh_error=True, steps=sm.steps_of(share="0:1"), components=[sm.Gravity("-z")])
+        case_of(part, LAW, mesh_error=True, steps=weight, components=[Gravity("-z")])

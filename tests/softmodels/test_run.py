@@ -31,7 +31,7 @@ def test_a_failed_mesher_is_a_sentence_and_status_1(monkeypatch, capsys, tmp_pat
         raise Exception("PLC Error: a segment and a facet intersect")  # what Gmsh raises
 
     monkeypatch.setattr(gmsh.model.mesh, "generate", broken)
-    monkeypatch.setattr(meshing, "load_cached_mesh", lambda actuator, path: False)
+    monkeypatch.setattr(meshing, "load_cached_mesh", lambda *_: False)
     monkeypatch.setattr(sys, "argv", ["disk", *STEPS, "--output", str(tmp_path / "disk")])
     with pytest.raises(SystemExit) as end:
         main(command)
