@@ -253,7 +253,7 @@ class ImportedPart(Actuator):
 
 MAIN = "solid"
 """Region of a file with one solid."""
-SURFACE_VOLUME_TOLERANCE = 5e-3
+SURFACE_VOLUME_TOLERANCE = 1e-3
 """Share of the air's volume by which cells may miss that of the file's surface without a remark."""
 NONE = "none"
 """What ``cavities`` says of a solid part."""
@@ -1093,6 +1093,14 @@ MIN_EDGE_ANGLE = math.radians(40.0)
 """Angle between triangles of an STL file from which their edge is one of the part."""
 FILL_SIZES = (1.0, 0.9, 0.8)
 """Shares of the cell size to try in turn where Gmsh leaves a cell without volume."""
+FILL_CELLS_PER_CIRCLE, MIN_FILL_SHARE = 6.0, 0.35
+"""Cells around a full circle of an STL part's roundings, and the smallest ones there over the cell size."""
+MAX_FILL_GROWTH = 0.3
+"""Growth of the cells' size over the distance from such a rounding."""
+SIZE_GRID_POINTS = 100_000
+"""Points of the grid, about, on which Gmsh looks up those sizes."""
+EASING = (0.5,) * 5
+"""How far mid-edge nodes of cells that curved edges spoil move back to straight edges, round by round, before they are put there."""
 Sets = list[tuple[str, Sequence[Any]]]
 """Names of a file, and of each block of cells those that have the name; None for none."""
 OTHER_CELLS = ("hexahedron", "wedge", "pyramid", "voxel")
@@ -1419,15 +1427,21 @@ def _mesh_surfaces(
         solid = gmsh.model.geo.addVolume(loops)
         gmsh.model.geo.synchronize()
         gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 1)
-        gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: min(other, cell_size))
+        gmsh.option.setNumber("Mesh.MeshSizeMax", cell_size)
+        if anew:
+            _use_sizes(points, _sizes_of_roundings(points, triangles, cell_size), cell_size)
         try:
             gmsh.model.mesh.generate(3)
         except Exception as error:  # Gmsh raises bare Exception
             raise MeshingError(str(error).strip() or "Gmsh gives no reason") from None
-        gmsh.model.mesh.optimize("Netgen")
-        # Straight edges, as the file has them; of the order that the library's own meshes have, whose forms are compiled.
-        gmsh.option.setNumber("Mesh.SecondOrderLinear", 1)
+        with meshing.quiet_output(b"BFGS update error"):
+            gmsh.model.mesh.optimize("Netgen")
+        # Edges of cells bend onto the file's facets, or the air would lose up to a tenth of its volume; where the facets
+        # themselves are faces of cells, they stay straight.
+        gmsh.option.setNumber("Mesh.SecondOrderLinear", not anew)
         gmsh.model.mesh.setOrder(2)
+        if anew:
+            meshing.straighten(3, EASING)
         known, places, _ = gmsh.model.mesh.getNodes()
         at = np.empty((int(known.max()) + 1, 3))
         at[known.astype(int)] = places.reshape(-1, 3)
@@ -1435,6 +1449,56 @@ def _mesh_surfaces(
         if not len(nodes):
             raise MeshingError("Gmsh made no cells")
         return at, nodes.astype(np.int64).reshape(-1, 10)[:, mesh_arrays.TO_GMSH]
+
+
+def _sizes_of_roundings(points: Array, triangles: mesh_arrays.Ints, cell_size: float) -> tuple[Array, Array]:
+    """Return places (n, 3) on the rounded faces of a closed surface where cells have to be smaller than a size, and theirs (n,),
+    m: the curvature at an edge is the angle there over the mean height of its two triangles."""
+    normal = np.cross(points[triangles[:, 1]] - points[triangles[:, 0]], points[triangles[:, 2]] - points[triangles[:, 0]])
+    double_area = np.linalg.norm(normal, axis=1)
+    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    order = np.lexsort(edges.T)  # of a closed surface, where two triangles share each
+    start, end = edges[order[::2]].T
+    first, second = order[::2] // 3, order[1::2] // 3
+    length = np.linalg.norm(points[end] - points[start], axis=1)
+    cosine = (normal[first] * normal[second]).sum(axis=1) / (double_area[first] * double_area[second])
+    angle = np.arccos(np.clip(cosine, -1.0, 1.0))
+    height = 0.5 * (double_area[first] + double_area[second]) / length
+    sizes = 2.0 * np.pi / FILL_CELLS_PER_CIRCLE * height / np.maximum(angle, 1e-9)
+    rounded = (angle < MIN_EDGE_ANGLE) & (sizes < cell_size)
+    sizes = np.maximum(sizes[rounded], MIN_FILL_SHARE * cell_size)
+    pieces = np.ceil(length[rounded] / sizes).astype(int) + 1
+    edge = np.repeat(np.arange(len(sizes)), pieces)
+    share = (np.arange(len(edge)) - np.repeat(np.cumsum(pieces) - pieces, pieces)) / np.repeat(pieces - 1, pieces)
+    start, end = points[start[rounded]], points[end[rounded]]
+    return start[edge] + share[:, None] * (end - start)[edge], sizes[edge]
+
+
+def _use_sizes(points: Array, sizes: tuple[Array, Array], cell_size: float) -> None:
+    """Let the current Gmsh model have cells of some sizes at some places, and of a longest edge far from them."""
+    places, wanted = sizes
+    low, high = points.min(axis=0), points.max(axis=0)
+    step = float(np.cbrt(np.prod(high - low) / SIZE_GRID_POINTS))
+    count = np.ceil((high - low) / step).astype(int) + 2
+    axes = [low[i] - 0.5 * step + step * np.arange(count[i]) for i in range(3)]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    size = np.full(len(grid), cell_size)
+    classes = np.floor(np.log(wanted / wanted.min(initial=cell_size)) / np.log(1.5)).astype(int)
+    for number in np.unique(classes):
+        own = classes == number
+        least = float(wanted[own].mean())
+        reach = (cell_size - least) / MAX_FILL_GROWTH + least
+        away, _ = scipy.spatial.cKDTree(places[own]).query(grid, distance_upper_bound=reach)
+        size = np.minimum(size, least + MAX_FILL_GROWTH * np.maximum(np.minimum(away, reach) - least, 0.0))
+    with tempfile.NamedTemporaryFile(suffix=".grid") as table:
+        for values in (low - 0.5 * step, np.full(3, step), count.astype("<i4"), size):
+            table.write(values.tobytes())
+        table.flush()
+        field = gmsh.model.mesh.field.add("Structured")
+        gmsh.model.mesh.field.setString(field, "FileName", table.name)
+        gmsh.model.mesh.field.setNumber(field, "TextFormat", 0)
+        gmsh.model.mesh.field.setAsBackgroundMesh(field)
+        gmsh.model.mesh.generate(1)  # which reads the table
 
 
 def _extent(shell: list[int]) -> float:
