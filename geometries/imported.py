@@ -21,17 +21,15 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries import abaqus, actuator, mesh_arrays, meshing, registry, revolved
+from geometries import abaqus, actuator, mesh_arrays, meshing, registry, revolved, surfaces
 from geometries.actuator import Actuator, CutPlane, Hold, Vector
 from geometries.faces import FORMATS, UNITS, Colour, Faces, faces, point
 from geometries.inlets import Inlet, air_spaces, plugged
+from geometries.surfaces import Surface
 from softmodels.common import errors, files, schema
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError, MeshingError
 from softmodels.common.lazy import gmsh, scipy
-
-Surface = tuple[Array, mesh_arrays.Ints]
-"""Corners (n, 3) in m and triangles (t, 3) of a closed surface."""
 
 OUTER = "outer"
 """Role of the faces that have no other."""
@@ -113,13 +111,8 @@ class ImportedPart(Actuator):
         """Contents of the file; read once."""
 
     def digest(self) -> str:
-        """Return SHA-256 of the file's content; GeometryError if it cannot be read."""
-        try:
-            return files.file_digest(self.file)
-        except OSError as error:
-            raise GeometryError(f"file {self.file} cannot be read ({errors.reason(error)})") from None
-        except ValueError:  # a zero byte in its name
-            raise GeometryError(f"file {self.file!r} is not a file name") from None
+        """Return SHA-256 of the content of its files; GeometryError for one that cannot be read."""
+        return _digest(self.file)
 
     @property
     def files(self) -> Mapping[str, str]:
@@ -128,7 +121,7 @@ class ImportedPart(Actuator):
     @property
     def key(self) -> str:
         """Twelve digits that change with the parameters and the file's contents, not with its path."""
-        parameters = [(f.name, getattr(self, f.name)) for f in dataclasses.fields(self) if f.name != "file"]
+        parameters = [(f.name, getattr(self, f.name)) for f in dataclasses.fields(self) if f.name not in self.files]
         return hashlib.sha256(repr((type(self).__name__, self.digest(), parameters)).encode()).hexdigest()[:12]
 
     @property
@@ -162,7 +155,8 @@ class ImportedPart(Actuator):
     @property
     def remarks(self) -> tuple[str, ...]:  # type: ignore[override]
         reading = self.reading
-        remarks = [
+        remarks = [*reading.repairs]
+        remarks += [
             f"the opening {plug.text} is closed by a plug {1e3 * plug.length:.2g} mm long; --inlets none leaves it open"
             for plug in reading.plugs
         ]
@@ -251,6 +245,15 @@ class ImportedPart(Actuator):
         return np.zeros(len(points), dtype=bool)
 
 
+def _digest(file: str) -> str:
+    try:
+        return files.file_digest(file)
+    except OSError as error:
+        raise GeometryError(f"file {file} cannot be read ({errors.reason(error)})") from None
+    except ValueError:  # a zero byte in its name
+        raise GeometryError(f"file {file!r} is not a file name") from None
+
+
 MAIN = "solid"
 """Region of a file with one solid."""
 SURFACE_VOLUME_TOLERANCE = 1e-3
@@ -277,7 +280,9 @@ class Reading:
     regions: tuple[str, ...] = ()
     plugs: tuple[Inlet, ...] = ()
     air_on_file: float = 0.0
-    """Volume in m3 of the air within a file's closed surface, if that had inlets; its cells may follow it less closely."""
+    """Volume in m3 of the air within a file's closed surface; its cells may follow it less closely."""
+    repairs: tuple[str, ...] = ()
+    """What was done to the file's surface, in words."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -1085,39 +1090,30 @@ class ImportedActuator(ImportedPart):
 
 MAX_COORDINATE = 1e3
 """Distance in m of a corner of a surface from the origin, above which its file is damaged or in another unit."""
-ZERO_VOLUME_TOLERANCE = 1e-9
-"""Six times the volume of a surface, in cubes of its extent, that is no more than rounding."""
-CORNER_TOLERANCE = 1e-6
-"""Corners of an STL file's triangles this near to each other, over its extent, are one."""
 MIN_EDGE_ANGLE = math.radians(40.0)
 """Angle between triangles of an STL file from which their edge is one of the part."""
 FILL_SIZES = (1.0, 0.9, 0.8)
 """Shares of the cell size to try in turn where Gmsh leaves a cell without volume."""
-FILL_CELLS_PER_CIRCLE, MIN_FILL_SHARE = 6.0, 0.35
+FILL_CELLS_PER_CIRCLE, MIN_FILL_SHARE = 5.0, 0.35
 """Cells around a full circle of an STL part's roundings, and the smallest ones there over the cell size."""
 MAX_FILL_GROWTH = 0.3
 """Growth of the cells' size over the distance from such a rounding."""
 SIZE_GRID_POINTS = 100_000
 """Points of the grid, about, on which Gmsh looks up those sizes."""
 EASING = (0.5,) * 5
-"""How far mid-edge nodes of cells that curved edges spoil move back to straight edges, round by round, before they are put there."""
+"""Shares of their way from straight edges at which mid-edge nodes of spoilt cells stay, round by round."""
 Sets = list[tuple[str, Sequence[Any]]]
 """Names of a file, and of each block of cells those that have the name; None for none."""
 OTHER_CELLS = ("hexahedron", "wedge", "pyramid", "voxel")
 
 
-def read_mesh(
-    file: str, unit: float, cell_size: float, close: Callable[[Surface], Surface] = lambda surface: surface
-) -> mesh_arrays.Tetrahedra:
-    """Read a mesh, in m, of which ``unit`` is metres in one of its lengths; an STL file's surface is closed where it has
-    inlets, and filled with cells of a longest edge in m. GeometryError for no such file, not a mesh, or none of tetrahedra."""
+def read_mesh(file: str, unit: float) -> mesh_arrays.Tetrahedra:
+    """Read a mesh of tetrahedra, in m, of which ``unit`` is metres in one of its lengths. GeometryError for no such file, not a
+    mesh, or none of tetrahedra."""
     kind = Path(file).suffix.lower()
     if kind not in FORMATS:
         raise GeometryError(f"file is {file!r}; meshes are read from {', '.join(FORMATS)}, drawings from STEP")
-    mesh_read = _by_meshio(file, FORMATS[kind])
-    if kind == ".stl":
-        return _meshed_solid(file, close(_is_closed(file, mesh_read, unit)), cell_size)
-    return mesh_of(file, mesh_read, unit)
+    return mesh_of(file, _by_meshio(file, FORMATS[kind]), unit)
 
 
 def mesh_of(file: str, mesh_read: Any, unit: float) -> mesh_arrays.Tetrahedra:
@@ -1324,15 +1320,12 @@ def _each_once(
     return cells[kept], {name: np.unique(number[region]) for name, region in regions.items()}
 
 
-def read_surfaces(file: str, unit: float) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
-    """Return the closed surfaces of an STL file: corners in m, shape (n, 3), and triangles, shape (t, 3). GeometryError for
-    no such file, no STL, or a surface that is not closed."""
+def read_surfaces(file: str, unit: float) -> tuple[Surface, list[str]]:
+    """Return the closed surfaces of an STL file, repaired, and what was done to them, in words. GeometryError for no such file,
+    no STL, or a surface that is not closed."""
     if Path(file).suffix.lower() != ".stl":
         raise GeometryError(f"file is {file!r}; surfaces are read from .stl")
-    return _is_closed(file, _by_meshio(file, "stl"), unit)
-
-
-def _is_closed(file: str, arrays: Any, unit: float) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
+    arrays = _by_meshio(file, "stl")
     triangles = [np.asarray(block.data, dtype=np.int64) for block in arrays.cells if block.type == "triangle"]
     if not triangles:
         raise GeometryError(f"file {file} has no triangles")
@@ -1343,18 +1336,10 @@ def _is_closed(file: str, arrays: Any, unit: float) -> tuple[NDArray[np.float64]
             f"file {file} has a corner {extent:.4g} m from its origin, more than {MAX_COORDINATE:g} m; check its unit, "
             "or repair it in the program that wrote it"
         )
-    points, triangles_of_all = _with_common_corners(places, np.concatenate(triangles))
-    _check_closed(file, points, triangles_of_all)
-    a, b, c = np.moveaxis(points[triangles_of_all], 1, 0)
-    if (
-        not abs(np.einsum("ij,ij->", a - points[0], np.cross(b - points[0], c - points[0])))
-        > ZERO_VOLUME_TOLERANCE * np.ptp(points, axis=0).max() ** 3
-    ):
-        raise GeometryError(f"file {file} encloses no volume; repair it in the program that wrote it")
-    return points, triangles_of_all
+    return surfaces.repaired(file, places, np.concatenate(triangles))
 
 
-def _meshed_solid(file: str, surface: Surface, cell_size: float) -> mesh_arrays.Tetrahedra:
+def meshed_solid(file: str, surface: Surface, cell_size: float) -> mesh_arrays.Tetrahedra:
     """Return the solid between the surfaces of an STL file, meshed."""
 
     def fill() -> dict[str, NDArray[Any]]:
@@ -1369,31 +1354,6 @@ def _meshed_solid(file: str, surface: Surface, cell_size: float) -> mesh_arrays.
             "other, or try another cell_size"
         ) from None
     return mesh_arrays.Tetrahedra.made(nodes, cells, {}, {})
-
-
-def _with_common_corners(
-    points: NDArray[np.float64], triangles: mesh_arrays.Ints
-) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
-    """Return an STL file's triangles with common corners: it lists each corner with each triangle anew."""
-    near = CORNER_TOLERANCE * float(np.linalg.norm(np.ptp(points, axis=0)))
-    pairs = scipy.spatial.cKDTree(points).query_pairs(near, output_type="ndarray")
-    group = actuator.joined(pairs, len(points))
-    _, first = np.unique(group, return_index=True)
-    triangles = group[triangles]
-    ends = np.sort(triangles, axis=1)
-    return points[first], triangles[(ends[:, 0] != ends[:, 1]) & (ends[:, 1] != ends[:, 2])]
-
-
-def _check_closed(file: str, points: NDArray[np.float64], triangles: mesh_arrays.Ints) -> None:
-    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    known, count = np.unique(edges, axis=0, return_counts=True)
-    open_edges = known[count != 2]
-    if len(open_edges):
-        x, y, z = 1e3 * points[open_edges[0]].mean(axis=0)
-        raise GeometryError(
-            f"file {file} is not watertight: {len(open_edges)} edges do not belong to exactly two triangles, the first near "
-            f"{x:.4g}, {y:.4g}, {z:.4g} mm; repair it in the program that wrote it"
-        )
 
 
 def _fill(
@@ -1452,7 +1412,7 @@ def _mesh_surfaces(
 
 
 def _sizes_of_roundings(points: Array, triangles: mesh_arrays.Ints, cell_size: float) -> tuple[Array, Array]:
-    """Return places (n, 3) on the rounded faces of a closed surface where cells have to be smaller than a size, and theirs (n,),
+    """Return places (n, 3) on the rounded faces of a closed surface where cells have to be smaller than a size, and theirs, in
     m: the curvature at an edge is the angle there over the mean height of its two triangles."""
     normal = np.cross(points[triangles[:, 1]] - points[triangles[:, 0]], points[triangles[:, 2]] - points[triangles[:, 0]])
     double_area = np.linalg.norm(normal, axis=1)
@@ -1611,12 +1571,25 @@ class ImportedMesh(ImportedPart):
 
     unit: str = schema.choice_field("mm", tuple(UNITS), "unit of the file's lengths, which such files do not store")
     cell_size: float = schema.length_field(0.003, "longest edge of the cells, only for an STL file", shape=False)
+    air: str = schema.text_field(
+        "", "STL file of the part's air, such as cavity.stl, if the part's own file has it not, or has it filled"
+    )
 
     meshed: ClassVar[bool] = True
     kind: ClassVar[str] = "mesh (--file part.msh, part.inp, part.vtu or part.stl)"
 
     def check_cells(self) -> None:
-        """Nothing: a mesh is used as it is."""
+        """Check the file of its air; a mesh is used as it is."""
+        object.__setattr__(self, "air", errors.whole_path(self.air))
+        if self.air and not all(Path(file).suffix.lower() == ".stl" for file in (self.file, self.air)):
+            raise GeometryError(f"air is {self.air!r}; give it with a part of its own as surfaces, both as .stl files")
+
+    @property
+    def files(self) -> Mapping[str, str]:
+        return {"file": self.file, "air": self.air} if self.air else {"file": self.file}
+
+    def digest(self) -> str:
+        return "-".join(_digest(file) for file in self.files.values())
 
     @property
     def mesh(self) -> mesh_arrays.Tetrahedra:
@@ -1679,20 +1652,21 @@ def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra,
     """Read the file and check every choice against it. Another digest, of another content, is another reading."""
     plugs: list[Inlet] = []
     air = 0.0
-
-    def close(surface: Surface) -> Surface:
+    repairs: list[str] = []
+    if Path(part.file).suffix.lower() == ".stl":
+        unit = UNITS[part.unit]
+        surface, repairs = read_surfaces(part.file, unit)
+        if part.air:
+            space, more = read_surfaces(part.air, unit)
+            surface, repairs = surfaces.without_air(part.file, surface, part.air, space), repairs + more
         points, triangles = surface
-        edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]]])
-        shells = len(np.unique(actuator.joined(edges, len(points))[triangles[:, 0]]))
-        plugs.extend(part.to_close(shells - 1, lambda: surface))
-        if not plugs:
-            return surface
-        nonlocal air
-        closed = plugged(surface, plugs)
-        air = mesh_arrays.enclosed_air(*closed)
-        return closed
-
-    mesh = read_mesh(part.file, UNITS[part.unit], part.cell_size, close)
+        shells = len(np.unique(actuator.joined(np.concatenate([triangles[:, :2], triangles[:, 1:]]), len(points))[triangles]))
+        if plugs := part.to_close(shells - 1, lambda: surface):
+            surface = plugged(surface, plugs)
+        air = mesh_arrays.enclosed_air(*surface)
+        mesh = meshed_solid(part.file, surface, part.cell_size)
+    else:
+        mesh = read_mesh(part.file, UNITS[part.unit])
     if not 1e-5 < mesh.extent < 10.0:
         raise GeometryError(
             f"file {part.file} spans {1e3 * mesh.extent:.4g} mm with unit {part.unit!r}; give the unit of its lengths"
@@ -1703,4 +1677,6 @@ def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra,
     normals = boundary.outward(roles)
     mesh = put_on_planes(mesh, roles, normals)
     volumes = cavity_volumes(part, mesh, roles)
-    return mesh, Reading(normals, gauge(part, mesh, roles), mesh.volume, volumes, plugs=tuple(plugs), air_on_file=air)
+    return mesh, Reading(
+        normals, gauge(part, mesh, roles), mesh.volume, volumes, plugs=tuple(plugs), air_on_file=air, repairs=tuple(repairs)
+    )

@@ -330,7 +330,7 @@ def _curved_cells(dimension: int) -> tuple[NDArray[np.uint64], NDArray[np.int64]
 
 
 def straighten(dimension: int, shares: Sequence[float] = ()) -> int:
-    """Put the mid-edge nodes of spoilt cells back on straight edges, or first some ``shares`` of the way from there, one in each
+    """Put the mid-edge nodes of spoilt cells back on straight edges, or first some ``shares`` of the way from there, round by
     round; their neighbours follow until all are sound. Return how many edges on curved faces were moved.
 
     With straight edges every cell is as good as before it was curved, but a wall there is a polygon.
