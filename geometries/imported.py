@@ -752,6 +752,8 @@ def _curvatures(face: int) -> np.ndarray:
 # colours, as faces' names do (see above).
 
 
+MAX_OVERLAP_SHARE = 0.01
+"""Volume over that of the later solid up to which an overlap of two solids is a sliver, that counts to the earlier one."""
 NAMELESS = re.compile(r"Open CASCADE STEP translator.*|SOLID|COMPOUND|")
 
 
@@ -766,6 +768,7 @@ class Solids(Boundary):
         low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
         self.extent, self.regions, self.made = float(np.linalg.norm(high - low)), regions, made
         self.plugs: tuple[Inlet, ...] = ()
+        self.repairs: tuple[str, ...] = ()
         super().__init__(part, 1e-5 * self.extent)  # Gmsh's boxes are wider by its tolerance
 
     @property
@@ -822,9 +825,10 @@ class Solids(Boundary):
         return bool(normal @ self.centre > 0)
 
 
-def glued(part: ImportedActuator, plugs: Sequence[tuple[int, int]] = ()) -> Solids:
+def glued(part: ImportedActuator, metre: float, plugs: Sequence[tuple[int, int]] = ()) -> Solids:
     """Return the solids of the current Gmsh model, read from a part's file, glued where they touch, with volumes ``plugs`` of
-    our own in the part's openings. GeometryError if there is none, they overlap, or one touches no other."""
+    our own in the part's openings; a metre has so many of its units. GeometryError if there is none, they overlap by more than
+    a sliver, or one touches no other."""
     volumes = [volume for volume in gmsh.model.getEntities(3) if volume not in plugs]
     if len(volumes) == 1 and not plugs:
         return Solids(part, {MAIN: [volumes[0][1]]})
@@ -839,14 +843,23 @@ def glued(part: ImportedActuator, plugs: Sequence[tuple[int, int]] = ()) -> Soli
     gmsh.model.occ.synchronize()
     regions: dict[str, list[int]] = defaultdict(list)
     owner: dict[int, str] = {}
+    healed = []
     for name, pieces_of_region in zip(names, made, strict=False):
+        whole = sum(gmsh.model.occ.getMass(*piece) for piece in pieces_of_region)
         for _, tag in pieces_of_region:
             if tag in owner:
-                raise GeometryError(f"file {part.file}: the solids {owner[tag]} and {name} overlap; cut one by the other")
+                common = gmsh.model.occ.getMass(3, tag) / metre**3
+                x, y, z = (1e3 * value / metre for value in gmsh.model.occ.getCenterOfMass(3, tag))
+                what = f"the solids {owner[tag]} and {name} overlap by {1e9 * common:.3g} mm3 at {x:.4g}, {y:.4g}, {z:.4g} mm"
+                if common * metre**3 > MAX_OVERLAP_SHARE * whole:
+                    raise GeometryError(f"file {part.file}: {what}; cut one by the other")
+                healed.append(f"{what}, which counts to {owner[tag]}")
+                continue
             owner[tag] = name
             regions[name].append(tag)
     pieces = tuple(tuple(tag for _, tag in tools) for tools in made[len(volumes) :])
     solids = Solids(part, dict(regions), pieces)
+    solids.repairs = tuple(healed)
     _check_touching(part, solids, owner)
     return solids
 
@@ -920,6 +933,7 @@ def _read_step(part: ImportedActuator) -> Reading:
             volumes,
             tuple(solids.regions) if len(solids.regions) > 1 else (),
             solids.plugs,
+            repairs=solids.repairs,
         )
 
 
@@ -948,14 +962,14 @@ def open_part(part: ImportedActuator, unit: str = "M") -> Solids:
     except Exception as error:  # Gmsh raises bare Exception
         raise GeometryError(f"file {part.file} cannot be read as STEP ({str(error).strip() or 'no reason given'})") from None
     metre = {"M": 1.0, "MM": 1e3}[unit]
-    whole = glued(part)
+    whole = glued(part, metre)
     plugs = tuple(part.to_close(len(whole.pieces(whole.every)) - 1, lambda: _surface(metre)))
     if not plugs:
         return whole
     volumes = [_plug_volume(whole, plug, metre) for plug in plugs]
     gmsh.model.occ.synchronize()
-    closed = glued(part, volumes)
-    closed.plugs = plugs
+    closed = glued(part, metre, volumes)
+    closed.plugs, closed.repairs = plugs, whole.repairs
     return closed
 
 
@@ -985,7 +999,8 @@ def _plug_volume(solids: Solids, opening: Inlet, metre: float) -> tuple[int, int
     left, _ = occ.cut([(3, cylinder)], [(3, tag) for tag in solids.tags], removeTool=False)
     occ.synchronize()
     middle = list(metre * np.array(opening.middle))
-    plug = next((volume for volume in left if gmsh.model.isInside(*volume, middle)), None)
+    own = next((volume for volume in left if gmsh.model.isInside(*volume, middle)), None)
+    plug = own or max(left, key=lambda volume: float(occ.getMass(*volume)), default=None)  # a bore that turns
     occ.remove([volume for volume in left if volume != plug], recursive=True)
     if plug is None:
         raise GeometryError(
