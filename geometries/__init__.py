@@ -15,7 +15,7 @@ Begin with `actuator`: a device is a frozen dataclass of it that is registered (
 - `disk`, `seminar`, `pneunet`, `membrane`, `balloon`, `bellows`, `bending_bellows`, `cylinder`, `beam`, `suction_cup`: one
   file for each device: its lengths, their checks, its mesh and its outline.
 - `imported`: parts from files: STEP, meshes of Gmsh, Abaqus or CalculiX, STL. `faces`: texts that pick their faces and points.
-  `inlets`: openings of their air and the plugs that close them. `abaqus`: decks of Abaqus and CalculiX.
+  `surfaces`: STL files repaired. `inlets`: openings of their air and their plugs. `abaqus`: decks of Abaqus and CalculiX.
 - `revolved`: half sections of bodies of revolution. `meshing`: Gmsh, in a process of its own where it takes long.
 - `mesh_arrays`: meshes as arrays. `registry`: also the command-line options of a device.
 """

@@ -21,17 +21,15 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries import abaqus, actuator, mesh_arrays, meshing, registry, revolved
+from geometries import abaqus, actuator, mesh_arrays, meshing, registry, revolved, surfaces
 from geometries.actuator import Actuator, CutPlane, Hold, Vector
 from geometries.faces import FORMATS, UNITS, Colour, Faces, faces, point
 from geometries.inlets import Inlet, air_spaces, plugged
+from geometries.surfaces import Surface
 from softmodels.common import errors, files, schema
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError, MeshingError
 from softmodels.common.lazy import gmsh, scipy
-
-Surface = tuple[Array, mesh_arrays.Ints]
-"""Corners (n, 3) in m and triangles (t, 3) of a closed surface."""
 
 OUTER = "outer"
 """Role of the faces that have no other."""
@@ -113,13 +111,8 @@ class ImportedPart(Actuator):
         """Contents of the file; read once."""
 
     def digest(self) -> str:
-        """Return SHA-256 of the file's content; GeometryError if it cannot be read."""
-        try:
-            return files.file_digest(self.file)
-        except OSError as error:
-            raise GeometryError(f"file {self.file} cannot be read ({errors.reason(error)})") from None
-        except ValueError:  # a zero byte in its name
-            raise GeometryError(f"file {self.file!r} is not a file name") from None
+        """Return SHA-256 of the content of its files; GeometryError for one that cannot be read."""
+        return _digest(self.file)
 
     @property
     def files(self) -> Mapping[str, str]:
@@ -128,7 +121,7 @@ class ImportedPart(Actuator):
     @property
     def key(self) -> str:
         """Twelve digits that change with the parameters and the file's contents, not with its path."""
-        parameters = [(f.name, getattr(self, f.name)) for f in dataclasses.fields(self) if f.name != "file"]
+        parameters = [(f.name, getattr(self, f.name)) for f in dataclasses.fields(self) if f.name not in self.files]
         return hashlib.sha256(repr((type(self).__name__, self.digest(), parameters)).encode()).hexdigest()[:12]
 
     @property
@@ -162,7 +155,8 @@ class ImportedPart(Actuator):
     @property
     def remarks(self) -> tuple[str, ...]:  # type: ignore[override]
         reading = self.reading
-        remarks = [
+        remarks = [*reading.repairs]
+        remarks += [
             f"the opening {plug.text} is closed by a plug {1e3 * plug.length:.2g} mm long; --inlets none leaves it open"
             for plug in reading.plugs
         ]
@@ -251,9 +245,18 @@ class ImportedPart(Actuator):
         return np.zeros(len(points), dtype=bool)
 
 
+def _digest(file: str) -> str:
+    try:
+        return files.file_digest(file)
+    except OSError as error:
+        raise GeometryError(f"file {file} cannot be read ({errors.reason(error)})") from None
+    except ValueError:  # a zero byte in its name
+        raise GeometryError(f"file {file!r} is not a file name") from None
+
+
 MAIN = "solid"
 """Region of a file with one solid."""
-SURFACE_VOLUME_TOLERANCE = 5e-3
+SURFACE_VOLUME_TOLERANCE = 1e-3
 """Share of the air's volume by which cells may miss that of the file's surface without a remark."""
 NONE = "none"
 """What ``cavities`` says of a solid part."""
@@ -277,7 +280,9 @@ class Reading:
     regions: tuple[str, ...] = ()
     plugs: tuple[Inlet, ...] = ()
     air_on_file: float = 0.0
-    """Volume in m3 of the air within a file's closed surface, if that had inlets; its cells may follow it less closely."""
+    """Volume in m3 of the air within a file's closed surface; its cells may follow it less closely."""
+    repairs: tuple[str, ...] = ()
+    """What was done to the file's surface, in words."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -747,6 +752,8 @@ def _curvatures(face: int) -> np.ndarray:
 # colours, as faces' names do (see above).
 
 
+MAX_OVERLAP_SHARE = 0.01
+"""Volume over that of the later solid up to which an overlap of two solids is a sliver, that counts to the earlier one."""
 NAMELESS = re.compile(r"Open CASCADE STEP translator.*|SOLID|COMPOUND|")
 
 
@@ -761,6 +768,7 @@ class Solids(Boundary):
         low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
         self.extent, self.regions, self.made = float(np.linalg.norm(high - low)), regions, made
         self.plugs: tuple[Inlet, ...] = ()
+        self.repairs: tuple[str, ...] = ()
         super().__init__(part, 1e-5 * self.extent)  # Gmsh's boxes are wider by its tolerance
 
     @property
@@ -817,9 +825,10 @@ class Solids(Boundary):
         return bool(normal @ self.centre > 0)
 
 
-def glued(part: ImportedActuator, plugs: Sequence[tuple[int, int]] = ()) -> Solids:
+def glued(part: ImportedActuator, metre: float, plugs: Sequence[tuple[int, int]] = ()) -> Solids:
     """Return the solids of the current Gmsh model, read from a part's file, glued where they touch, with volumes ``plugs`` of
-    our own in the part's openings. GeometryError if there is none, they overlap, or one touches no other."""
+    our own in the part's openings; a metre has so many of its units. GeometryError if there is none, they overlap by more than
+    a sliver, or one touches no other."""
     volumes = [volume for volume in gmsh.model.getEntities(3) if volume not in plugs]
     if len(volumes) == 1 and not plugs:
         return Solids(part, {MAIN: [volumes[0][1]]})
@@ -834,14 +843,23 @@ def glued(part: ImportedActuator, plugs: Sequence[tuple[int, int]] = ()) -> Soli
     gmsh.model.occ.synchronize()
     regions: dict[str, list[int]] = defaultdict(list)
     owner: dict[int, str] = {}
+    healed = []
     for name, pieces_of_region in zip(names, made, strict=False):
+        whole = sum(gmsh.model.occ.getMass(*piece) for piece in pieces_of_region)
         for _, tag in pieces_of_region:
             if tag in owner:
-                raise GeometryError(f"file {part.file}: the solids {owner[tag]} and {name} overlap; cut one by the other")
+                common = gmsh.model.occ.getMass(3, tag) / metre**3
+                x, y, z = (1e3 * value / metre for value in gmsh.model.occ.getCenterOfMass(3, tag))
+                what = f"the solids {owner[tag]} and {name} overlap by {1e9 * common:.3g} mm3 at {x:.4g}, {y:.4g}, {z:.4g} mm"
+                if common * metre**3 > MAX_OVERLAP_SHARE * whole:
+                    raise GeometryError(f"file {part.file}: {what}; cut one by the other")
+                healed.append(f"{what}, which counts to {owner[tag]}")
+                continue
             owner[tag] = name
             regions[name].append(tag)
     pieces = tuple(tuple(tag for _, tag in tools) for tools in made[len(volumes) :])
     solids = Solids(part, dict(regions), pieces)
+    solids.repairs = tuple(healed)
     _check_touching(part, solids, owner)
     return solids
 
@@ -915,6 +933,7 @@ def _read_step(part: ImportedActuator) -> Reading:
             volumes,
             tuple(solids.regions) if len(solids.regions) > 1 else (),
             solids.plugs,
+            repairs=solids.repairs,
         )
 
 
@@ -943,14 +962,14 @@ def open_part(part: ImportedActuator, unit: str = "M") -> Solids:
     except Exception as error:  # Gmsh raises bare Exception
         raise GeometryError(f"file {part.file} cannot be read as STEP ({str(error).strip() or 'no reason given'})") from None
     metre = {"M": 1.0, "MM": 1e3}[unit]
-    whole = glued(part)
+    whole = glued(part, metre)
     plugs = tuple(part.to_close(len(whole.pieces(whole.every)) - 1, lambda: _surface(metre)))
     if not plugs:
         return whole
     volumes = [_plug_volume(whole, plug, metre) for plug in plugs]
     gmsh.model.occ.synchronize()
-    closed = glued(part, volumes)
-    closed.plugs = plugs
+    closed = glued(part, metre, volumes)
+    closed.plugs, closed.repairs = plugs, whole.repairs
     return closed
 
 
@@ -980,7 +999,8 @@ def _plug_volume(solids: Solids, opening: Inlet, metre: float) -> tuple[int, int
     left, _ = occ.cut([(3, cylinder)], [(3, tag) for tag in solids.tags], removeTool=False)
     occ.synchronize()
     middle = list(metre * np.array(opening.middle))
-    plug = next((volume for volume in left if gmsh.model.isInside(*volume, middle)), None)
+    own = next((volume for volume in left if gmsh.model.isInside(*volume, middle)), None)
+    plug = own or max(left, key=lambda volume: float(occ.getMass(*volume)), default=None)  # a bore that turns
     occ.remove([volume for volume in left if volume != plug], recursive=True)
     if plug is None:
         raise GeometryError(
@@ -1085,31 +1105,30 @@ class ImportedActuator(ImportedPart):
 
 MAX_COORDINATE = 1e3
 """Distance in m of a corner of a surface from the origin, above which its file is damaged or in another unit."""
-ZERO_VOLUME_TOLERANCE = 1e-9
-"""Six times the volume of a surface, in cubes of its extent, that is no more than rounding."""
-CORNER_TOLERANCE = 1e-6
-"""Corners of an STL file's triangles this near to each other, over its extent, are one."""
 MIN_EDGE_ANGLE = math.radians(40.0)
 """Angle between triangles of an STL file from which their edge is one of the part."""
 FILL_SIZES = (1.0, 0.9, 0.8)
 """Shares of the cell size to try in turn where Gmsh leaves a cell without volume."""
+FILL_CELLS_PER_CIRCLE, MIN_FILL_SHARE = 5.0, 0.35
+"""Cells around a full circle of an STL part's roundings, and the smallest ones there over the cell size."""
+MAX_FILL_GROWTH = 0.3
+"""Growth of the cells' size over the distance from such a rounding."""
+SIZE_GRID_POINTS = 100_000
+"""Points of the grid, about, on which Gmsh looks up those sizes."""
+EASING = (0.5,) * 5
+"""Shares of their way from straight edges at which mid-edge nodes of spoilt cells stay, round by round."""
 Sets = list[tuple[str, Sequence[Any]]]
 """Names of a file, and of each block of cells those that have the name; None for none."""
 OTHER_CELLS = ("hexahedron", "wedge", "pyramid", "voxel")
 
 
-def read_mesh(
-    file: str, unit: float, cell_size: float, close: Callable[[Surface], Surface] = lambda surface: surface
-) -> mesh_arrays.Tetrahedra:
-    """Read a mesh, in m, of which ``unit`` is metres in one of its lengths; an STL file's surface is closed where it has
-    inlets, and filled with cells of a longest edge in m. GeometryError for no such file, not a mesh, or none of tetrahedra."""
+def read_mesh(file: str, unit: float) -> mesh_arrays.Tetrahedra:
+    """Read a mesh of tetrahedra, in m, of which ``unit`` is metres in one of its lengths. GeometryError for no such file, not a
+    mesh, or none of tetrahedra."""
     kind = Path(file).suffix.lower()
     if kind not in FORMATS:
         raise GeometryError(f"file is {file!r}; meshes are read from {', '.join(FORMATS)}, drawings from STEP")
-    mesh_read = _by_meshio(file, FORMATS[kind])
-    if kind == ".stl":
-        return _meshed_solid(file, close(_is_closed(file, mesh_read, unit)), cell_size)
-    return mesh_of(file, mesh_read, unit)
+    return mesh_of(file, _by_meshio(file, FORMATS[kind]), unit)
 
 
 def mesh_of(file: str, mesh_read: Any, unit: float) -> mesh_arrays.Tetrahedra:
@@ -1316,15 +1335,12 @@ def _each_once(
     return cells[kept], {name: np.unique(number[region]) for name, region in regions.items()}
 
 
-def read_surfaces(file: str, unit: float) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
-    """Return the closed surfaces of an STL file: corners in m, shape (n, 3), and triangles, shape (t, 3). GeometryError for
-    no such file, no STL, or a surface that is not closed."""
+def read_surfaces(file: str, unit: float) -> tuple[Surface, list[str]]:
+    """Return the closed surfaces of an STL file, repaired, and what was done to them, in words. GeometryError for no such file,
+    no STL, or a surface that is not closed."""
     if Path(file).suffix.lower() != ".stl":
         raise GeometryError(f"file is {file!r}; surfaces are read from .stl")
-    return _is_closed(file, _by_meshio(file, "stl"), unit)
-
-
-def _is_closed(file: str, arrays: Any, unit: float) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
+    arrays = _by_meshio(file, "stl")
     triangles = [np.asarray(block.data, dtype=np.int64) for block in arrays.cells if block.type == "triangle"]
     if not triangles:
         raise GeometryError(f"file {file} has no triangles")
@@ -1335,18 +1351,10 @@ def _is_closed(file: str, arrays: Any, unit: float) -> tuple[NDArray[np.float64]
             f"file {file} has a corner {extent:.4g} m from its origin, more than {MAX_COORDINATE:g} m; check its unit, "
             "or repair it in the program that wrote it"
         )
-    points, triangles_of_all = _with_common_corners(places, np.concatenate(triangles))
-    _check_closed(file, points, triangles_of_all)
-    a, b, c = np.moveaxis(points[triangles_of_all], 1, 0)
-    if (
-        not abs(np.einsum("ij,ij->", a - points[0], np.cross(b - points[0], c - points[0])))
-        > ZERO_VOLUME_TOLERANCE * np.ptp(points, axis=0).max() ** 3
-    ):
-        raise GeometryError(f"file {file} encloses no volume; repair it in the program that wrote it")
-    return points, triangles_of_all
+    return surfaces.repaired(file, places, np.concatenate(triangles))
 
 
-def _meshed_solid(file: str, surface: Surface, cell_size: float) -> mesh_arrays.Tetrahedra:
+def meshed_solid(file: str, surface: Surface, cell_size: float) -> mesh_arrays.Tetrahedra:
     """Return the solid between the surfaces of an STL file, meshed."""
 
     def fill() -> dict[str, NDArray[Any]]:
@@ -1361,31 +1369,6 @@ def _meshed_solid(file: str, surface: Surface, cell_size: float) -> mesh_arrays.
             "other, or try another cell_size"
         ) from None
     return mesh_arrays.Tetrahedra.made(nodes, cells, {}, {})
-
-
-def _with_common_corners(
-    points: NDArray[np.float64], triangles: mesh_arrays.Ints
-) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
-    """Return an STL file's triangles with common corners: it lists each corner with each triangle anew."""
-    near = CORNER_TOLERANCE * float(np.linalg.norm(np.ptp(points, axis=0)))
-    pairs = scipy.spatial.cKDTree(points).query_pairs(near, output_type="ndarray")
-    group = actuator.joined(pairs, len(points))
-    _, first = np.unique(group, return_index=True)
-    triangles = group[triangles]
-    ends = np.sort(triangles, axis=1)
-    return points[first], triangles[(ends[:, 0] != ends[:, 1]) & (ends[:, 1] != ends[:, 2])]
-
-
-def _check_closed(file: str, points: NDArray[np.float64], triangles: mesh_arrays.Ints) -> None:
-    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    known, count = np.unique(edges, axis=0, return_counts=True)
-    open_edges = known[count != 2]
-    if len(open_edges):
-        x, y, z = 1e3 * points[open_edges[0]].mean(axis=0)
-        raise GeometryError(
-            f"file {file} is not watertight: {len(open_edges)} edges do not belong to exactly two triangles, the first near "
-            f"{x:.4g}, {y:.4g}, {z:.4g} mm; repair it in the program that wrote it"
-        )
 
 
 def _fill(
@@ -1419,15 +1402,21 @@ def _mesh_surfaces(
         solid = gmsh.model.geo.addVolume(loops)
         gmsh.model.geo.synchronize()
         gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 1)
-        gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: min(other, cell_size))
+        gmsh.option.setNumber("Mesh.MeshSizeMax", cell_size)
+        if anew:
+            _use_sizes(points, _sizes_of_roundings(points, triangles, cell_size), cell_size)
         try:
             gmsh.model.mesh.generate(3)
         except Exception as error:  # Gmsh raises bare Exception
             raise MeshingError(str(error).strip() or "Gmsh gives no reason") from None
-        gmsh.model.mesh.optimize("Netgen")
-        # Straight edges, as the file has them; of the order that the library's own meshes have, whose forms are compiled.
-        gmsh.option.setNumber("Mesh.SecondOrderLinear", 1)
+        with meshing.quiet_output(b"BFGS update error"):
+            gmsh.model.mesh.optimize("Netgen")
+        # Edges of cells bend onto the file's facets, or the air would lose up to a tenth of its volume; where the facets
+        # themselves are faces of cells, they stay straight.
+        gmsh.option.setNumber("Mesh.SecondOrderLinear", not anew)
         gmsh.model.mesh.setOrder(2)
+        if anew:
+            meshing.straighten(3, EASING)
         known, places, _ = gmsh.model.mesh.getNodes()
         at = np.empty((int(known.max()) + 1, 3))
         at[known.astype(int)] = places.reshape(-1, 3)
@@ -1435,6 +1424,56 @@ def _mesh_surfaces(
         if not len(nodes):
             raise MeshingError("Gmsh made no cells")
         return at, nodes.astype(np.int64).reshape(-1, 10)[:, mesh_arrays.TO_GMSH]
+
+
+def _sizes_of_roundings(points: Array, triangles: mesh_arrays.Ints, cell_size: float) -> tuple[Array, Array]:
+    """Return places (n, 3) on the rounded faces of a closed surface where cells have to be smaller than a size, and theirs, in
+    m: the curvature at an edge is the angle there over the mean height of its two triangles."""
+    normal = np.cross(points[triangles[:, 1]] - points[triangles[:, 0]], points[triangles[:, 2]] - points[triangles[:, 0]])
+    double_area = np.linalg.norm(normal, axis=1)
+    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    order = np.lexsort(edges.T)  # of a closed surface, where two triangles share each
+    start, end = edges[order[::2]].T
+    first, second = order[::2] // 3, order[1::2] // 3
+    length = np.linalg.norm(points[end] - points[start], axis=1)
+    cosine = (normal[first] * normal[second]).sum(axis=1) / (double_area[first] * double_area[second])
+    angle = np.arccos(np.clip(cosine, -1.0, 1.0))
+    height = 0.5 * (double_area[first] + double_area[second]) / length
+    sizes = 2.0 * np.pi / FILL_CELLS_PER_CIRCLE * height / np.maximum(angle, 1e-9)
+    rounded = (angle < MIN_EDGE_ANGLE) & (sizes < cell_size)
+    sizes = np.maximum(sizes[rounded], MIN_FILL_SHARE * cell_size)
+    pieces = np.ceil(length[rounded] / sizes).astype(int) + 1
+    edge = np.repeat(np.arange(len(sizes)), pieces)
+    share = (np.arange(len(edge)) - np.repeat(np.cumsum(pieces) - pieces, pieces)) / np.repeat(pieces - 1, pieces)
+    start, end = points[start[rounded]], points[end[rounded]]
+    return start[edge] + share[:, None] * (end - start)[edge], sizes[edge]
+
+
+def _use_sizes(points: Array, sizes: tuple[Array, Array], cell_size: float) -> None:
+    """Let the current Gmsh model have cells of some sizes at some places, and of a longest edge far from them."""
+    places, wanted = sizes
+    low, high = points.min(axis=0), points.max(axis=0)
+    step = float(np.cbrt(np.prod(high - low) / SIZE_GRID_POINTS))
+    count = np.ceil((high - low) / step).astype(int) + 2
+    axes = [low[i] - 0.5 * step + step * np.arange(count[i]) for i in range(3)]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    size = np.full(len(grid), cell_size)
+    classes = np.floor(np.log(wanted / wanted.min(initial=cell_size)) / np.log(1.5)).astype(int)
+    for number in np.unique(classes):
+        own = classes == number
+        least = float(wanted[own].mean())
+        reach = (cell_size - least) / MAX_FILL_GROWTH + least
+        away, _ = scipy.spatial.cKDTree(places[own]).query(grid, distance_upper_bound=reach)
+        size = np.minimum(size, least + MAX_FILL_GROWTH * np.maximum(np.minimum(away, reach) - least, 0.0))
+    with tempfile.NamedTemporaryFile(suffix=".grid") as table:
+        for values in (low - 0.5 * step, np.full(3, step), count.astype("<i4"), size):
+            table.write(values.tobytes())
+        table.flush()
+        field = gmsh.model.mesh.field.add("Structured")
+        gmsh.model.mesh.field.setString(field, "FileName", table.name)
+        gmsh.model.mesh.field.setNumber(field, "TextFormat", 0)
+        gmsh.model.mesh.field.setAsBackgroundMesh(field)
+        gmsh.model.mesh.generate(1)  # which reads the table
 
 
 def _extent(shell: list[int]) -> float:
@@ -1547,12 +1586,25 @@ class ImportedMesh(ImportedPart):
 
     unit: str = schema.choice_field("mm", tuple(UNITS), "unit of the file's lengths, which such files do not store")
     cell_size: float = schema.length_field(0.003, "longest edge of the cells, only for an STL file", shape=False)
+    air: str = schema.text_field(
+        "", "STL file of the part's air, such as cavity.stl, if the part's own file has it not, or has it filled"
+    )
 
     meshed: ClassVar[bool] = True
     kind: ClassVar[str] = "mesh (--file part.msh, part.inp, part.vtu or part.stl)"
 
     def check_cells(self) -> None:
-        """Nothing: a mesh is used as it is."""
+        """Check the file of its air; a mesh is used as it is."""
+        object.__setattr__(self, "air", errors.whole_path(self.air))
+        if self.air and not all(Path(file).suffix.lower() == ".stl" for file in (self.file, self.air)):
+            raise GeometryError(f"air is {self.air!r}; give it with a part of its own as surfaces, both as .stl files")
+
+    @property
+    def files(self) -> Mapping[str, str]:
+        return {"file": self.file, "air": self.air} if self.air else {"file": self.file}
+
+    def digest(self) -> str:
+        return "-".join(_digest(file) for file in self.files.values())
 
     @property
     def mesh(self) -> mesh_arrays.Tetrahedra:
@@ -1615,20 +1667,21 @@ def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra,
     """Read the file and check every choice against it. Another digest, of another content, is another reading."""
     plugs: list[Inlet] = []
     air = 0.0
-
-    def close(surface: Surface) -> Surface:
+    repairs: list[str] = []
+    if Path(part.file).suffix.lower() == ".stl":
+        unit = UNITS[part.unit]
+        surface, repairs = read_surfaces(part.file, unit)
+        if part.air:
+            space, more = read_surfaces(part.air, unit)
+            surface, repairs = surfaces.without_air(part.file, surface, part.air, space), repairs + more
         points, triangles = surface
-        edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]]])
-        shells = len(np.unique(actuator.joined(edges, len(points))[triangles[:, 0]]))
-        plugs.extend(part.to_close(shells - 1, lambda: surface))
-        if not plugs:
-            return surface
-        nonlocal air
-        closed = plugged(surface, plugs)
-        air = mesh_arrays.enclosed_air(*closed)
-        return closed
-
-    mesh = read_mesh(part.file, UNITS[part.unit], part.cell_size, close)
+        shells = len(np.unique(actuator.joined(np.concatenate([triangles[:, :2], triangles[:, 1:]]), len(points))[triangles]))
+        if plugs := part.to_close(shells - 1, lambda: surface):
+            surface = plugged(surface, plugs)
+        air = mesh_arrays.enclosed_air(*surface)
+        mesh = meshed_solid(part.file, surface, part.cell_size)
+    else:
+        mesh = read_mesh(part.file, UNITS[part.unit])
     if not 1e-5 < mesh.extent < 10.0:
         raise GeometryError(
             f"file {part.file} spans {1e3 * mesh.extent:.4g} mm with unit {part.unit!r}; give the unit of its lengths"
@@ -1639,4 +1692,6 @@ def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra,
     normals = boundary.outward(roles)
     mesh = put_on_planes(mesh, roles, normals)
     volumes = cavity_volumes(part, mesh, roles)
-    return mesh, Reading(normals, gauge(part, mesh, roles), mesh.volume, volumes, plugs=tuple(plugs), air_on_file=air)
+    return mesh, Reading(
+        normals, gauge(part, mesh, roles), mesh.volume, volumes, plugs=tuple(plugs), air_on_file=air, repairs=tuple(repairs)
+    )

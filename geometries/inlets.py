@@ -83,10 +83,7 @@ def plugged(surface: tuple[Array, NDArray[np.int64]], plugs: Sequence[Inlet]) ->
 
     points, triangles = surface
     size = float(np.ptp(points, axis=0).max())
-    turned = pyvista.PolyData.from_regular_faces(points / size, triangles).compute_normals(
-        point_normals=False, auto_orient_normals=True, consistent_normals=True, split_vertices=False
-    )  # files have triangles turned either way
-    part = mesh_arrays.manifold(turned.points, turned.regular_faces)
+    part = mesh_arrays.manifold(points / size, triangles)
     if part.is_empty():
         raise GeometryError("the part's surface crosses itself, so its inlets cannot be closed; repair it where it was made")
     for inlet in plugs:

@@ -279,7 +279,7 @@ def _generate(actuator: Meshable, curving: str) -> None:
         if _jacobian_ratios(actuator.dimension).min() < MIN_JACOBIAN:
             if curving:
                 raise InvalidCellsError(f"{curving} leaves cells that curved edges spoil")
-            if straight := _straighten(actuator.dimension):
+            if straight := straighten(actuator.dimension):
                 gmsh.model.setAttribute(STRAIGHT, [str(straight)])
     worst = _worst(actuator.dimension)
     if worst <= 0.0:
@@ -335,16 +335,16 @@ def _curved_cells(dimension: int) -> tuple[NDArray[np.uint64], NDArray[np.int64]
     return tags, nodes.astype(np.int64).reshape(len(tags), -1), at
 
 
-def _straighten(dimension: int) -> int:
-    """Put the mid-edge nodes of spoilt cells back on straight edges; their neighbours follow until all are sound. Return how
-    many edges on curved faces are straight now.
+def straighten(dimension: int, shares: Sequence[float] = ()) -> int:
+    """Put the mid-edge nodes of spoilt cells back on straight edges, or first some ``shares`` of the way from there, round by
+    round; their neighbours follow until all are sound. Return how many edges on curved faces were moved.
 
     With straight edges every cell is as good as before it was curved, but a wall there is a polygon.
     """
-    _, nodes, at = _curved_cells(dimension)
     boundary = np.concatenate([gmsh.model.mesh.getNodes(d, includeBoundary=True)[0] for d in range(dimension)])
     moved = set[int]()
-    for _ in range(MAX_STRAIGHTENING_ROUNDS):
+    for share in (*shares, *[0.0] * MAX_STRAIGHTENING_ROUNDS):
+        _, nodes, at = _curved_cells(dimension)
         spoilt = nodes[_jacobian_ratios(dimension) < MIN_JACOBIAN]
         if not len(spoilt):
             break
@@ -353,8 +353,9 @@ def _straighten(dimension: int) -> int:
             bent = np.linalg.norm(at[middles] - chords, axis=1) > STRAIGHT_TOLERANCE * np.linalg.norm(
                 chords - at[spoilt[:, a]], axis=1
             )
-            for middle, chord in zip(middles[bent].tolist(), chords[bent], strict=True):
-                gmsh.model.mesh.setNode(middle, chord, [])
+            places = chords[bent] + share * (at[middles[bent]] - chords[bent])
+            for middle, place in zip(middles[bent].tolist(), places, strict=True):
+                gmsh.model.mesh.setNode(middle, place, [])
             moved.update(middles[bent].tolist())
     return int(np.isin(list(moved), boundary).sum())
 

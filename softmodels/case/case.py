@@ -537,6 +537,10 @@ def listed_options[Call: Callable[..., object]](options: type) -> Callable[[Call
     return described
 
 
+FILE_KEYS = ("file", "air")
+"""Entries of tables that are files."""
+
+
 def _with_files(table: Mapping[str, object], files: Mapping[str, str]) -> dict[str, object]:
     """Return the tables with other names of files."""
     written: dict[str, object] = {}
@@ -544,7 +548,7 @@ def _with_files(table: Mapping[str, object], files: Mapping[str, str]) -> dict[s
         if isinstance(value, Mapping):
             written[key] = _with_files(value, files)
         else:
-            written[key] = files.get(value, value) if key == "file" and isinstance(value, str) else value
+            written[key] = files.get(value, value) if key in FILE_KEYS and isinstance(value, str) else value
     return written
 
 
@@ -577,10 +581,11 @@ def _with_absolute_paths(tables: Tables, folder: Path | None) -> Tables:
     home = (folder or Path()).resolve()
 
     def absolute(table: object, only_there: bool) -> object:
-        file = table.get("file") if isinstance(table, Mapping) else None
-        if not isinstance(file, str) or not file or not (only_there or (home / file).is_file()):
+        if not isinstance(table, Mapping):
             return table
-        return {**table_of({"": table}, ""), "file": str(home / file)}
+        named = {key: file for key in FILE_KEYS if isinstance(file := table.get(key), str) and file}
+        there = {key: str(home / file) for key, file in named.items() if only_there or (home / file).is_file()}
+        return {**table_of({"": table}, ""), **there} if there else table
 
     resolved = {**tables, "geometry": absolute(table_of(tables, "geometry"), True)}
     resolved |= {name: absolute(tables[name], False) for name in ("material", "band") if name in tables}

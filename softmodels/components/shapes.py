@@ -277,7 +277,7 @@ SHAPES: dict[str, type[Shape]] = {
 def _read(file: str, unit: float, changed: int) -> tuple[Array, Indices]:
     from geometries import imported  # reads many formats, which a run without such a shape has no use for
 
-    points, triangles = imported.read_surfaces(file, unit)
+    (points, triangles), _ = imported.read_surfaces(file, unit)
     edges = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     if len(np.unique(edges, axis=0)) < len(edges):
         raise GeometryError(

@@ -58,7 +58,7 @@ def volume(mesh, cells):
 
 
 def test_a_face_and_a_volume_in_several_groups_is_in_each(block):
-    mesh = read_mesh(block, 1e-3, 1.0)
+    mesh = read_mesh(block, 1e-3)
     assert mesh.volume == pytest.approx(48e-6)
     for name, expected in GROUPS.items():
         assert area(mesh, mesh.triangles[mesh.named(name)]) == pytest.approx(expected), name
@@ -129,7 +129,7 @@ ASSEMBLY = """*Assembly, name=Assembly
 def read_deck(tmp_path, text):
     file = tmp_path / "deck.inp"
     file.write_text(text)
-    return read_mesh(str(file), 1e-3, 1.0)
+    return read_mesh(str(file), 1e-3)
 
 
 @pytest.mark.parametrize(
@@ -233,7 +233,7 @@ def test_bodies_of_a_gmsh_mesh_are_refused_as_those_of_a_deck(tmp_path, numbers)
         gmsh.model.mesh.generate(3)
         gmsh.write(str(file))
     with pytest.raises(GeometryError, match=r"2 bodies that share no face, two of them around 5, 5, 5; 15, 5, 5 mm; .* merge"):
-        read_mesh(str(file), 1e-3, 1.0)
+        read_mesh(str(file), 1e-3)
 
 
 @pytest.mark.parametrize("damage", ["", "1 99999999999 1 1\n", "text\n"])
@@ -244,4 +244,4 @@ def test_damaged_entities_are_named(block, tmp_path, damage):
     begin, end = content.index(b"$Entities") + len(b"$Entities\n"), content.index(b"$EndEntities")
     (tmp_path / "part.msh").write_bytes(content[:begin] + damage.encode() + content[end:])
     with pytest.raises(GeometryError, match=r"its section .Entities is damaged"):
-        read_mesh(str(tmp_path / "part.msh"), 1e-3, 1.0)
+        read_mesh(str(tmp_path / "part.msh"), 1e-3)

@@ -115,18 +115,18 @@ def test_a_deck_opens_no_other_file(tmp_path, monkeypatch, line):
     secret, file = tmp_path / "secret.inp", tmp_path / "deck.inp"
     secret.write_text(DECK.replace("*ELEMENT", "*NODE"))
     file.write_text(DECK)
-    assert len(read_mesh(str(file), 1e-3, 1.0).points) == 4
+    assert len(read_mesh(str(file), 1e-3).points) == 4
     file.write_text(DECK + line.format(secret) + "\n")
     monkeypatch.setattr(meshio, "read", lambda *_: pytest.fail("meshio has been given it"))
     with pytest.raises(GeometryError, match=r"includes another file .line 1[12]: .* into one file"):
-        read_mesh(str(file), 1e-3, 1.0)
+        read_mesh(str(file), 1e-3)
 
 
 def test_a_set_is_no_longer_than_its_deck(tmp_path):
     file = tmp_path / "deck.inp"
     file.write_text(DECK.replace("1, 3, 1", "1, 100000000000, 1"))
     with pytest.raises(GeometryError, match="more than the file has characters"):
-        read_mesh(str(file), 1e-3, 1.0)
+        read_mesh(str(file), 1e-3)
 
 
 @pytest.mark.parametrize("ending", [".inp", ".msh", ".stl"])
@@ -134,7 +134,7 @@ def test_a_pipe_is_not_waited_for(tmp_path, ending):
     file = tmp_path / f"part{ending}"
     os.mkfifo(file)
     with pytest.raises(GeometryError, match="it is a named pipe, not a regular file"):
-        read_mesh(str(file), 1e-3, 1.0)
+        read_mesh(str(file), 1e-3)
     if ending == ".stl":
         with pytest.raises(GeometryError, match="it is a named pipe"):
             read_surfaces(str(file), 1e-3)
@@ -148,7 +148,7 @@ def test_a_binary_surface_may_begin_like_a_text(tmp_path):
     facets["corners"] = np.array(corners)[np.array(sides)]
     header = b"solid Brazo_20cm".ljust(80, b"\xe0") + (4).to_bytes(4, "little")
     (tmp_path / "arm.stl").write_bytes(header + facets.tobytes())
-    points, triangles = read_surfaces(str(tmp_path / "arm.stl"), 1e-3)
+    (points, triangles), _ = read_surfaces(str(tmp_path / "arm.stl"), 1e-3)
     assert len(points) == 4 and len(triangles) == 4 and np.ptp(points) == pytest.approx(0.01)
 
 
@@ -158,5 +158,5 @@ def test_meshes_of_vtk_are_read(tmp_path, ending):
     points = np.array([[0, 0, 0], [10, 0, 0], [0, 10, 0], [0, 0, 10], [10, 10, 10]], dtype=float)
     cells = [("line", [[0, 1]]), ("triangle", [[0, 1, 2]]), ("tetra", [[0, 1, 2, 3], [1, 2, 3, 4]])]
     meshio.Mesh(points, cells).write(tmp_path / f"part.{ending}")
-    mesh = read_mesh(str(tmp_path / f"part.{ending}"), 1e-3, 1.0)
+    mesh = read_mesh(str(tmp_path / f"part.{ending}"), 1e-3)
     assert len(mesh.cells) == 2 and mesh.volume == pytest.approx(0.5e-6, rel=1e-6)

@@ -215,10 +215,20 @@ def test_names(tmp_path):
     ]
 
 
+def test_a_sliver_of_overlap_counts_to_the_first_solid(tmp_path):
+    """The block stands 10 um in the plate, as rounded drawings do; its air loses as much, and neither is counted twice."""
+    device = part(write_step(tmp_path / "sliver.step", lift=-0.01))
+    air = (LENGTH - 2 * WALL) * (WIDTH - 2 * WALL) * (TOP - WALL - 0.01) * 1e-9
+    assert device.cavity_volume == pytest.approx(air, rel=1e-6)
+    assert device.solid_volume == pytest.approx(LENGTH * WIDTH * (BASE + TOP - 0.01) * 1e-9 - air, rel=1e-6)
+    (remark,) = device.remarks
+    assert re.search(r"base_plate and chamber overlap by \S+ mm3 at .* mm, which counts to base_plate", remark)
+
+
 def test_solids_that_make_no_part(tmp_path):
     with pytest.raises(GeometryError, match="shares no face with"):
         part(write_step(tmp_path / "apart.step", lift=1.0))
-    with pytest.raises(GeometryError, match="the solids base_plate and chamber overlap"):
+    with pytest.raises(GeometryError, match=r"solids base_plate and chamber overlap by \S+ mm3 at .* mm; cut one"):
         part(write_step(tmp_path / "into.step", lift=-1.0))
     with pytest.raises(GeometryError, match="a mould needs a part of a single solid"), private_model():
         part(tmp_path / "two.step" if (tmp_path / "two.step").exists() else write_step(tmp_path / "two.step")).build_whole()

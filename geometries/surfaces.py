@@ -1,0 +1,159 @@
+"""Surfaces as files have them, made closed ones: common corners, doubled and inverted facets, seams, bodies that overlap, air
+in a file of its own. What is done is said."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from geometries import actuator, mesh_arrays
+from softmodels.common.arrays import Array
+from softmodels.common.errors import GeometryError
+from softmodels.common.lazy import pyvista, scipy
+
+Surface = tuple[Array, mesh_arrays.Ints]
+"""Corners (n, 3) in m and triangles (t, 3) of a closed surface, turned away from the solid."""
+
+CORNER_TOLERANCE = 1e-6
+"""Corners of an STL file's triangles this near to each other, over its extent, are one."""
+SEAM_TOLERANCES = (1e-5, 1e-4, 1e-3)
+"""Widths of open seams that are closed, over the extent, in the order tried."""
+MAX_HOLE_SHARE = 0.01
+"""Radius over the extent up to which a hole of missing facets is filled."""
+ZERO_VOLUME_TOLERANCE = 1e-9
+"""Six times the volume of a surface, in cubes of its extent, that is no more than rounding."""
+SAME_VOLUME_TOLERANCE = 1e-6
+"""Share of a body's volume that is no more than rounding."""
+MIN_AIR_SHARE = 0.01
+"""Share of the air's volume within the body's solid below which the body was drawn hollow."""
+
+
+def repaired(file: str, places: Array, triangles: mesh_arrays.Ints) -> tuple[Surface, list[str]]:
+    """Return the closed surface of a file's triangles, places in m (n, 3) and three of them each (t, 3), and what was done to
+    it, in words. GeometryError for a surface that stays open or encloses nothing."""
+    remarks = []
+    extent = float(np.linalg.norm(np.ptp(places, axis=0)))
+    points, triangles = _merged(places, triangles, np.arange(len(places)), CORNER_TOLERANCE * extent)
+    _, first = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)
+    if doubled := len(triangles) - len(first):
+        remarks.append(f"{doubled} doubled facets of {file} are left out")
+        triangles = triangles[np.sort(first)]
+    for gap in SEAM_TOLERANCES:
+        if not (gaps := _open_edges(triangles)).size:
+            break
+        welded = _merged(points, triangles, np.unique(gaps), gap * extent)
+        if len(_open_edges(welded[1])) < len(gaps):
+            points, triangles = welded
+            remarks.append(f"{len(gaps)} open edges of {file} along seams narrower than {1e3 * gap * extent:.2g} mm are joined")
+    if (gaps := _open_edges(triangles)).size:
+        surface = pyvista.PolyData.from_regular_faces(points / extent, triangles).fill_holes(MAX_HOLE_SHARE)
+        if added := surface.n_cells - len(triangles):
+            points, triangles = extent * np.asarray(surface.points), np.asarray(surface.regular_faces, dtype=np.int64)
+            remarks.append(f"holes of {file} are filled by {added} facets")
+    if (gaps := _open_edges(triangles)).size:
+        x, y, z = 1e3 * points[gaps[0]].mean(axis=0)
+        raise GeometryError(
+            f"file {file} is not watertight: {len(gaps)} edges do not belong to exactly two triangles, the first near "
+            f"{x:.4g}, {y:.4g}, {z:.4g} mm; repair it in the program that wrote it"
+        )
+    return _turned(file, points, triangles, remarks), remarks
+
+
+def _turned(file: str, points: Array, triangles: mesh_arrays.Ints, remarks: list[str]) -> Surface:
+    """Return a closed surface with each triangle turned away from the solid, and the solid of all shells joined; see
+    `repaired`."""
+    size = float(np.ptp(points, axis=0).max())
+    turned = pyvista.PolyData.from_regular_faces(points / size, triangles).compute_normals(
+        point_normals=False, auto_orient_normals=True, consistent_normals=True, split_vertices=False
+    )  # every shell of its own
+    outwards = np.asarray(turned.regular_faces, dtype=np.int64)
+    same = (outwards == triangles).all(axis=1)
+    same |= (outwards == triangles[:, [1, 2, 0]]).all(axis=1) | (outwards == triangles[:, [2, 0, 1]]).all(axis=1)
+    shell = actuator.joined(np.concatenate([triangles[:, :2], triangles[:, 1:]]), len(points))[triangles[:, 0]]
+    _, shell = np.unique(shell, return_inverse=True)
+    inverted = np.bincount(shell, ~same)
+    if inverted := int(np.minimum(inverted, np.bincount(shell) - inverted).sum()):
+        remarks.append(f"{inverted} inverted facets of {file} are turned")
+    volumes = _volumes(points, outwards, shell)
+    if not volumes.max() > ZERO_VOLUME_TOLERANCE * size**3:
+        raise GeometryError(f"file {file} encloses no volume; repair it in the program that wrote it")
+    outwards[volumes[shell] < 0.0] = outwards[volumes[shell] < 0.0][:, ::-1]
+    spans = np.array([np.linalg.norm(np.ptp(points[outwards[shell == i]].reshape(-1, 3), axis=0)) for i in range(len(volumes))])
+    outside = int(spans.argmax())
+    if len(volumes) > 1 and (bodies := _overlapping(points / size, outwards, shell, outside)):
+        joined, count = bodies
+        remarks.append(f"{count} bodies of {file} that overlap are joined")
+        return size * joined[0], joined[1]
+    outwards[shell != outside] = outwards[shell != outside][:, ::-1]
+    return points, outwards
+
+
+def _overlapping(
+    points: Array, outwards: mesh_arrays.Ints, shell: mesh_arrays.Ints, outside: int
+) -> tuple[Surface, int] | None:
+    """Return the joined surface of shells that are not all cavities of the outside one, and how many bodies they are; None if
+    all are."""
+    shells = [mesh_arrays.manifold(points, outwards[shell == i]) for i in range(shell.max() + 1)]
+    solid, others = shells[outside], [part for i, part in enumerate(shells) if i != outside]
+    if any(part.is_empty() for part in shells):
+        return None
+    beside, inside = [], []
+    for part in others:
+        within = (solid ^ part).volume()
+        (inside if within > (1.0 - SAME_VOLUME_TOLERANCE) * part.volume() else beside).append(part)
+    if not beside:
+        return None
+    for part in beside:
+        solid += part
+    for part in inside:
+        solid -= part
+    return _surface_of(solid), len(beside) + 1
+
+
+def without_air(file: str, body: Surface, air_file: str, air: Surface) -> Surface:
+    """Return a body without its air, which is that within a second surface; unchanged if it was drawn hollow. GeometryError for
+    air outside the body."""
+    size = float(np.ptp(body[0], axis=0).max())
+    solid, space = (mesh_arrays.manifold(points / size, triangles) for points, triangles in (body, air))
+    if solid.is_empty() or space.is_empty():
+        wrong = file if solid.is_empty() else air_file
+        raise GeometryError(f"the surface of {wrong} crosses itself; repair it where it was made")
+    common = (solid ^ space).volume() / space.volume()
+    filled = (solid.hull() ^ space).volume() / space.volume()
+    if filled < 1.0 - MIN_AIR_SHARE:
+        raise GeometryError(
+            f"the air of {air_file} does not lie in the part of {file} ({filled:.0%} of it does); give both the same unit "
+            "and place"
+        )
+    if common < MIN_AIR_SHARE:
+        return body
+    points, triangles = _surface_of(solid - space)
+    return size * points, triangles
+
+
+def _surface_of(solid: mesh_arrays.Manifold) -> Surface:
+    mesh = solid.to_mesh64()
+    return np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)
+
+
+def _volumes(points: Array, triangles: mesh_arrays.Ints, shell: mesh_arrays.Ints) -> Array:
+    """Return the volume within each shell, in m3 of the points' unit."""
+    a, b, c = np.moveaxis(points[triangles] - points[triangles[0, 0]], 1, 0)
+    return np.bincount(shell, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0)
+
+
+def _open_edges(triangles: mesh_arrays.Ints) -> mesh_arrays.Ints:
+    """Return the edges, shape (k, 2), that do not belong to exactly two triangles."""
+    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    known, count = np.unique(edges, axis=0, return_counts=True)
+    return known[count != 2]
+
+
+def _merged(points: Array, triangles: mesh_arrays.Ints, among: mesh_arrays.Ints, near: float) -> Surface:
+    """Return triangles whose corners ``among`` some are one where they are near each other (m), without flat ones: an STL file
+    lists each corner with each triangle anew."""
+    pairs = among[scipy.spatial.cKDTree(points[among]).query_pairs(near, output_type="ndarray")]
+    group = actuator.joined(pairs, len(points))
+    _, first = np.unique(group, return_index=True)
+    triangles = group[triangles]
+    ends = np.sort(triangles, axis=1)
+    return points[first], triangles[(ends[:, 0] != ends[:, 1]) & (ends[:, 1] != ends[:, 2])]

@@ -1,0 +1,110 @@
+"""Surfaces of STL files that are not as they should be: repaired, and what was done is said; air in a file of its own."""
+
+from __future__ import annotations
+
+import re
+
+import meshio
+import numpy as np
+import pytest
+import pyvista
+
+from geometries import GeometryError, ImportedMesh
+from geometries.imported import read_surfaces
+
+BODY, AIR = 20.0 * 10.0 * 10.0, 16.0 * 6.0 * 6.0
+"""mm3"""
+
+
+def box(x, y, z, level=0):
+    """Corners in mm (n, 3) and triangles (t, 3) of a box between pairs of values, turned outwards."""
+    mesh = pyvista.Box((*x, *y, *z), level=level, quads=False).clean().compute_normals(auto_orient_normals=True)
+    return np.asarray(mesh.points, dtype=float), np.asarray(mesh.regular_faces)
+
+
+def soup(*surfaces):
+    """Corners of the triangles of some surfaces, each with its own, shape (t, 3, 3)."""
+    return np.concatenate([points[triangles] for points, triangles in surfaces])
+
+
+def write(path, corners):
+    meshio.write_points_cells(path, corners.reshape(-1, 3), [("triangle", np.arange(3 * len(corners)).reshape(-1, 3))])
+    return str(path)
+
+
+OUTSIDE, INSIDE = box((0, 20), (0, 10), (0, 10), level=2), box((2, 18), (2, 8), (2, 8), level=2)
+
+
+def hollow():
+    return soup(OUTSIDE, (INSIDE[0], INSIDE[1][:, ::-1]))
+
+
+def volume(surface):
+    """What a closed surface encloses, mm3: less its air."""
+    points, triangles = surface
+    a, b, c = np.moveaxis(1e3 * points[triangles], 1, 0)
+    return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
+
+
+def inverted(corners):
+    corners[5:60:7] = corners[5:60:7, ::-1]
+    return corners
+
+
+def parted(corners):
+    """All on one side of a plane 2 um away from the rest."""
+    corners[corners.mean(axis=1)[:, 0] > 10.0] += np.array([2e-3, 0.0, 0.0])
+    return corners
+
+
+DAMAGE = {
+    "doubled": (lambda corners: np.concatenate([corners, corners[3:9]]), "6 doubled facets"),
+    "inverted": (inverted, "8 inverted facets"),
+    "inside out": (lambda corners: corners[:, ::-1], None),
+    "a seam": (parted, r"\d+ open edges .* seams narrower than 0.0\d+ mm are joined"),
+    "as it is": (lambda corners: corners, None),
+}
+
+
+@pytest.mark.parametrize("name", DAMAGE)
+def test_damaged_surfaces_are_repaired(name, tmp_path):
+    damage, said = DAMAGE[name]
+    surface, remarks = read_surfaces(write(tmp_path / "part.stl", damage(hollow())), 1e-3)
+    assert volume(surface) == pytest.approx(BODY - AIR, rel=1e-3)
+    assert len(remarks) == (said is not None) and all(re.search(said, remark) for remark in remarks)
+
+
+def test_a_small_hole_is_filled_and_a_large_one_is_not(tmp_path):
+    fine = soup(box((0, 20), (0, 10), (0, 10), level=60))
+    surface, remarks = read_surfaces(write(tmp_path / "small.stl", np.delete(fine, 500, axis=0)), 1e-3)
+    assert volume(surface) == pytest.approx(BODY, rel=1e-6) and "filled by 1 facets" in remarks[0]
+    with pytest.raises(GeometryError, match="not watertight: 3 edges"):
+        read_surfaces(write(tmp_path / "large.stl", hollow()[1:]), 1e-3)
+
+
+def test_bodies_that_overlap_are_joined_and_keep_their_air(tmp_path):
+    """A rib through the wall of the outside, which does not reach the air."""
+    rib = box((5, 7), (9, 12), (-1, 11))
+    surface, remarks = read_surfaces(write(tmp_path / "part.stl", np.concatenate([hollow(), soup(rib)])), 1e-3)
+    assert volume(surface) == pytest.approx(BODY - AIR + 2.0 * 3.0 * 12.0 - 2.0 * 1.0 * 10.0, rel=1e-6)
+    assert len(remarks) == 1 and "2 bodies" in remarks[0]
+
+
+@pytest.mark.parametrize("body", [soup(OUTSIDE), hollow()], ids=["filled", "hollow"])
+def test_the_air_of_a_part_comes_in_a_file_of_its_own(body, tmp_path):
+    files = {"file": write(tmp_path / "part.stl", body), "air": write(tmp_path / "cavity.stl", soup(INSIDE))}
+    part = ImportedMesh(**files, support="x = 0 mm", cell_size=0.01)
+    assert part.cavity_volume == pytest.approx(AIR * 1e-9, rel=1e-6)
+    assert part.solid_volume == pytest.approx((BODY - AIR) * 1e-9, rel=1e-6)
+    assert part.files == files and not part.remarks
+    key = part.key
+    write(tmp_path / "cavity.stl", soup(box((2, 17), (2, 8), (2, 8))))
+    assert ImportedMesh(**files, support="x = 0 mm", cell_size=0.01).key != key
+
+
+def test_air_that_is_not_in_the_part_is_refused(tmp_path):
+    body, air = write(tmp_path / "part.stl", soup(OUTSIDE)), write(tmp_path / "cavity.stl", soup(INSIDE) + 15.0)
+    with pytest.raises(GeometryError, match="does not lie in the part"):
+        ImportedMesh(file=body, air=air, support="x = 0 mm")
+    with pytest.raises(GeometryError, match=r"both as \.stl files"):
+        ImportedMesh(file=body, air=str(tmp_path / "cavity.step"), support="x = 0 mm")
