@@ -24,7 +24,7 @@ from softmodels.common import errors, files, names, schema, units
 from softmodels.common.names import checked
 from softmodels.common.tables import TomlError, read_toml
 from softmodels.components import contact, loads
-from softmodels.components.contact import Obstacle, RigidShape, Walls
+from softmodels.components.contact import BodyContact, Obstacle, RigidShape, Walls
 from softmodels.components.fibres import Fabric, Fibres, Sheet
 from softmodels.components.loads import Force, Gravity, Mass, Moment
 from softmodels.components.rigid import Clamp, Rigid
@@ -560,7 +560,7 @@ Parts = tuple[Component, ...]
 
 
 component.COMPONENTS.put_first(
-    (Gravity, Mass, Force, Moment, Region, RigidShape, Obstacle, Walls, Sheet, Fibres, Fabric, Rigid, Clamp)
+    (Gravity, Mass, Force, Moment, Region, RigidShape, BodyContact, Obstacle, Walls, Sheet, Fibres, Fabric, Rigid, Clamp)
 )  # the order of a case's tables and options
 
 
@@ -618,7 +618,9 @@ def _options(kind: type[Component]) -> dict[str, str]:
 def _of_table(kind: type[Component], tables: entries.Tables) -> list[Component]:
     table = entries.table_of(tables, kind.table)
     if kind.always_named:
+        others = {other.distinct for other in component.COMPONENTS.values() if other.table == kind.table} - {"", kind.distinct}
         table = {name: value for name, value in table.items() if isinstance(value, Mapping)}
+        table = {name: value for name, value in table.items() if (not others & value.keys() if not kind.distinct else kind.distinct in value)}
         return [kind.read_table(name, entries.table_of(table, name)) for name in table]
     if f"{kind.table}." in component.COMPONENTS:  # tables with a name are of another kind
         own = {key: value for key, value in table.items() if not isinstance(value, Mapping)}

@@ -164,6 +164,14 @@ class Body:
             outer = outer[meshes.compute_midpoints(self.mesh, 1, outer)[:, 0] > LENGTH_TOLERANCE]
         return outer
 
+    def surface_of(self, region: str) -> npt.NDArray[np.int32]:
+        """Return this rank's facets of a region's outside: not those on planes of symmetry, nor between it and others."""
+        self.mesh.topology.create_connectivity(self.mesh.topology.dim - 1, self.mesh.topology.dim)
+        to_cell = self.mesh.topology.connectivity(self.mesh.topology.dim - 1, self.mesh.topology.dim)
+        outer = self.outer_facets
+        cells = np.array([to_cell.links(facet)[0] for facet in outer], dtype=np.int32)
+        return np.asarray(outer[np.isin(cells, self.regions[region])])
+
     def sheet_face(self, role: str) -> tuple[ufl.Measure, Expr]:
         """Return the UFL measure over the facets of a role, and their `normal`; `BodyError` if it has none."""
         return self._on_facets(self._tags(role, self.mesh.topology.dim - 1))(SHEET_TAG), self.normal
