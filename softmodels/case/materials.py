@@ -27,7 +27,7 @@ from softmodels.components import contact, loads
 from softmodels.components.contact import BodyContact, Obstacle, RigidShape, Walls
 from softmodels.components.fibres import Fabric, Fibres, Sheet
 from softmodels.components.loads import Force, Gravity, Mass, Moment
-from softmodels.components.rigid import Clamp, Rigid
+from softmodels.components.rigid import Clamp, Rigid, Spring
 from softmodels.materials import laws, silicones, specimens
 from softmodels.materials.laws import Material, MaterialError, NeoHookean
 from softmodels.materials.memory import Memory
@@ -560,7 +560,7 @@ Parts = tuple[Component, ...]
 
 
 component.COMPONENTS.put_first(
-    (Gravity, Mass, Force, Moment, Region, RigidShape, BodyContact, Obstacle, Walls, Sheet, Fibres, Fabric, Rigid, Clamp)
+    (Gravity, Mass, Force, Moment, Region, RigidShape, BodyContact, Obstacle, Walls, Sheet, Fibres, Fabric, Rigid, Clamp, Spring)
 )  # the order of a case's tables and options
 
 
