@@ -31,10 +31,12 @@ MAX_OUTSIDE = 0.05
 """Distance in facet edges up to which the nearest place may lie outside of a facet: it bridges the kinks between facets."""
 MAX_DEPTH = 0.3
 """Penetration in facet edges at which a state is rejected; twice as deep a point is lost."""
-CANDIDATES = 12
+CANDIDATES = 8
 """Number of nearest points of the other surface whose facets are searched."""
 PROJECTIONS = 8
 """Newton steps to the nearest place on a facet."""
+PROJECTED = 1e-13
+"""Change of that place in the reference cell below which it is found."""
 FLUSH_GAP = 0.02
 """Gap at rest in facet edges up to which surfaces lie on each other, and facets are cut by each other."""
 BLOCKS = 2000
@@ -45,12 +47,17 @@ def shape_functions(xi: Array) -> tuple[Array, Array, Array]:
     """Return the functions of a quadratic facet's nodes at points of its reference cell, shape (p, d - 1): values (p, k),
     slopes (p, k, d - 1), second derivatives (p, k, d - 1, d - 1)."""
     t = xi.shape[1]
-    cell = basix.CellType.interval if t == 1 else basix.CellType.triangle
-    tables = basix.create_element(basix.ElementFamily.P, cell, 2).tabulate(2, xi)[..., 0]
+    tables = _element(t).tabulate(2, xi)[..., 0]
     if t == 1:
         return tables[0], tables[1][:, :, None], tables[2][:, :, None, None]
     xx, xy, yy = tables[3:]
     return tables[0], np.stack(tables[1:3], axis=-1), np.stack([np.stack([xx, xy], -1), np.stack([xy, yy], -1)], -1)
+
+
+@functools.cache
+def _element(dimension: int) -> basix.finite_element.FiniteElement:
+    cell = basix.CellType.interval if dimension == 1 else basix.CellType.triangle
+    return basix.create_element(basix.ElementFamily.P, cell, 2)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -113,7 +120,7 @@ class TwoSurfaces:
 
     def places(self, nodes: Array) -> Array:
         """Return the places of the samples, shape (s, d), where the nodes are at ``nodes``, shape (n, d)."""
-        return np.asarray(np.einsum("sa,sai->si", self.shapes, nodes[self.surface.facets[self.owner]]))
+        return np.asarray((self.shapes[:, None] @ nodes[self.surface.facets[self.owner]])[:, 0])
 
     def nearest(self, nodes: Array, places: Array) -> Nearest:
         """Return the nearest places on the other surface of places that belong to the samples, shape (s, d)."""
@@ -147,27 +154,30 @@ class TwoSurfaces:
 
     def _projected(self, nodes: Array, places: Array, facet: Numbers, xi: Array) -> Array:
         """Return the nearest places on facets, perhaps outside of them, by Newton's method from guesses."""
-        corners, xi = nodes[self.surface.facets[facet]], xi.copy()
+        xi, left = xi.copy(), np.arange(len(facet))
         for _ in range(PROJECTIONS):
-            N, N1, N2 = shape_functions(xi)
-            way = places - np.einsum("pa,pai->pi", N, corners)
-            along = np.einsum("pat,pai->pti", N1, corners)
+            N, N1, N2 = shape_functions(xi[left])
+            corners = nodes[self.surface.facets[facet[left]]]
+            way = places[left] - (N[:, None] @ corners)[:, 0]
+            along = N1.transpose(0, 2, 1) @ corners
             metric = along @ along.transpose(0, 2, 1)
-            bent = np.einsum("pi,past,pai->pst", way, N2, corners)
-            whole = metric - bent
+            whole = metric - _bent(way, N2, corners)
             safe = np.linalg.det(whole) > 0.1 * np.linalg.det(metric)  # else a step of Gauss and Newton
-            step = np.linalg.solve(np.where(safe[:, None, None], whole, metric), np.einsum("pti,pi->pt", along, way)[..., None])
-            xi += np.clip(step[..., 0], -0.5, 0.5)
-            xi = np.clip(xi, -0.5, 1.5)
+            step = np.linalg.solve(np.where(safe[:, None, None], whole, metric), along @ way[..., None])[..., 0]
+            before = xi[left]
+            xi[left] = np.clip(before + np.clip(step, -0.5, 0.5), -0.5, 1.5)
+            left = left[np.abs(xi[left] - before).max(axis=1) > PROJECTED]
+            if not len(left):
+                break
         return xi
 
     def _frames(self, nodes: Array, facet: Numbers, xi: Array) -> tuple[Array, Array, Array]:
         """Return the places, unit normals out of the solid, shape (p, d), and tangents, shape (p, d - 1, d), on facets."""
         N, N1, _ = shape_functions(xi)
         corners = nodes[self.surface.facets[facet]]
-        along = np.einsum("pat,pai->pti", N1, corners)
+        along = N1.transpose(0, 2, 1) @ corners
         normal = pressing.crossed(along[:, 0], along[:, -1]) * self.surface.turn[facet][:, None]
-        return np.einsum("pa,pai->pi", N, corners), normal / np.linalg.norm(normal, axis=1)[:, None], along
+        return (N[:, None] @ corners)[:, 0], normal / np.linalg.norm(normal, axis=1)[:, None], along
 
     def clear(self, start: Array, end: Array, rest: Array) -> bool:
         """Return whether nodes can move between positions, shape (n, d) each, without a sample sinking in by `MAX_DEPTH`, the
@@ -304,7 +314,7 @@ class Touching:
         normal, along, gap = self.normal[chosen], self.along[chosen], self.near.gap[self.on[chosen]]
         p, t = along.shape[:2]
         corners = self.nodes[self.surfaces.surface.facets[self.facet[chosen]]]
-        bent = np.einsum("pi,past,pai->pst", normal, self.N2[chosen], corners)
+        bent = _bent(normal, self.N2[chosen], corners)
         metric = along @ along.transpose(0, 2, 1)
         u = np.einsum("pa,pti->ptai", self.between[chosen], along).reshape(p, t, -1)
         slopes = np.concatenate([np.zeros_like(self.N1[chosen]), self.N1[chosen]], axis=1)
@@ -345,6 +355,12 @@ class Touching:
     def _on_first(self, forces: Array) -> Array:
         sign = np.where(self.surfaces.side[self.on] == 0, 1.0, -1.0)
         return np.asarray((sign[:, None] * forces).sum(axis=0))
+
+
+def _bent(along: Array, N2: Array, corners: Array) -> Array:
+    """Return the second derivative of facets' places along vectors, shape (p, d - 1, d - 1)."""
+    p, k, t = N2.shape[:3]
+    return np.asarray((along[:, None] @ corners.transpose(0, 2, 1) @ N2.reshape(p, k, t * t)).reshape(p, t, t))
 
 
 # ----------------------------------------------------------------------------------------------------------------------

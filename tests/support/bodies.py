@@ -563,6 +563,6 @@ class TwoBalls(Plain):
 
         def size(dim, tag, x, y, z, other):
             share = self.fine * (1.0 if y <= 0 else 0.8)  # meshes that do not match
-            return share + 0.2 * max(math.hypot(x, y) - 40 * self.fine, 0.0)
+            return share + 0.3 * max(math.hypot(x, y) - 16 * self.fine, 0.0)
 
         gmsh.model.mesh.setSizeCallback(size)
