@@ -178,6 +178,8 @@ class Actuator(Designable, Castable, DeviceLabels, ABC):
 
     meshed: ClassVar[bool] = False
     """Whether `build` creates the mesh itself, which is used unchanged."""
+    bodies: ClassVar[tuple[tuple[str, ...], ...]] = ()
+    """Regions of each of several bodies, which share no face; empty for one body."""
 
     @property
     def meeting(self) -> tuple[str, ...] | None:

@@ -564,14 +564,22 @@ class Walls(ContactPart):
     def term(self, setting: component.FormContext) -> component.EnergyTerm:
         body = setting.body
         groups = self.groups(body.actuator)
+        facets: list[str | npt.NDArray[np.int32]] = []
         if groups is None:
             outside = _outside(body)
-            groups = (outside, *self._beside(set(outside)))
+            if body.actuator.bodies:  # between bodies acts only what is named
+                every = np.unique(np.concatenate([body.entities[role][1] for role in outside]))
+                groups = tuple([", ".join(names)] for names in body.actuator.bodies)
+                facets = [body.facets_of(every, names) for names in body.actuator.bodies]
+            else:
+                groups, facets = (outside,), [*outside]
+            groups = (*groups, *self._beside(set(outside)))
         else:
             assembly.check_mesh_faces(body, [role for group in groups for role in group], self.where)
         if not any(groups):
             return component.EnergyTerm([])
-        nodes = assembly.FaceNodes(body, setting.w.function_space, [role for group in groups for role in group])
+        facets += [role for group in groups for role in group][len(facets) :]
+        nodes = assembly.FaceNodes(body, setting.w.function_space, facets)
         if self.automatic:
             nodes = _clear(nodes, body, groups, whole=body.actuator.meeting is None)
         return WallTerm(self, body, nodes, groups) if len(nodes.facets) else component.EnergyTerm([])
@@ -701,6 +709,10 @@ class BodyContact(ContactPart):
         self.check_stiffness()
         check_friction(self)
 
+    @property
+    def connects(self) -> tuple[str, ...]:
+        return self.between
+
     def check_on(self, actuator: Actuator) -> None:
         component.check_on_mesh(self.where, actuator, [name for name in self.between if name not in actuator.regions])
 
@@ -740,6 +752,8 @@ def check_friction(part: RigidShape | BodyContact) -> None:
         raise part.error("a slip needs a coefficient of friction (friction = 0.5); give both or neither")
 
 
+BODY_ONSET_PRESSURE = 0.01
+"""Contact pressure of bodies in shear moduli at the end of the onset: less than that of shapes, as they lie on each other."""
 MAX_REST_OVERLAP = 0.05
 """Overlap at rest, in facet edges, above which bodies do not lie on each other but in each other."""
 
@@ -761,10 +775,23 @@ class _BodyTerm[P: touching.Touching | touching.RubbedTouching](assembly.Assembl
                 f"({1e3 * x:.4g}, {1e3 * y:.4g}, {1e3 * z:.4g}) mm; draw them apart, or glue them"
             )
         self.rest = np.minimum(near.gap, 0.0)
-        self.penalty = pressing.Penalty(part.stiffness, ONSET_PRESSURE / part.stiffness)
+        self.penalty = pressing.Penalty(part.stiffness, BODY_ONSET_PRESSURE / part.stiffness)
 
     def plain(self, places: Array) -> touching.Touching:
         return touching.Touching(self.surfaces, self.penalty, self.rest, places)
+
+    @abc.abstractmethod
+    def plain_here(self) -> touching.Touching:
+        """Return the bodies in the current shape, without friction."""
+
+    def stiffness_here(self) -> scipy.sparse.csr_array:
+        stiffness, plain = super().stiffness_here(), self.plain_here()
+        if not -RESTING_DEPTH < plain.gaps.min(initial=math.inf) < RESTING_DEPTH:
+            return stiffness
+        return scipy.sparse.csr_array(stiffness + plain.resting(RESTING_DEPTH, RESTING_STIFFNESS * self.part.stiffness))
+
+    def whole_stiffness_here(self) -> scipy.sparse.csr_array | None:
+        return super().stiffness_here()
 
     def is_admissible(self, before: Array, after: Array) -> bool:
         return self.surfaces.clear(self.nodes.moved(before), self.nodes.moved(after), self.rest)
@@ -793,6 +820,9 @@ class BodyContactTerm(_BodyTerm[touching.Touching]):
     def pressed(self, places: Array) -> touching.Touching:
         return self.plain(places)
 
+    def plain_here(self) -> touching.Touching:
+        return self._pressed
+
     def figures(self, equations: component.Equations) -> dict[str, float]:
         self._take(equations.w.x.array)
         return self.body_figures(equations, self._pressed, self._pressed.force)
@@ -808,6 +838,9 @@ class RubbingBodyTerm(_BodyTerm[touching.RubbedTouching], assembly.RememberingTe
 
     def pressed(self, places: Array) -> touching.RubbedTouching:
         return touching.RubbedTouching(self.plain(places), self.rubbing, self.anchors)
+
+    def plain_here(self) -> touching.Touching:
+        return self._pressed.plain
 
     def whole_stiffness_here(self) -> scipy.sparse.csr_array:
         return self._pressed.whole_stiffness

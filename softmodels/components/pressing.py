@@ -585,7 +585,7 @@ def _summed(at: Numbers, rows: Array, count: int) -> Array:
 
 def components_of(nodes: Numbers, d: int) -> Numbers:
     """Return the numbers of the components of nodes, shape (p, a) to (p, a d)."""
-    return np.asarray((d * nodes[:, :, None] + np.arange(d)).reshape(len(nodes), -1))
+    return np.asarray((d * nodes[:, :, None] + np.arange(d)).reshape(len(nodes), d * nodes.shape[1]))
 
 
 def together(groups: Numbers, nodes: Numbers, shape: tuple[int, int]) -> scipy.sparse.csr_array:

@@ -84,6 +84,10 @@ class Rigid(regions.RigidPart, controls.HeavyPart):
     def weighs(self) -> float:
         return self.mass
 
+    @property
+    def steadies(self) -> tuple[str, ...]:
+        return (self.face or self.region,) if self.kind != "free" else ()
+
     def masses(self, on: controls.DistributedLoad, along: Array) -> list[controls.Weighed]:
         return [controls.Weighed([on.mean(along, self.face)], self.mass, self.key)] if self.mass else []
 
@@ -313,6 +317,10 @@ class Spring(component.EnergyComponent):
     @property
     def in_model(self) -> str:
         return f"; springs of {self.stiffness:g} N/m hold {self.on} (numerical, or real ones)"
+
+    @property
+    def steadies(self) -> tuple[str, ...]:
+        return tuple(component.names_in(self.on))
 
     def term(self, setting: component.FormContext) -> component.EnergyTerm:
         return SpringTerm(self, setting)

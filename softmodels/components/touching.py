@@ -130,26 +130,27 @@ class TwoSurfaces:
         start = np.tile(_rule_points(self.surface.dimension), (len(self.surface.facets), 1))
         for side in (0, 1):
             own, others = np.flatnonzero(self.side == side), np.flatnonzero(self.surface.walls[owner] != side)
-            near = min(CANDIDATES if t == 2 else 4, len(others))
             reach = 1.2 * float(self.edges[owner[others]].max())
-            far, index = scipy.spatial.cKDTree(marks[others]).query(places[own], k=near, distance_upper_bound=reach)
-            row, column = np.nonzero(np.isfinite(far.reshape(len(own), near)))
-            found = others[index.reshape(len(own), near)[row, column]]
-            _, first = np.unique(np.column_stack([row, owner[found]]), axis=0, return_index=True)
-            row, found = row[first], found[first]
-            candidate = owner[found]
-            at = self._projected(nodes, places[own[row]], candidate, start[found])
-            y, n, _ = self._frames(nodes, candidate, at)
-            way = places[own[row]] - y
-            outside = -np.minimum(np.column_stack([at, 1 - at.sum(axis=1)]).min(axis=1), 0.0)
-            score = np.linalg.norm(way, axis=1) + 2 * outside * self.edges[candidate]
-            order = np.lexsort((score, row))
-            best = order[np.flatnonzero(np.diff(row[order], prepend=-1))]
-            here = np.einsum("pi,pi->p", way[best], n[best])
-            best = best[(outside[best] < MAX_OUTSIDE) & (here > -2 * MAX_DEPTH * self.edges[candidate[best]])]
-            mine = own[row[best]]
-            facet[mine], xi[mine] = candidate[best], at[best]
-            gap[mine] = np.einsum("pi,pi->p", way[best], n[best])
+            far, index = scipy.spatial.cKDTree(marks[others]).query(places[own], k=CANDIDATES, distance_upper_bound=reach)
+            # The facet of the nearest point is most often that of the nearest place; else all of the candidates are looked at.
+            for some in (slice(0, 1), slice(0, CANDIDATES)):
+                row, column = np.nonzero(np.isfinite(far[:, some]) & (facet[own] < 0)[:, None])
+                found = others[index[row, column]]
+                _, first = np.unique(row * len(self.surface.facets) + owner[found], return_index=True)
+                row, found = row[first], found[first]
+                candidate = owner[found]
+                at = self._projected(nodes, places[own[row]], candidate, start[found])
+                y, n, _ = self._frames(nodes, candidate, at)
+                way = places[own[row]] - y
+                outside = -np.minimum(np.column_stack([at, 1 - at.sum(axis=1)]).min(axis=1), 0.0)
+                score = np.linalg.norm(way, axis=1) + 2 * outside * self.edges[candidate]
+                order = np.lexsort((score, row))
+                best = order[np.flatnonzero(np.diff(row[order], prepend=-1))]
+                height = np.einsum("pi,pi->p", way[best], n[best])
+                most = 0.0 if some.stop == 1 else MAX_OUTSIDE
+                chosen = (outside[best] <= most) & (height > -2 * MAX_DEPTH * self.edges[candidate[best]])
+                mine, best = own[row[best[chosen]]], best[chosen]
+                facet[mine], xi[mine], gap[mine] = candidate[best], at[best], height[chosen]
         return Nearest(facet, xi, gap)
 
     def _projected(self, nodes: Array, places: Array, facet: Numbers, xi: Array) -> Array:
@@ -307,7 +308,7 @@ class Touching:
     @functools.cached_property
     def gap_rates(self) -> Array:
         """Derivative of each touching sample's gap by its nodes ``of``, shape (p, 2k d)."""
-        return (self.between[:, :, None] * self.normal[:, None, :]).reshape(len(self.on), -1)
+        return (self.between[:, :, None] * self.normal[:, None, :]).reshape(len(self.on), self.of.shape[1] * self.nodes.shape[1])
 
     def gap_curvatures(self, chosen: slice) -> Array:
         """Return the second derivative of the gaps of some touching samples, shape (p, 2kd, 2kd)."""
@@ -346,6 +347,21 @@ class Touching:
         facets, close = self.surfaces.surface.facets, np.flatnonzero(self.gaps < soon * self.surfaces.edges[self.near.facet])
         nodes = np.hstack([facets[self.surfaces.owner[close]], facets[self.near.facet[close]]])
         return pressing.together(np.arange(len(close)), nodes, (len(close), len(self.nodes)))
+
+    def resting(self, depth: float, stiffness: float) -> scipy.sparse.csr_array:
+        """Return a stiffness per area of samples that are nearer than a depth, shape (n d, n d)."""
+        surfaces, size, matrix = self.surfaces, self.nodes.size, scipy.sparse.csr_array((self.nodes.size, self.nodes.size))
+        resting = np.flatnonzero(self.gaps < depth)
+        for start in range(0, len(resting), BLOCKS):
+            on = resting[start : start + BLOCKS]
+            facet, xi = self.near.facet[on], self.near.xi[on]
+            between = np.hstack([surfaces.shapes[on], -shape_functions(xi)[0]])
+            normal = surfaces._frames(self.nodes, facet, xi)[1] * np.sqrt(stiffness * surfaces.measure[on] / 2)[:, None]
+            rates = (between[:, :, None] * normal[:, None, :]).reshape(len(on), -1)
+            facets = surfaces.surface.facets
+            dofs = pressing.components_of(np.hstack([facets[surfaces.owner[on]], facets[facet]]), self.nodes.shape[1])
+            matrix = matrix + pressing.scattered(rates[:, :, None] * rates[:, None, :], dofs, dofs, size, size)
+        return matrix
 
     @property
     def force(self) -> Array:
@@ -439,7 +455,7 @@ class RubbedTouching:
     def _scattered(self, blocks: Array, columns: Numbers) -> scipy.sparse.csr_array:
         """Return the sum of the derivatives of the pulls, shape (p, d, columns), as those of the forces."""
         p, d, width = blocks.shape
-        whole = (self.held[:, :, None, None] * blocks[:, None]).reshape(p, -1, width)
+        whole = (self.held[:, :, None, None] * blocks[:, None]).reshape(p, self.of.shape[1] * d, width)
         rows = pressing.components_of(self.of, d)
         return pressing.scattered(whole, rows, columns, self.nodes.size, self.nodes.size)
 
@@ -447,7 +463,7 @@ class RubbedTouching:
     def _by_anchors(self) -> scipy.sparse.csr_array:
         p, d = self.far.shape
         moved = (self.share[:, None, None] * self._drawn())[:, :, None, :] * self.held[:, None, :, None]
-        return self._scattered(moved.reshape(p, d, -1), pressing.components_of(self.of, d))
+        return self._scattered(moved.reshape(p, d, self.of.shape[1] * d), pressing.components_of(self.of, d))
 
     @functools.cached_property
     def stiffness(self) -> scipy.sparse.csr_array:

@@ -166,11 +166,15 @@ class Body:
 
     def surface_of(self, region: str) -> npt.NDArray[np.int32]:
         """Return this rank's facets of a region's outside: not those on planes of symmetry, nor between it and others."""
-        self.mesh.topology.create_connectivity(self.mesh.topology.dim - 1, self.mesh.topology.dim)
-        to_cell = self.mesh.topology.connectivity(self.mesh.topology.dim - 1, self.mesh.topology.dim)
-        outer = self.outer_facets
-        cells = np.array([to_cell.links(facet)[0] for facet in outer], dtype=np.int32)
-        return np.asarray(outer[np.isin(cells, self.regions[region])])
+        return self.facets_of(self.outer_facets, [region])
+
+    def facets_of(self, facets: npt.NDArray[np.int32], regions: Sequence[str]) -> npt.NDArray[np.int32]:
+        """Return those of some local facets that bound cells of regions."""
+        topology, d = self.mesh.topology, self.mesh.topology.dim
+        topology.create_connectivity(d - 1, d)
+        to_cell, inside = topology.connectivity(d - 1, d), np.concatenate([self.regions[name] for name in regions])
+        cells = np.array([to_cell.links(facet)[0] for facet in facets], dtype=np.int32)
+        return np.asarray(facets[np.isin(cells, inside)])
 
     def sheet_face(self, role: str) -> tuple[ufl.Measure, Expr]:
         """Return the UFL measure over the facets of a role, and their `normal`; `BodyError` if it has none."""

@@ -164,6 +164,16 @@ class Component(abc.ABC):
         return False
 
     @property
+    def connects(self) -> tuple[str, ...]:
+        """Regions or faces between which it acts, so that bodies need not share faces."""
+        return ()
+
+    @property
+    def steadies(self) -> tuple[str, ...]:
+        """Regions or faces that it keeps in their place."""
+        return ()
+
+    @property
     def sealing(self) -> Sealing | None:
         """What it closes the first cavity with; None for nothing."""
         return None
