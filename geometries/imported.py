@@ -878,7 +878,9 @@ def _names(file: str, volumes: list[tuple[int, int]]) -> list[str]:
 
 def _bodies(regions: Mapping[str, list[int]]) -> tuple[tuple[str, ...], ...]:
     """Return the regions of each body: those whose volumes share faces, or a name."""
-    faces = {name: [abs(face) for tag in tags for _, face in gmsh.model.getBoundary([(3, tag)])] for name, tags in regions.items()}
+    faces = {
+        name: [abs(face) for tag in tags for _, face in gmsh.model.getBoundary([(3, tag)])] for name, tags in regions.items()
+    }
     bodies: list[set[str]] = []
     for name in regions:
         beside = [body for body in bodies if any(set(faces[name]) & set(faces[other]) for other in body)]

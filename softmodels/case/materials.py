@@ -560,7 +560,23 @@ Parts = tuple[Component, ...]
 
 
 component.COMPONENTS.put_first(
-    (Gravity, Mass, Force, Moment, Region, RigidShape, BodyContact, Obstacle, Walls, Sheet, Fibres, Fabric, Rigid, Clamp, Spring)
+    (
+        Gravity,
+        Mass,
+        Force,
+        Moment,
+        Region,
+        RigidShape,
+        BodyContact,
+        Obstacle,
+        Walls,
+        Sheet,
+        Fibres,
+        Fabric,
+        Rigid,
+        Clamp,
+        Spring,
+    )
 )  # the order of a case's tables and options
 
 
@@ -620,7 +636,7 @@ def _of_table(kind: type[Component], tables: entries.Tables) -> list[Component]:
     if kind.always_named:
         others = {other.distinct for other in component.COMPONENTS.values() if other.table == kind.table} - {"", kind.distinct}
         table = {name: value for name, value in table.items() if isinstance(value, Mapping)}
-        table = {name: value for name, value in table.items() if (not others & value.keys() if not kind.distinct else kind.distinct in value)}
+        table = {name: value for name, value in table.items() if kind.distinct in (*value, "") and not others & value.keys()}
         return [kind.read_table(name, entries.table_of(table, name)) for name in table]
     if f"{kind.table}." in component.COMPONENTS:  # tables with a name are of another kind
         own = {key: value for key, value in table.items() if not isinstance(value, Mapping)}

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 import math
 
 import numpy as np
@@ -215,9 +216,11 @@ def _cut(plain: TwoSurfaces) -> tuple[Numbers, Array, Array]:
     flush = (np.abs(near.gap) < FLUSH_GAP * plain.edges[plain.owner]).reshape(-1, rows).all(axis=1)
     simple, share = basix.make_quadrature(basix.CellType.interval if t == 1 else basix.CellType.triangle, 4 if t == 1 else 2)
     middles = surface.places(nodes).reshape(len(surface.facets), rows, -1).mean(axis=1)
-    owners, points, weights = [plain.owner[~flush[plain.owner]]], [plain.points[~flush[plain.owner]]], [
-        plain.weights[~flush[plain.owner]]
-    ]
+    owners, points, weights = (
+        [plain.owner[~flush[plain.owner]]],
+        [plain.points[~flush[plain.owner]]],
+        [plain.weights[~flush[plain.owner]]],
+    )
     for facet in np.flatnonzero(flush):
         corners = nodes[surface.facets[facet, : t + 1]]
         base = corners[1:] - corners[0]
@@ -262,7 +265,7 @@ def _common(seen: Array) -> list[Array]:
             if after >= 0.0:
                 kept.append(corner)
         polygon = kept
-    fans = [np.array([polygon[0], a, b]) for a, b in zip(polygon[1:-1], polygon[2:], strict=True)] if len(polygon) > 2 else []
+    fans = [np.array([polygon[0], a, b]) for a, b in itertools.pairwise(polygon[1:])] if len(polygon) > 2 else []
     return [fan for fan in fans if _size(fan) > 1e-12]
 
 
@@ -271,8 +274,8 @@ def _common(seen: Array) -> list[Array]:
 
 
 class Touching:
-    """Two surfaces in a deformed shape, by their nodes' places, shape (n, d). ``rest`` are the samples' overlaps at rest, zero or
-    below, from which their depths count: curved facets that lie on each other cut into each other a little."""
+    """Two surfaces in a deformed shape, by their nodes' places, shape (n, d). ``rest`` are the samples' overlaps at rest, zero
+    or below, from which their depths count: curved facets that lie on each other cut into each other a little."""
 
     def __init__(self, surfaces: TwoSurfaces, penalty: pressing.Penalty, rest: Array, nodes: Array):
         self.surfaces, self.penalty, self.rest, self.nodes = surfaces, penalty, rest, nodes
@@ -308,7 +311,9 @@ class Touching:
     @functools.cached_property
     def gap_rates(self) -> Array:
         """Derivative of each touching sample's gap by its nodes ``of``, shape (p, 2k d)."""
-        return (self.between[:, :, None] * self.normal[:, None, :]).reshape(len(self.on), self.of.shape[1] * self.nodes.shape[1])
+        return (self.between[:, :, None] * self.normal[:, None, :]).reshape(
+            len(self.on), self.of.shape[1] * self.nodes.shape[1]
+        )
 
     def gap_curvatures(self, chosen: slice) -> Array:
         """Return the second derivative of the gaps of some touching samples, shape (p, 2kd, 2kd)."""
@@ -479,9 +484,7 @@ class RubbedTouching:
         whole = self.gone / (self.gone + self.depth) ** 2
         harder = harder + whole[:, None] * np.einsum("pij,pj->pi", self._drawn(), self.far)
         columns = pressing.components_of(plain.of[self.rows], d)
-        return scipy.sparse.csr_array(
-            self.stiffness + self._scattered(harder[:, :, None] * sinking[:, None, :], columns)
-        )
+        return scipy.sparse.csr_array(self.stiffness + self._scattered(harder[:, :, None] * sinking[:, None, :], columns))
 
     def coupled(self, soon: float) -> scipy.sparse.csr_array:
         n = len(self.nodes)

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator, Hold, meshing
-from geometries.actuator import Opening, Vector, cavity_roles, find_openings
+from geometries.actuator import EDGE, Opening, Vector, cavity_roles, find_openings
 from softmodels.common import errors, units
 from softmodels.common.arrays import Array
 from softmodels.common.errors import ComponentError
@@ -370,7 +370,7 @@ class Seal:
 
 Entities = tuple[int, npt.NDArray[np.int32]]
 """Dimension and local indices of mesh entities."""
-WITHIN, EDGE = " within ", re.compile(r"edge of (\S+) and (\S+)")
+WITHIN = " within "
 COORDINATE = r"\|[xyz]\||[xyzr]"
 COMPARISON = re.compile(rf"(?:(.+?)(<=?)\s*)?({COORDINATE})\s*(?:(<=?|>=?)(.+))?")
 EXAMPLE = "'tip within z > 14 mm', 'top within 5 mm < r < 9 mm and x > 0 mm' or 'edge of tip and top'"

@@ -52,7 +52,7 @@ class Component(abc.ABC):
         table: Its table in a case file.
         needs: What is missing where a field without a default is not given, a sentence.
         always_named: Whether ``[table]`` itself belongs to something else, so that each stands in a ``[table.name]``.
-        distinct: Of kinds that share a table of named ones, the field by which those of this kind are known; empty for one of them.
+        distinct: Of kinds that share a table of named ones, the field by which those of this one are known; empty for one.
         optional: Whether command lines have options for one of it: ``--table`` for its first field, ``--table-field`` for the
             others.
         figure_texts: Short name and meaning of its columns of ``path.csv`` by a pattern of `re`; ``{0}`` is its first group.
@@ -372,8 +372,8 @@ def _key(kind: type[Component]) -> str:
 
 
 COMPONENTS: names.Registry[type[Component]] = names.Registry("component", _key)
-"""Every kind by its table; those that always have a name by ``table.`` and what they are known by: ``[contact.ball]`` is none of
-``[contact]``, and one with ``between`` is of two bodies."""
+"""Every kind by its table; those that always have a name by ``table.`` and what they are known by: ``[contact.ball]`` is none
+of ``[contact]``, and one with ``between`` is of two bodies."""
 register_component = COMPONENTS.register
 
 

@@ -26,7 +26,7 @@ from softmodels.materials import laws, silicones
 from softmodels.materials.laws import Material, MaterialError
 from softmodels.materials.specimens import nudged
 from softmodels.mechanics import assembly, component, mpi
-from softmodels.mechanics.body import Body, cell_measure, in_section
+from softmodels.mechanics.body import Body, cell_measure, in_section, pieces_in
 from softmodels.mechanics.component import Component, ComponentError
 
 
@@ -510,9 +510,16 @@ class HoldingPart(Component):
 def held_with(own: Sequence[Hold], actuator: Actuator, components: Sequence[Component]) -> list[Hold]:
     """Return the supports of a device: its own, except those replaced by clamps and by seals, and the clamps."""
     clamps = [part for part in components if isinstance(part, HoldingPart)]
-    roles = {role for clamp in clamps for role in clamp.roles} | {role for seal in seals(components) for role in seal.roles}
+    roles = released(components) | {role for seal in seals(components) for role in seal.roles}
     kept = [hold for hold in own if hold.role not in roles]
     return [*kept, *(hold for clamp in clamps for hold in clamp.holds(actuator))]
+
+
+def released(components: Sequence[Component]) -> set[str]:
+    """Return the roles whose own supports clamps replace: those that they hold, and the faces whose edges they hold as hinges."""
+    roles = [role for part in components if isinstance(part, HoldingPart) for role in part.roles]
+    edges = [piece.faces for role in roles for piece in pieces_in(role) if len(piece.faces) > 1]
+    return {*roles, *itertools.chain(*edges)}
 
 
 def seals(components: Sequence[Component]) -> list[component.Sealing]:
@@ -539,7 +546,7 @@ def clamped(body: Body, components: Sequence[Component]) -> Body:
     held = body.held_by(held_with(body.holds, body.actuator, components))
     for seal in sealing:
         held = held.sealed_by(seal.roles, np.asarray(seal.point) / body.actuator.size, seal.normal)
-    replaced = {hold.role for hold in body.holds} & {role for clamp in clamps for role in clamp.roles}
+    replaced = {hold.role for hold in body.holds} & released(components)
     if replaced and all(isinstance(part, HoldingPart | RegionPart) for part in components):  # other parts may refer to it
         _check_place(held, clamps[0].where)
     _check_bodies(held, components)
@@ -560,16 +567,16 @@ def _check_bodies(body: Body, components: Sequence[Component]) -> None:
         others = ", ".join(" with ".join(names) for names in body.actuator.bodies)
         if not any(on(part.connects, regions) for part in components if part.connects):
             raise ComponentError(
-                f"the part has bodies that share no face ({others}), and nothing acts between {regions[0]} and the others; name "
-                f"what touches ([contact.joint] between = ['{regions[0]}', ...]), or join them where they are drawn"
+                f"the part has bodies that share no face ({others}), and nothing acts between {regions[0]} and the others; "
+                f"name what touches ([contact.joint] between = ['{regions[0]}', ...]), or join them where they are drawn"
             )
         cells = np.concatenate([body.regions[name] for name in regions])
         held = np.sqrt(max(_held_modes(body, cells)[0], 0.0)) >= MIN_SINGULAR_VALUE
         if not held and not any(on(part.steadies, regions) for part in components if part.steadies):
             name = re.sub(r"\W", "_", regions[0])
             raise ComponentError(
-                f"only contact would hold the body {regions[0]}, so it can move freely until it is pressed; hold a face, an edge "
-                f"or a direction of it ([hold.name]), or add a weak spring ([spring.{name}_spring] on = '{regions[0]}', "
+                f"only contact would hold the body {regions[0]}, so it can move freely until it is pressed; hold a face, an "
+                f"edge or a direction of it ([hold.name]), or add a weak spring ([spring.{name}_spring] on = '{regions[0]}', "
                 "stiffness = '0.1 N/m'), whose force is in path.csv"
             )
 

@@ -550,7 +550,10 @@ class TwoBalls(Plain):
         import gmsh
 
         occ, roles = gmsh.model.occ, defaultdict(list)
-        for region, r, sign, flat, skin in (("lower", self.radius, -1, "support", "rest"), ("upper", self.other, 1, "lid", "skin")):
+        for region, r, sign, flat, skin in (
+            ("lower", self.radius, -1, "support", "rest"),
+            ("upper", self.other, 1, "lid", "skin"),
+        ):
             centre, pole, rim = (occ.addPoint(*at, 0) for at in ((0, sign * r), (0, 0), (r, sign * r)))
             curves = [occ.addLine(centre, rim), occ.addCircleArc(rim, centre, pole), occ.addLine(pole, centre)]
             face = occ.addPlaneSurface([occ.addCurveLoop(curves)])
