@@ -178,6 +178,8 @@ class Actuator(Designable, Castable, DeviceLabels, ABC):
 
     meshed: ClassVar[bool] = False
     """Whether `build` creates the mesh itself, which is used unchanged."""
+    bodies: ClassVar[tuple[tuple[str, ...], ...]] = ()
+    """Regions of each of several bodies, which share no face; empty for one body."""
 
     @property
     def meeting(self) -> tuple[str, ...] | None:
@@ -946,11 +948,23 @@ class Opening:
         if self.normal is None:
             return False
         square = {
-            hold.role
+            role
             for hold in holds
             if hold.direction is None or abs(np.dot(hold.direction, self.normal)) > 1.0 - POINT_TOLERANCE
+            for role in self._held_by(hold.role)
         }
         return all(roles & square for roles in self.roles)
+
+    def _held_by(self, role: str) -> tuple[str, ...]:
+        """Return the roles whose nodes on the line are held, by a role or by the edge of the walls and a face."""
+        edge = EDGE.fullmatch(role)
+        return (
+            tuple(name for name in edge.groups() if name != self.cavity) if edge and self.cavity in edge.groups() else (role,)
+        )
+
+
+EDGE = re.compile(r"edge of (\S+) and (\S+)")
+"""How the edge of two faces is written."""
 
 
 def cavity_roles(actuator: Actuator) -> list[str]:

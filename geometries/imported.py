@@ -197,6 +197,10 @@ class ImportedPart(Actuator):
         return list(dict.fromkeys(named))
 
     @property
+    def bodies(self) -> tuple[tuple[str, ...], ...]:  # type: ignore[override]
+        return self.reading.bodies
+
+    @property
     def fuller(self) -> str:
         return "a drawing of the whole part, without planes,"
 
@@ -279,6 +283,8 @@ class Reading:
     cavity_volumes: tuple[float, ...]
     regions: tuple[str, ...] = ()
     plugs: tuple[Inlet, ...] = ()
+    bodies: tuple[tuple[str, ...], ...] = ()
+    """Regions of each of several bodies, which share no face."""
     air_on_file: float = 0.0
     """Volume in m3 of the air within a file's closed surface; its cells may follow it less closely."""
     repairs: tuple[str, ...] = ()
@@ -581,6 +587,10 @@ class Boundary(abc.ABC):
         """Return the faces that are connected by their edges."""
 
     @abc.abstractmethod
+    def body_of(self, faces: mesh_arrays.Ints) -> mesh_arrays.Ints:
+        """Return the number of the body that each face belongs to."""
+
+    @abc.abstractmethod
     def chosen(self, field: str, text: str, among: mesh_arrays.Ints) -> mesh_arrays.Ints:
         """Return the faces that a text picks."""
 
@@ -622,9 +632,11 @@ class Boundary(abc.ABC):
         for i, text in enumerate(part.planes):
             take(f"plane{i}", self._in_cut_plane(text, left))
         pieces = self.pieces(left)
-        outside = max(pieces, key=lambda piece: float(np.linalg.norm(np.ptp(self.box(piece), axis=0))), default=left[:0])
+        widths = [float(np.linalg.norm(np.ptp(self.box(piece), axis=0))) for piece in pieces]
+        widest = set({int(self.body_of(pieces[k][:1])[0]): k for k in np.argsort(widths)}.values())  # of each body
+        outside = np.concatenate([left[:0], *(pieces[k] for k in widest)])
         if not part.cavities:
-            take(cavity_role(0), self._only_inner([piece for piece in pieces if piece is not outside]))
+            take(cavity_role(0), self._only_inner([piece for k, piece in enumerate(pieces) if k not in widest]))
         for i, text in enumerate(part.cavities[: part.cavity_count]):
             wall = self._wall(text, pieces, left)
             if np.isin(outside, wall).any():
@@ -769,6 +781,7 @@ class Solids(Boundary):
         self.extent, self.regions, self.made = float(np.linalg.norm(high - low)), regions, made
         self.plugs: tuple[Inlet, ...] = ()
         self.repairs: tuple[str, ...] = ()
+        self.bodies = _bodies(regions)
         super().__init__(part, 1e-5 * self.extent)  # Gmsh's boxes are wider by its tolerance
 
     @property
@@ -801,6 +814,11 @@ class Solids(Boundary):
     def pieces(self, among: mesh_arrays.Ints) -> list[mesh_arrays.Ints]:
         return [np.array(sorted(shell), dtype=np.int64) for shell in shells([int(tag) for tag in among])]
 
+    def body_of(self, faces: mesh_arrays.Ints) -> mesh_arrays.Ints:
+        owner = {tag: number for number, names in enumerate(self.bodies) for name in names for tag in self.regions[name]}
+        volumes = [gmsh.model.getAdjacencies(2, int(face))[0] for face in faces]
+        return np.array([next(owner[int(tag)] for tag in both if int(tag) in owner) for both in volumes], dtype=np.int64)
+
     def chosen(self, field: str, text: str, among: mesh_arrays.Ints) -> mesh_arrays.Ints:
         chosen_faces = chosen(field, faces(field, text), among.tolist(), self.near, self.part.file, self.made)
         return np.array(chosen_faces, dtype=np.int64)
@@ -826,25 +844,31 @@ class Solids(Boundary):
 
 
 def glued(part: ImportedActuator, metre: float, plugs: Sequence[tuple[int, int]] = ()) -> Solids:
-    """Return the solids of the current Gmsh model, read from a part's file, glued where they touch, with volumes ``plugs`` of
-    our own in the part's openings; a metre has so many of its units. GeometryError if there is none, they overlap by more than
-    a sliver, or one touches no other."""
+    """Return the solids of the current Gmsh model, read from a part's file, glued where they touch unless they are loose, with
+    volumes ``plugs`` of our own in the part's openings; a metre has so many of its units. GeometryError if there is none, or
+    they overlap by more than a sliver."""
     volumes = [volume for volume in gmsh.model.getEntities(3) if volume not in plugs]
     if len(volumes) == 1 and not plugs:
         return Solids(part, {MAIN: [volumes[0][1]]})
     if not volumes:
         raise GeometryError(f"file {part.file} holds no solid, but {len(gmsh.model.getEntities(2))} faces")
     names = _names(part.file, volumes) if len(volumes) > 1 else [MAIN]
+    if unknown := [name for name in part.loose if name not in names]:
+        raise GeometryError(f"loose has {unknown[0]!r}; the solids of the file are {', '.join(dict.fromkeys(names))}")
     names += [names[0]] * len(plugs)
     own = set(gmsh.model.getBoundary(list(plugs), combined=False, oriented=False)) if plugs else set()
     surfaces = [surface for surface in gmsh.model.getEntities(2) if surface not in own]
     volumes = [*volumes, *plugs]
-    _, made = gmsh.model.occ.fragment(volumes, surfaces)
+    bonded = [volume for name, volume in zip(names, volumes, strict=True) if name not in part.loose]
+    apart = set(gmsh.model.getBoundary([volume for volume in volumes if volume not in bonded], False, False))
+    cut = [*bonded, *(surface for surface in surfaces if surface not in apart)]
+    made = dict(zip(cut, gmsh.model.occ.fragment(bonded, cut[len(bonded) :])[1], strict=True)) if len(bonded) > 1 else {}
     gmsh.model.occ.synchronize()
     regions: dict[str, list[int]] = defaultdict(list)
     owner: dict[int, str] = {}
     healed = []
-    for name, pieces_of_region in zip(names, made, strict=False):
+    for name, volume in zip(names, volumes, strict=True):
+        pieces_of_region = made.get(volume, [volume])
         whole = sum(gmsh.model.occ.getMass(*piece) for piece in pieces_of_region)
         for _, tag in pieces_of_region:
             if tag in owner:
@@ -857,10 +881,8 @@ def glued(part: ImportedActuator, metre: float, plugs: Sequence[tuple[int, int]]
                 continue
             owner[tag] = name
             regions[name].append(tag)
-    pieces = tuple(tuple(tag for _, tag in tools) for tools in made[len(volumes) :])
-    solids = Solids(part, dict(regions), pieces)
+    solids = Solids(part, dict(regions), tuple(tuple(tag for _, tag in made.get(face, [face])) for face in surfaces))
     solids.repairs = tuple(healed)
-    _check_touching(part, solids, owner)
     return solids
 
 
@@ -874,22 +896,16 @@ def _names(file: str, volumes: list[tuple[int, int]]) -> list[str]:
     return [region_name(text) for text in region_names_of_parts]
 
 
-def _check_touching(part: ImportedActuator, solids: Solids, owner: dict[int, str]) -> None:
-    """Reject a solid that shares no face with those that the first one is connected with."""
-    beside = defaultdict(set)
-    for tag in solids.tags:
-        for _, face in gmsh.model.getBoundary([(3, tag)], oriented=False):
-            beside[face].add(tag)
-    reached, left = {solids.tags[0]}, set(solids.tags[1:])
-    while new := {tag for both in beside.values() if both & reached for tag in both & left}:
-        reached |= new
-        left -= new
-    if left:
-        names = ", ".join(sorted({owner[tag] for tag in left}))
-        raise GeometryError(
-            f"file {part.file}: {names} shares no face with {owner[solids.tags[0]]}; the solids of a part are bonded, so they "
-            "have to touch"
-        )
+def _bodies(regions: Mapping[str, list[int]]) -> tuple[tuple[str, ...], ...]:
+    """Return the regions of each body: those whose volumes share faces, or a name."""
+    faces = {
+        name: [abs(face) for tag in tags for _, face in gmsh.model.getBoundary([(3, tag)])] for name, tags in regions.items()
+    }
+    bodies: list[set[str]] = []
+    for name in regions:
+        beside = [body for body in bodies if any(set(faces[name]) & set(faces[other]) for other in body)]
+        bodies = [*(body for body in bodies if body not in beside), {name}.union(*beside)]
+    return tuple(tuple(name for name in regions if name in body) for body in bodies)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -933,6 +949,7 @@ def _read_step(part: ImportedActuator) -> Reading:
             volumes,
             tuple(solids.regions) if len(solids.regions) > 1 else (),
             solids.plugs,
+            bodies=solids.bodies if len(solids.bodies) > 1 else (),
             repairs=solids.repairs,
         )
 
@@ -1052,8 +1069,12 @@ def _gauge(part: ImportedActuator, support: mesh_arrays.Ints) -> Vector:
 class ImportedActuator(ImportedPart):
     """A part from a STEP file, whose own unit counts; see `ImportedPart`.
 
-    Several solids that touch are glued, and each is a region of its own name.
+    Several solids that touch are glued, unless they are ``loose``, and each is a region of its own name.
     """
+
+    loose: tuple[str, ...] = schema.list_field(
+        (), "solids that are not glued where they touch others, such as piston: bodies of their own, between which contact acts"
+    )
 
     cell_size: float = schema.length_field(0.003, "longest edge of the cells", shape=False)
     curvature: float = schema.number_field(10.0, "cells around a full circle", shape=False)
@@ -1141,13 +1162,8 @@ def mesh_of(file: str, mesh_read: Any, unit: float) -> mesh_arrays.Tetrahedra:
         cells, regions = _each_once(cells, regions)
     mesh = mesh_arrays.Tetrahedra.made(unit * np.asarray(mesh_read.points, dtype=float)[:, :3], cells, faces, regions)
     if len(bodies := mesh.bodies) > 1:
-        places = "; ".join(
-            ", ".join(f"{1e3 * x:.4g}" for x in mesh.points[mesh.cells[body]].mean(axis=(0, 1))) for body in bodies[:2]
-        )
-        raise GeometryError(
-            f"file {file} has {len(bodies)} bodies that share no face, two of them around {places} mm; bodies are not bonded "
-            "where they touch: merge them into one, with common nodes, where it is meshed"
-        )
+        numbered = {f"body{number}": cells for number, cells in enumerate(bodies, 1)}
+        mesh = dataclasses.replace(mesh, regions={**numbered, **mesh.regions})
     return mesh
 
 
@@ -1506,6 +1522,12 @@ class Triangles(Boundary):
     def pieces(self, among: mesh_arrays.Ints) -> list[mesh_arrays.Ints]:
         return self.mesh.pieces(among)
 
+    def body_of(self, faces: mesh_arrays.Ints) -> mesh_arrays.Ints:
+        number = np.zeros(len(self.mesh.points), dtype=np.int64)
+        for k, cells in enumerate(self.mesh.bodies):
+            number[self.mesh.cells[cells]] = k
+        return np.asarray(number[self.mesh.triangles[faces, 0]])
+
     def chosen(self, field: str, text: str, among: mesh_arrays.Ints) -> mesh_arrays.Ints:
         choice, near, mesh = faces(field, text), self.near, self.mesh
         if choice.colour is not None:
@@ -1692,6 +1714,10 @@ def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra,
     normals = boundary.outward(roles)
     mesh = put_on_planes(mesh, roles, normals)
     volumes = cavity_volumes(part, mesh, roles)
+    named, cells = _parts_of(part.file, mesh), mesh.bodies
+    bodies = tuple(tuple(name for name, given in named.items() if np.isin(mesh.regions[given], own).all()) for own in cells)
+    bodies = bodies if len(cells) > 1 else ()
     return mesh, Reading(
-        normals, gauge(part, mesh, roles), mesh.volume, volumes, plugs=tuple(plugs), air_on_file=air, repairs=tuple(repairs)
-    )
+        normals, gauge(part, mesh, roles), mesh.volume, volumes, plugs=tuple(plugs), bodies=bodies, air_on_file=air,
+        repairs=tuple(repairs),
+    )  # fmt: skip

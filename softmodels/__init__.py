@@ -51,10 +51,15 @@ if TYPE_CHECKING:
     from softmodels.casting.settings import MouldError as MouldError
     from softmodels.common.folders import InUseError as InUseError, OwnFolderError as OwnFolderError
     from softmodels.common.names import ArgumentError as ArgumentError, ImplausibleWarning as ImplausibleWarning
-    from softmodels.components.contact import Obstacle as Obstacle, RigidShape as RigidShape, Walls as Walls
+    from softmodels.components.contact import (
+        BodyContact as BodyContact,
+        Obstacle as Obstacle,
+        RigidShape as RigidShape,
+        Walls as Walls,
+    )
     from softmodels.components.fibres import Fabric as Fabric, Fibres as Fibres, Sheet as Sheet
     from softmodels.components.loads import Force as Force, Gravity as Gravity, Mass as Mass, Moment as Moment
-    from softmodels.components.rigid import Clamp as Clamp, Rigid as Rigid
+    from softmodels.components.rigid import Clamp as Clamp, Rigid as Rigid, Spring as Spring
     from softmodels.decks.reduction import ReducedModel as ReducedModel
     from softmodels.design.optimise import optimise as optimise
     from softmodels.design.problem import DesignProblem as DesignProblem, Keep as Keep

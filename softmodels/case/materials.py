@@ -24,10 +24,10 @@ from softmodels.common import errors, files, names, schema, units
 from softmodels.common.names import checked
 from softmodels.common.tables import TomlError, read_toml
 from softmodels.components import contact, loads
-from softmodels.components.contact import Obstacle, RigidShape, Walls
+from softmodels.components.contact import BodyContact, Obstacle, RigidShape, Walls
 from softmodels.components.fibres import Fabric, Fibres, Sheet
 from softmodels.components.loads import Force, Gravity, Mass, Moment
-from softmodels.components.rigid import Clamp, Rigid
+from softmodels.components.rigid import Clamp, Rigid, Spring
 from softmodels.materials import laws, silicones, specimens
 from softmodels.materials.laws import Material, MaterialError, NeoHookean
 from softmodels.materials.memory import Memory
@@ -560,7 +560,23 @@ Parts = tuple[Component, ...]
 
 
 component.COMPONENTS.put_first(
-    (Gravity, Mass, Force, Moment, Region, RigidShape, Obstacle, Walls, Sheet, Fibres, Fabric, Rigid, Clamp)
+    (
+        Gravity,
+        Mass,
+        Force,
+        Moment,
+        Region,
+        RigidShape,
+        BodyContact,
+        Obstacle,
+        Walls,
+        Sheet,
+        Fibres,
+        Fabric,
+        Rigid,
+        Clamp,
+        Spring,
+    )
 )  # the order of a case's tables and options
 
 
@@ -618,7 +634,9 @@ def _options(kind: type[Component]) -> dict[str, str]:
 def _of_table(kind: type[Component], tables: entries.Tables) -> list[Component]:
     table = entries.table_of(tables, kind.table)
     if kind.always_named:
+        others = {other.distinct for other in component.COMPONENTS.values() if other.table == kind.table} - {"", kind.distinct}
         table = {name: value for name, value in table.items() if isinstance(value, Mapping)}
+        table = {name: value for name, value in table.items() if kind.distinct in (*value, "") and not others & value.keys()}
         return [kind.read_table(name, entries.table_of(table, name)) for name in table]
     if f"{kind.table}." in component.COMPONENTS:  # tables with a name are of another kind
         own = {key: value for key, value in table.items() if not isinstance(value, Mapping)}

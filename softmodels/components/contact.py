@@ -34,7 +34,7 @@ from geometries.faces import UNITS, FaceNumberError, faces as plane_faces
 from softmodels.common import errors, schema
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import Expr, fem, scipy, ufl
-from softmodels.components import pressing, shapes
+from softmodels.components import pressing, shapes, touching
 from softmodels.mechanics import assembly, component, mpi
 from softmodels.mechanics.body import Body, in_section, in_space
 from softmodels.mechanics.component import Component, ComponentError, direction
@@ -176,9 +176,9 @@ class RigidShape(ContactPart):
         r"(\w+)_force_([xyz])_N": ("force on {0}", "of the device on that rigid shape, along the named axis"),
         r"(\w+)_depth_mm": ("penetration of {0}", "of the faces into it"),
         r"(\w+)_travel_mm": ("travel of {0}", "displacement of that rigid shape along its guide"),
-        r"(\w+)_sliding": ("share that slides on {0}", "of the normal force; the rest sticks"),
+        r"(\w+)_sliding": ("share that slides at {0}", "of the normal force; the rest sticks"),
         r"(\w+)_slip_mm": ("largest slip on {0}", "largest distance a point of the faces has slid on it"),
-        r"(\w+)_friction_mJ": ("friction on {0}", "work dissipated by sliding on that rigid shape so far"),
+        r"(\w+)_friction_mJ": ("friction on {0}", "work dissipated by sliding there so far"),
         r"(\w+)_contact_mm2": ("contact area on {0}", "undeformed area of the faces that press on that sealing plane"),
         r"(\w+)_sealed_mm2": ("sealed area on {0}", "area of that plane on which the cavity's pressure acts"),
         r"(\w+)_hold_N": ("holding force on {0}", "vacuum times sealed area: the pull at which the seal would open"),
@@ -223,13 +223,7 @@ class RigidShape(ContactPart):
             )
 
     def _check_friction(self) -> None:
-        if not 0.0 <= self.friction <= MAX_FRICTION:
-            raise self.error(
-                f"a coefficient of friction of {self.friction:g} is out of range; give 0 to "
-                f"{MAX_FRICTION:g} (silicone on smooth plastic: 0.3 to 1)"
-            )
-        if self.slip and not self.friction:
-            raise self.error("a slip needs a coefficient of friction (friction = 0.5); give both or neither")
+        check_friction(self)
         if self.friction and self.guide:
             raise self.error(
                 f"friction needs a fixed shape, but this one moves along {self.guide}; leave out the guide or the friction"
@@ -570,14 +564,22 @@ class Walls(ContactPart):
     def term(self, setting: component.FormContext) -> component.EnergyTerm:
         body = setting.body
         groups = self.groups(body.actuator)
+        facets: list[str | npt.NDArray[np.int32]] = []
         if groups is None:
             outside = _outside(body)
-            groups = (outside, *self._beside(set(outside)))
+            if body.actuator.bodies:  # between bodies acts only what is named
+                every = np.unique(np.concatenate([body.entities[role][1] for role in outside]))
+                groups = tuple([", ".join(names)] for names in body.actuator.bodies)
+                facets = [body.facets_of(every, names) for names in body.actuator.bodies]
+            else:
+                groups, facets = (outside,), [*outside]
+            groups = (*groups, *self._beside(set(outside)))
         else:
             assembly.check_mesh_faces(body, [role for group in groups for role in group], self.where)
         if not any(groups):
             return component.EnergyTerm([])
-        nodes = assembly.FaceNodes(body, setting.w.function_space, [role for group in groups for role in group])
+        facets += [role for group in groups for role in group][len(facets) :]
+        nodes = assembly.FaceNodes(body, setting.w.function_space, facets)
         if self.automatic:
             nodes = _clear(nodes, body, groups, whole=body.actuator.meeting is None)
         return WallTerm(self, body, nodes, groups) if len(nodes.facets) else component.EnergyTerm([])
@@ -661,6 +663,208 @@ class WallTerm(assembly.AssembledTerm[pressing.Pressed]):
             f"{label}_contact_N": force,
             f"{label}_overlap_mm": max(-gap, 0.0) * mm,
             f"{label}_gap_mm": max(gap, 0.0) * mm if math.isfinite(gap) else math.nan,
+        }
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Contact of two bodies, with friction.
+
+
+@component.register_component
+@dataclasses.dataclass(frozen=True)
+class BodyContact(ContactPart):
+    """Contact of two bodies, or of two faces that are not of one wall.
+
+    Attributes:
+        between: Two regions, whose whole outsides may touch, or faces.
+        stiffness: Contact pressure per overlap, in shear moduli over `Actuator.size`.
+        friction: Coefficient of Coulomb friction.
+        slip: Way in m over which friction sets in; 0 for a thousandth of `Actuator.size`.
+    """
+
+    between: tuple[str, ...] = schema.list_field((), "the two bodies (regions) or faces that touch, such as inner, outer")
+    stiffness: float = schema.field_of(
+        schema.Quantity(), "contact pressure in shear moduli per overlap of one size of the device", WALL_STIFFNESS
+    )
+    friction: float = schema.field_of(schema.Quantity(), "coefficient of Coulomb friction between them", 0.0)
+    slip: float = schema.length_field(
+        0.0, "elastic slip over which friction sets in; 0 for a thousandth of the device's size", zero=True
+    )
+
+    table: ClassVar[str] = "contact"
+    always_named: ClassVar[bool] = True
+    distinct: ClassVar[str] = "between"
+    softest: ClassVar[float] = 10.0
+    usual: ClassVar[float] = WALL_STIFFNESS
+    figure_texts: ClassVar = {
+        r"(\w+)_on_([xyz])_N": ("force of {0}", "of the second body on the first, along the named axis, friction included"),
+        r"(\w+)_touching_mm2": ("area of {0}", "undeformed area of the first body that touches the second"),
+    }
+
+    def check(self) -> None:
+        if not self.name:
+            raise self.error("contact of two bodies needs a name ([contact.name])")
+        if len(self.between) != 2 or len(set(self.between)) < 2:
+            raise self.error(f"between is {list(self.between)}; it names two bodies or faces, such as ['inner', 'outer']")
+        self.check_stiffness()
+        check_friction(self)
+
+    @property
+    def connects(self) -> tuple[str, ...]:
+        return self.between
+
+    def check_on(self, actuator: Actuator) -> None:
+        component.check_on_mesh(self.where, actuator, [name for name in self.between if name not in actuator.regions])
+
+    @property
+    def remembers(self) -> bool:
+        return self.friction > 0.0
+
+    @property
+    def in_model(self) -> str:
+        first, second = self.between
+        rubs = f"with a coefficient of friction of {self.friction:g}" if self.friction else "without friction"
+        return f"; {first} and {second} touch {rubs}"
+
+    def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
+        depth, (first, second) = 1e3 * figure(f"{self.label}_overlap"), self.between
+        return self.try_other(f"{first} and {second} are in contact and overlap by {depth:.3g} mm") if depth else ""
+
+    def term(self, setting: component.FormContext) -> component.EnergyTerm:
+        body = setting.body
+        named = [name for name in self.between if name not in body.regions]
+        assembly.check_mesh_faces(body, named, self.where)
+        sides = [body.surface_of(name) if name in body.regions else body.entities[name][1] for name in self.between]
+        if mpi.any_rank(body.mesh.comm, bool(np.isin(*sides).any())):
+            raise self.error(f"{' and '.join(self.between)} have faces in common; name two bodies, or two other faces")
+        nodes = assembly.FaceNodes(body, setting.w.function_space, sides)
+        return (RubbingBodyTerm if self.friction else BodyContactTerm)(self, body, nodes)
+
+
+def check_friction(part: RigidShape | BodyContact) -> None:
+    """Raise `ComponentError` for a coefficient out of range, or a slip without one."""
+    if not 0.0 <= part.friction <= MAX_FRICTION:
+        raise part.error(
+            f"a coefficient of friction of {part.friction:g} is out of range; give 0 to "
+            f"{MAX_FRICTION:g} (silicone on smooth plastic: 0.3 to 1)"
+        )
+    if part.slip and not part.friction:
+        raise part.error("a slip needs a coefficient of friction (friction = 0.5); give both or neither")
+
+
+BODY_ONSET_PRESSURE = 0.01
+"""Contact pressure of bodies in shear moduli at the end of the onset: less than that of shapes, as they lie on each other."""
+MAX_REST_OVERLAP = 0.05
+"""Overlap at rest, in facet edges, above which bodies do not lie on each other but in each other."""
+
+
+class _BodyTerm[P: touching.Touching | touching.RubbedTouching](assembly.AssembledTerm[P]):
+    """The energy of contact of two bodies; see `softmodels.components.touching`."""
+
+    def __init__(self, part: BodyContact, body: Body, nodes: assembly.FaceNodes):
+        super().__init__(nodes)
+        self.part, self.actuator = part, body.actuator
+        self.surfaces = touching.TwoSurfaces.of(_surface(nodes, body))
+        near = self.surfaces.nearest(nodes.places, self.surfaces.places(nodes.places))
+        over = -near.gap / self.surfaces.edges[near.facet]
+        if over.max(initial=0.0) > MAX_REST_OVERLAP:
+            at = int(over.argmax())
+            x, y, z = body.actuator.device_points(in_space(self.surfaces.places(nodes.places)[at]) * body.actuator.size)
+            raise part.error(
+                f"{' and '.join(part.between)} overlap at rest by {-near.gap[at] * body.actuator.size * 1e3:.3g} mm near "
+                f"({1e3 * x:.4g}, {1e3 * y:.4g}, {1e3 * z:.4g}) mm; draw them apart, or glue them"
+            )
+        self.rest = np.minimum(near.gap, 0.0)
+        self.penalty = pressing.Penalty(part.stiffness, BODY_ONSET_PRESSURE / part.stiffness)
+
+    def plain(self, places: Array) -> touching.Touching:
+        return touching.Touching(self.surfaces, self.penalty, self.rest, places)
+
+    @abc.abstractmethod
+    def plain_here(self) -> touching.Touching:
+        """Return the bodies in the current shape, without friction."""
+
+    def stiffness_here(self) -> scipy.sparse.csr_array:
+        stiffness, plain = super().stiffness_here(), self.plain_here()
+        if not -RESTING_DEPTH < plain.gaps.min(initial=math.inf) < RESTING_DEPTH:
+            return stiffness
+        return scipy.sparse.csr_array(stiffness + plain.resting(RESTING_DEPTH, RESTING_STIFFNESS * self.part.stiffness))
+
+    def whole_stiffness_here(self) -> scipy.sparse.csr_array | None:
+        return super().stiffness_here()
+
+    def is_admissible(self, before: Array, after: Array) -> bool:
+        return self.surfaces.clear(self.nodes.moved(before), self.nodes.moved(after), self.rest)
+
+    def body_figures(self, equations: component.Equations, plain: touching.Touching, force: Array) -> dict[str, float]:
+        """Return the columns of ``path.csv`` without those of friction."""
+        label, size, actuator = self.part.label, equations.length_unit, self.actuator
+        unit, gap = equations.stress_unit * size**2, float(plain.gaps.min(initial=math.inf))
+        normals = [np.asarray(plane.normal, dtype=float) for plane in actuator.cut_planes]
+        total = force_of_all(actuator, normals, in_space(force) * unit)
+        figures = {f"{label}_on_{axis}_N": float(value) for axis, value in zip("xyz", total, strict=True)}
+        if actuator.dimension == 2:
+            figures = {name: value for name, value in figures.items() if "_z_" in name}
+        first = self.surfaces.side[plain.on] == 0
+        return figures | {
+            f"{label}_contact_N": float(plain.phi1.sum()) * unit * actuator.copies,
+            f"{label}_overlap_mm": max(-gap, 0.0) * size * 1e3,
+            f"{label}_gap_mm": max(gap, 0.0) * size * 1e3 if math.isfinite(gap) else math.nan,
+            f"{label}_touching_mm2": 2 * float(plain.area[first].sum()) * size**2 * actuator.copies * 1e6,
+        }
+
+
+class BodyContactTerm(_BodyTerm[touching.Touching]):
+    """The energy without friction."""
+
+    def pressed(self, places: Array) -> touching.Touching:
+        return self.plain(places)
+
+    def plain_here(self) -> touching.Touching:
+        return self._pressed
+
+    def figures(self, equations: component.Equations) -> dict[str, float]:
+        self._take(equations.w.x.array)
+        return self.body_figures(equations, self._pressed, self._pressed.force)
+
+
+class RubbingBodyTerm(_BodyTerm[touching.RubbedTouching], assembly.RememberingTerm[touching.RubbedTouching]):
+    """The energy and its friction."""
+
+    def __init__(self, part: BodyContact, body: Body, nodes: assembly.FaceNodes):
+        super().__init__(part, body, nodes)
+        self.rubbing = pressing.Rubbing(part.friction, part.slip / body.actuator.size or ONSET_DEPTH)
+        self.anchors = touching.Anchors.of_free(self.plain(nodes.places))
+
+    def pressed(self, places: Array) -> touching.RubbedTouching:
+        return touching.RubbedTouching(self.plain(places), self.rubbing, self.anchors)
+
+    def plain_here(self) -> touching.Touching:
+        return self._pressed.plain
+
+    def whole_stiffness_here(self) -> scipy.sparse.csr_array:
+        return self._pressed.whole_stiffness
+
+    def commit(self, w: Array, reset: bool = False) -> None:
+        self._take(w)
+        self.anchors = touching.Anchors.of_free(self._pressed.plain) if reset else self._pressed.kept()
+        self.forget_state()  # the following calls use the current history
+
+    def save(self) -> touching.Anchors:
+        return self.anchors
+
+    def restore(self, saved: touching.Anchors) -> None:
+        self.anchors = saved
+        self.forget_state()
+
+    def figures(self, equations: component.Equations) -> dict[str, float]:
+        self._take(equations.w.x.array)
+        pressed, size, label = self._pressed, equations.length_unit, self.part.label
+        lost = self.anchors.lost * equations.stress_unit * size**3 * self.actuator.copies
+        return self.body_figures(equations, pressed.plain, pressed.force) | {
+            f"{label}_sliding": pressed.sliding,
+            f"{label}_slip_mm": float(self.anchors.slid.max(initial=0.0)) * size * 1e3,
+            f"{label}_friction_mJ": lost * 1e3,
         }
 
 

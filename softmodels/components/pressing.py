@@ -63,7 +63,7 @@ class Surface:
         """1 or -1 for each facet, so that area vectors point out of the solid, shape (f,)."""
         corners = self.nodes[self.facets[:, : self.dimension]]
         along = np.diff(corners, axis=1)
-        normal = _crossed(along[:, 0], along[:, -1])
+        normal = crossed(along[:, 0], along[:, -1])
         out = np.einsum("fi,fi->f", normal, corners.mean(axis=1) - self.inside)
         return np.where(out > 0.0, 1.0, -1.0)
 
@@ -109,7 +109,7 @@ class Surface:
     def areas(self, nodes: Array) -> Array:
         """Area vectors of the samples, shape (s, d)."""
         along = self._along(nodes)
-        return (_crossed(along[:, :, 0], along[:, :, -1]) * self._factor()[..., None]).reshape(-1, self.dimension)
+        return (crossed(along[:, :, 0], along[:, :, -1]) * self._factor()[..., None]).reshape(-1, self.dimension)
 
     def area_rates(self, nodes: Array) -> Array:
         """Return the derivative of each sample's area vector by its facet's nodes, shape (s, d, k, d)."""
@@ -137,7 +137,7 @@ class Surface:
         return np.asarray(np.einsum("pab,pij->paibj", pairs, -regions.cross(along)))
 
 
-def _crossed(first: Array, second: Array) -> Array:
+def crossed(first: Array, second: Array) -> Array:
     """Return the product of two tangents, shape (..., d); in the plane the one tangent turned by a right angle."""
     if first.shape[-1] == 3:
         return np.asarray(np.cross(first, second))
@@ -585,7 +585,7 @@ def _summed(at: Numbers, rows: Array, count: int) -> Array:
 
 def components_of(nodes: Numbers, d: int) -> Numbers:
     """Return the numbers of the components of nodes, shape (p, a) to (p, a d)."""
-    return np.asarray((d * nodes[:, :, None] + np.arange(d)).reshape(len(nodes), -1))
+    return np.asarray((d * nodes[:, :, None] + np.arange(d)).reshape(len(nodes), d * nodes.shape[1]))
 
 
 def together(groups: Numbers, nodes: Numbers, shape: tuple[int, int]) -> scipy.sparse.csr_array:

@@ -1,4 +1,4 @@
-"""Rigid parts bonded to a device: plates and rings; faces that are held.
+"""Rigid parts bonded to a device: plates and rings; faces that are held; bodies on springs.
 
 The constraint is exact, without penalty: the dofs on a part follow its few unknowns (`softmodels.mechanics.system`). The
 symmetry of the model determines the free motions: six in a whole solid, three in a half, the axial translation in a wedge
@@ -18,7 +18,8 @@ from geometries import Actuator, Hold
 from geometries.actuator import Vector
 from softmodels.common import errors, schema
 from softmodels.common.arrays import Array
-from softmodels.mechanics import body, component, controls, regions
+from softmodels.common.lazy import fem, ufl
+from softmodels.mechanics import body, component, controls, mpi, regions
 from softmodels.mechanics.component import ComponentError, direction
 
 KINDS = ("free", "guided", "held")
@@ -82,6 +83,10 @@ class Rigid(regions.RigidPart, controls.HeavyPart):
     @property
     def weighs(self) -> float:
         return self.mass
+
+    @property
+    def steadies(self) -> tuple[str, ...]:
+        return (self.face or self.region,) if self.kind != "free" else ()
 
     def masses(self, on: controls.DistributedLoad, along: Array) -> list[controls.Weighed]:
         return [controls.Weighed([on.mean(along, self.face)], self.mass, self.key)] if self.mass else []
@@ -270,3 +275,85 @@ def _across(way: Vector, actuator: Actuator) -> list[Vector | None]:
         first = across[0] if across else np.linalg.svd(np.array([way]))[2][1]
         across = [first, np.cross(way, first)]
     return [(float(x), float(y), float(z)) for x, y, z in across]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Springs: soft supports of bodies and faces, such as of a body that only contact holds.
+
+
+@component.register_component
+@dataclasses.dataclass(frozen=True)
+class Spring(component.EnergyComponent):
+    """A region or a face on springs, evenly spread, which pull each of its points back to where it was.
+
+    Attributes:
+        on: A region, or faces.
+        stiffness: In N/m, of all together: force per displacement in any direction.
+    """
+
+    on: str = schema.field_of(schema.Words(), "region, or faces, on evenly spread springs, such as ball")
+    stiffness: float = schema.field_of(schema.Quantity("N/m"), "force per displacement of all springs together")
+
+    table: ClassVar[str] = "spring"
+    needs: ClassVar[str] = "[spring.name] needs a region or a face and a stiffness (on = 'ball', stiffness = '0.1 N/m')"
+    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
+        r"(\w+)_spring_([xyz])_N": ("spring {0} along {1}", "force of the springs on the device, along the named axis"),
+        r"(\w+)_spring_mJ": ("energy of spring {0}", "energy stored in those springs"),
+    }
+
+    def check(self) -> None:
+        if not component.names_in(self.on):
+            raise ComponentError(self.needs)
+        if not 0.0 < self.stiffness < np.inf:
+            raise self.error(f"the stiffness is {self.stiffness:g} N/m; it must be above zero")
+
+    def check_on(self, actuator: Actuator) -> None:
+        if self.on not in actuator.regions:
+            component.check_on_mesh(self.where, actuator, component.names_in(self.on))
+
+    def undesigned(self, actuator: Actuator) -> str:
+        return "" if self.on not in actuator.regions else "on a region, whose volume a design may change"
+
+    @property
+    def in_model(self) -> str:
+        return f"; springs of {self.stiffness:g} N/m hold {self.on} (numerical, or real ones)"
+
+    @property
+    def steadies(self) -> tuple[str, ...]:
+        return tuple(component.names_in(self.on))
+
+    def term(self, setting: component.FormContext) -> component.EnergyTerm:
+        return SpringTerm(self, setting)
+
+
+class SpringTerm(component.EnergyTerm):
+    """The energy of such springs, and their force."""
+
+    def __init__(self, part: Spring, setting: component.FormContext):
+        self.part, self.body, mesh = part, setting.body, setting.body.mesh
+        regional = part.on in self.body.regions
+        over = body.cell_measure(self.body, self.body.regions[part.on]) if regional else self.body.measure(part.on)
+        u, size, copies = self.body.displacement(setting.displacement), self.body.actuator.size, self.body.actuator.copies
+        one = fem.Constant(mesh, 1.0)
+        self._whole = fem.form(one * self.body.hoop * over)
+        amount = mpi.total(mesh.comm, fem.assemble_scalar(self._whole))
+        if not amount > 0.0:
+            raise part.error(f"{part.on} has no cells or facets on this mesh")
+        self._stiffness = fem.Constant(mesh, part.stiffness / size / amount / copies)
+        super().__init__([setting.per_pascal * self._stiffness / 2 * ufl.dot(u, u) * self.body.hoop * over])
+        self._means = [u[i] / fem.Constant(mesh, amount) * self.body.hoop * over for i in range(len(u))]
+
+    def compile(self, equations: component.Equations) -> None:
+        self._compiled = [equations.form(mean) for mean in self._means]
+        self._energy = equations.form(self.energies[0])
+
+    def figures(self, equations: component.Equations) -> dict[str, float]:
+        d, unit = self.body.actuator.dimension, equations.length_unit
+        moved = [equations.integral(form) * unit for form in self._compiled]
+        normals = [body.in_section(plane.normal, d) for plane in self.body.actuator.cut_planes] + [np.eye(2)[0]] * (d == 2)
+        free = np.eye(d) - sum((np.outer(n, n) for n in _basis(normals)), np.zeros((d, d)))
+        force = body.in_space(-self.part.stiffness * free @ np.array(moved))
+        label, copies = self.part.label, self.body.actuator.copies
+        stored = equations.integral(self._energy) * equations.stress_unit * unit**3 * copies
+        forces = {f"{label}_spring_{axis}_N": float(value) for axis, value in zip("xyz", force, strict=True)}
+        return (forces if d == 3 else {f"{label}_spring_z_N": float(force[2])}) | {f"{label}_spring_mJ": stored * 1e3}

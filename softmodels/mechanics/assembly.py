@@ -211,9 +211,8 @@ class AssembledTerm[P: Pressing](component.EnergyTerm):
         return scipy.sparse.kron(self._known, np.ones((d, d), dtype=np.bool_), format="csr")
 
 
-class HistoryTerm[P: Pressing](AssembledTerm[P]):
-    """A term whose forces depend on what it remembers of the states before, and the derivatives of that: flat arrays, by places
-    of the faces' nodes against what they press on."""
+class RememberingTerm[P: Pressing](AssembledTerm[P]):
+    """A term whose forces depend on what it remembers of the states before."""
 
     remembers: ClassVar[bool] = True
 
@@ -224,6 +223,10 @@ class HistoryTerm[P: Pressing](AssembledTerm[P]):
     @abc.abstractmethod
     def restore(self, saved: Any) -> None:
         """Return to what `save` has given."""
+
+
+class HistoryTerm[P: Pressing](RememberingTerm[P]):
+    """One with the derivatives of what it remembers: flat arrays, by places of the faces' nodes against what they press on."""
 
     @abc.abstractmethod
     def rest_rates(self, places: Array) -> Array:
@@ -392,7 +395,7 @@ class FaceNodes:
     Args:
         body: The mesh.
         space: That of the unknowns w.
-        roles: The faces.
+        roles: The faces, by role or by their local facets.
 
     Attributes:
         places: Of the nodes at rest, shape (n, d), in sizes of the device.
@@ -402,7 +405,7 @@ class FaceNodes:
         dofs: Global numbers of the skew components of each node's displacement, shape (n, d).
     """
 
-    def __init__(self, body: Body, space: fem.FunctionSpace, roles: Sequence[str]):
+    def __init__(self, body: Body, space: fem.FunctionSpace, roles: Sequence[str | npt.NDArray[np.int32]]):
         self.comm, self.skew = body.mesh.comm, body.skew_inverse
         self._mesh = mesh = body.mesh
         topology, d = mesh.topology, mesh.topology.dim
@@ -419,7 +422,7 @@ class FaceNodes:
         rows: list[tuple[Numbers, Array, Numbers, int, Array]] = []
         own: list[tuple[int, Numbers]] = []
         for number, role in enumerate(roles):
-            for facet in body.entities[role][1]:
+            for facet in body.entities[role][1] if isinstance(role, str) else role:
                 cell = to_cell.links(facet)[0]
                 if cell >= owned:
                     continue

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator, Hold, meshing
-from geometries.actuator import Opening, Vector, cavity_roles, find_openings
+from geometries.actuator import EDGE, Opening, Vector, cavity_roles, find_openings
 from softmodels.common import errors, units
 from softmodels.common.arrays import Array
 from softmodels.common.errors import ComponentError
@@ -163,6 +163,18 @@ class Body:
         if d == 2:
             outer = outer[meshes.compute_midpoints(self.mesh, 1, outer)[:, 0] > LENGTH_TOLERANCE]
         return outer
+
+    def surface_of(self, region: str) -> npt.NDArray[np.int32]:
+        """Return this rank's facets of a region's outside: not those on planes of symmetry, nor between it and others."""
+        return self.facets_of(self.outer_facets, [region])
+
+    def facets_of(self, facets: npt.NDArray[np.int32], regions: Sequence[str]) -> npt.NDArray[np.int32]:
+        """Return those of some local facets that bound cells of regions."""
+        topology, d = self.mesh.topology, self.mesh.topology.dim
+        topology.create_connectivity(d - 1, d)
+        to_cell, inside = topology.connectivity(d - 1, d), np.concatenate([self.regions[name] for name in regions])
+        cells = np.array([to_cell.links(facet)[0] for facet in facets], dtype=np.int32)
+        return np.asarray(facets[np.isin(cells, inside)])
 
     def sheet_face(self, role: str) -> tuple[ufl.Measure, Expr]:
         """Return the UFL measure over the facets of a role, and their `normal`; `BodyError` if it has none."""
@@ -358,7 +370,7 @@ class Seal:
 
 Entities = tuple[int, npt.NDArray[np.int32]]
 """Dimension and local indices of mesh entities."""
-WITHIN, EDGE = " within ", re.compile(r"edge of (\S+) and (\S+)")
+WITHIN = " within "
 COORDINATE = r"\|[xyz]\||[xyzr]"
 COMPARISON = re.compile(rf"(?:(.+?)(<=?)\s*)?({COORDINATE})\s*(?:(<=?|>=?)(.+))?")
 EXAMPLE = "'tip within z > 14 mm', 'top within 5 mm < r < 9 mm and x > 0 mm' or 'edge of tip and top'"

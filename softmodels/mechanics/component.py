@@ -52,6 +52,7 @@ class Component(abc.ABC):
         table: Its table in a case file.
         needs: What is missing where a field without a default is not given, a sentence.
         always_named: Whether ``[table]`` itself belongs to something else, so that each stands in a ``[table.name]``.
+        distinct: Of kinds that share a table of named ones, the field by which those of this one are known; empty for one.
         optional: Whether command lines have options for one of it: ``--table`` for its first field, ``--table-field`` for the
             others.
         figure_texts: Short name and meaning of its columns of ``path.csv`` by a pattern of `re`; ``{0}`` is its first group.
@@ -64,6 +65,7 @@ class Component(abc.ABC):
     table: ClassVar[str]
     needs: ClassVar[str] = ""
     always_named: ClassVar[bool] = False
+    distinct: ClassVar[str] = ""
     figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {}
     optional: ClassVar[bool] = False
 
@@ -160,6 +162,16 @@ class Component(abc.ABC):
     def remembers(self) -> bool:
         """Whether its forces depend on earlier states, like friction's, and not only on the current one."""
         return False
+
+    @property
+    def connects(self) -> tuple[str, ...]:
+        """Regions or faces between which it acts, so that bodies need not share faces."""
+        return ()
+
+    @property
+    def steadies(self) -> tuple[str, ...]:
+        """Regions or faces that it keeps in their place."""
+        return ()
 
     @property
     def sealing(self) -> Sealing | None:
@@ -356,11 +368,12 @@ class EnergyTerm:
 
 
 def _key(kind: type[Component]) -> str:
-    return f"{kind.table}." if kind.always_named else kind.table
+    return f"{kind.table}.{kind.distinct}" if kind.always_named else kind.table
 
 
 COMPONENTS: names.Registry[type[Component]] = names.Registry("component", _key)
-"""Every kind by its table; those that always have a name by ``table.``: ``[contact.ball]`` is none of ``[contact]``."""
+"""Every kind by its table; those that always have a name by ``table.`` and what they are known by: ``[contact.ball]`` is none
+of ``[contact]``, and one with ``between`` is of two bodies."""
 register_component = COMPONENTS.register
 
 

@@ -250,7 +250,7 @@ class Potential:
     def checkpoint(self) -> component.Checkpoint:
         """Save all that depends on earlier states: friction, motion, what the silicone remembers."""
         parts: list[component.HistoryDependent] = [
-            term for term in self.terms.values() if isinstance(term, assembly.HistoryTerm)
+            term for term in self.terms.values() if isinstance(term, assembly.RememberingTerm)
         ]
         parts += [self.motion] if self.motion else []
         parts += [self, *self.histories] if self.histories else []

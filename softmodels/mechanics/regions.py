@@ -11,6 +11,7 @@ import copy
 import dataclasses
 import itertools
 import math
+import re
 import types
 from collections.abc import Iterator, Mapping, Sequence
 from typing import ClassVar, Self
@@ -24,8 +25,8 @@ from softmodels.common.lazy import MPI, fem, meshes, scipy, ufl
 from softmodels.materials import laws, silicones
 from softmodels.materials.laws import Material, MaterialError
 from softmodels.materials.specimens import nudged
-from softmodels.mechanics import assembly, component
-from softmodels.mechanics.body import Body, cell_measure, in_section
+from softmodels.mechanics import assembly, component, mpi
+from softmodels.mechanics.body import Body, cell_measure, in_section, pieces_in
 from softmodels.mechanics.component import Component, ComponentError
 
 
@@ -509,9 +510,16 @@ class HoldingPart(Component):
 def held_with(own: Sequence[Hold], actuator: Actuator, components: Sequence[Component]) -> list[Hold]:
     """Return the supports of a device: its own, except those replaced by clamps and by seals, and the clamps."""
     clamps = [part for part in components if isinstance(part, HoldingPart)]
-    roles = {role for clamp in clamps for role in clamp.roles} | {role for seal in seals(components) for role in seal.roles}
+    roles = released(components) | {role for seal in seals(components) for role in seal.roles}
     kept = [hold for hold in own if hold.role not in roles]
     return [*kept, *(hold for clamp in clamps for hold in clamp.holds(actuator))]
+
+
+def released(components: Sequence[Component]) -> set[str]:
+    """Return the roles whose own supports clamps replace: those that they hold, and the faces whose edges they hold as hinges."""
+    roles = [role for part in components if isinstance(part, HoldingPart) for role in part.roles]
+    edges = [piece.faces for role in roles for piece in pieces_in(role) if len(piece.faces) > 1]
+    return {*roles, *itertools.chain(*edges)}
 
 
 def seals(components: Sequence[Component]) -> list[component.Sealing]:
@@ -528,6 +536,7 @@ def clamped(body: Body, components: Sequence[Component]) -> Body:
     clamps = [part for part in components if isinstance(part, HoldingPart)]
     sealing = seals(components)
     if not clamps and not sealing:
+        _check_bodies(body, components)
         return body
     for clamp in clamps:
         for role in clamp.roles:
@@ -537,31 +546,66 @@ def clamped(body: Body, components: Sequence[Component]) -> Body:
     held = body.held_by(held_with(body.holds, body.actuator, components))
     for seal in sealing:
         held = held.sealed_by(seal.roles, np.asarray(seal.point) / body.actuator.size, seal.normal)
-    replaced = {hold.role for hold in body.holds} & {role for clamp in clamps for role in clamp.roles}
+    replaced = {hold.role for hold in body.holds} & released(components)
     if replaced and all(isinstance(part, HoldingPart | RegionPart) for part in components):  # other parts may refer to it
         _check_place(held, clamps[0].where)
+    _check_bodies(held, components)
     return held
 
 
+def _check_bodies(body: Body, components: Sequence[Component]) -> None:
+    """Raise `ComponentError` for one of several bodies that nothing connects with the others, or that only contact holds."""
+
+    def on(names: Sequence[str], regions: Sequence[str]) -> bool:
+        faces = [body.entities[name][1] for name in names if name not in body.regions and name in body.entities]
+        here = any(name in regions for name in names) or any(len(body.facets_of(own, regions)) for own in faces)
+        return mpi.any_rank(body.mesh.comm, here)
+
+    for regions in body.actuator.bodies:
+        if not regions:
+            raise ComponentError("a body of the part has no name for its cells; give it one where it is meshed")
+        others = ", ".join(" with ".join(names) for names in body.actuator.bodies)
+        if not any(on(part.connects, regions) for part in components if part.connects):
+            raise ComponentError(
+                f"the part has bodies that share no face ({others}), and nothing acts between {regions[0]} and the others; "
+                f"name what touches ([contact.joint] between = ['{regions[0]}', ...]), or join them where they are drawn"
+            )
+        cells = np.concatenate([body.regions[name] for name in regions])
+        held = np.sqrt(max(_held_modes(body, cells)[0], 0.0)) >= MIN_SINGULAR_VALUE
+        if not held and not any(on(part.steadies, regions) for part in components if part.steadies):
+            name = re.sub(r"\W", "_", regions[0])
+            raise ComponentError(
+                f"only contact would hold the body {regions[0]}, so it can move freely until it is pressed; hold a face, an "
+                f"edge or a direction of it ([hold.name]), or add a weak spring ([spring.{name}_spring] on = '{regions[0]}', "
+                "stiffness = '0.1 N/m'), whose force is in path.csv"
+            )
+
+
 def _check_place(body: Body, where: str) -> None:
+    if np.sqrt(max(_held_modes(body)[0], 0.0)) < MIN_SINGULAR_VALUE:
+        raise ComponentError(
+            f"{where}: with these supports the device can move as a rigid body; hold it in all directions, or hold another "
+            f"point"
+        )
+
+
+def _held_modes(body: Body, cells: npt.NDArray[np.int32] | None = None) -> Array:
+    """Return the eigenvalues of what the supports do to rigid motions, of all or of a body by its cells, the least first."""
     mesh, d = body.mesh, body.actuator.dimension
     modes = np.zeros((6, 6) if d == 3 else (1, 1))
+    own = None if cells is None else np.unique(mesh.geometry.dofmaps[0][cells])
     wanted = [(plane.name, plane.normal) for plane in body.actuator.cut_planes]
     for role, way in [*wanted, *((hold.role, hold.direction) for hold in body.holds)]:
         dimension, entities = body.group(role)
         mesh.topology.create_connectivity(dimension, mesh.topology.dim)
-        places = mesh.geometry.x[np.unique(meshes.entities_to_geometry(mesh, dimension, entities))]
+        nodes = np.unique(meshes.entities_to_geometry(mesh, dimension, entities))
+        places = mesh.geometry.x[nodes if own is None else np.intersect1d(nodes, own)]
         for e in np.eye(d) if way is None else in_section(way, d)[None]:
             turns = np.cross(places, np.broadcast_to(e, places.shape)) if d == 3 else np.empty((len(places), 0))
             moves = np.broadcast_to(e if d == 3 else e[1:], (len(places), d if d == 3 else 1))
             rows = np.hstack([moves, turns])
             modes += rows.T @ rows
-    modes = mesh.comm.allreduce(modes)
-    if np.sqrt(max(np.linalg.eigvalsh(modes)[0], 0.0)) < MIN_SINGULAR_VALUE:
-        raise ComponentError(
-            f"{where}: with these supports the device can move as a rigid body; hold it in all directions, or hold another "
-            f"point"
-        )
+    return np.asarray(np.linalg.eigvalsh(mesh.comm.allreduce(modes)))
 
 
 def conditions(body: Body, vectors: fem.FunctionSpace) -> list[fem.DirichletBC]:

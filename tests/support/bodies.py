@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections import defaultdict
 
 import numpy as np
 
@@ -462,3 +463,109 @@ class CutBlock(Block):
         ):
             _group(1, tags, name)
         gmsh.model.mesh.setSizeCallback(lambda *args: self.edge / self.cells)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TwoBlocks(Plain):
+    """Two cylinders on each other as an axisymmetric section, with cells of their own that do not match; or as a quarter two
+    boxes. The lower one is held, the upper one pressed on its lid."""
+
+    below: float = length_field(0.004, "edge length of the lower one's cells")
+    above: float = length_field(0.0027, "edge length of the upper one's cells")
+    wide: float = length_field(0.010, "radius, or half the width")
+    section: str = choice_field("axisymmetric", ("axisymmetric", "quarter"), "half section, or a quarter in 3-D")
+
+    copies = 1
+    size = 0.010
+    bodies = (("lower",), ("upper",))
+    regions = ("lower", "upper")
+    faces = ("lid", "skin", "rest")
+    holds = (Hold("support", (0.0, 0.0, 1.0)),)
+    unbonded = None
+    ratios = ()
+
+    @property
+    def dimension(self):
+        return 3 if self.section == "quarter" else 2
+
+    @property
+    def cut_planes(self):
+        return _octant_planes()[:2] if self.dimension == 3 else (CutPlane("plane0", (-1.0, 0.0, 0.0)),)
+
+    @property
+    def solid_volume(self):
+        return (math.pi if self.dimension == 2 else 1.0) * self.wide**2 * 0.02
+
+    def build(self):
+        import gmsh
+
+        occ, d, a = gmsh.model.occ, self.dimension, self.wide
+        if d == 2:
+            tags = [occ.addRectangle(0, -0.01, 0, a, 0.01), occ.addRectangle(0, 0, 0, a, 0.01)]
+        else:
+            tags = [occ.addBox(0, 0, -0.01, a, a, 0.01), occ.addBox(0, 0, 0, a, a, 0.01)]
+        occ.synchronize()
+        names = defaultdict(list)
+        for tag, region in zip(tags, ("lower", "upper"), strict=True):
+            _group(d, [tag], region)
+            for _, face in gmsh.model.getBoundary([(d, tag)], oriented=False):
+                low, high = np.array(gmsh.model.getBoundingBox(d - 1, face)).reshape(2, 3)
+                flat = [i for i in range(d) if high[i] - low[i] < 1e-5]
+                axis, at = flat[0], float(low[flat[0]])
+                cut = abs(at) < 1e-5 and axis < d - 1
+                top, bottom = axis == d - 1 and at > 0.009, axis == d - 1 and at < -0.009
+                names[f"plane{axis}" if cut else "lid" if top else "support" if bottom
+                      else "rest" if region == "lower" else "skin"].append(face)  # fmt: skip
+        for name, faces in names.items():
+            _group(d - 1, faces, name)
+        gmsh.model.mesh.setSizeCallback(
+            lambda dim, tag, x, y, z, other: self.above if (y if d == 2 else z) > 1e-9 else self.below
+        )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TwoBalls(Plain):
+    """Halves of two balls that touch in a point, as an axisymmetric section, fine around it."""
+
+    radius: float = length_field(0.010, "radius")
+    other: float = length_field(0.010, "radius of the upper one")
+    fine: float = length_field(10e-6, "edge length of the cells where they touch")
+
+    dimension = 2
+    copies = 1
+    size = 0.010
+    cut_planes = ()
+    bodies = (("lower",), ("upper",))
+    regions = ("lower", "upper")
+    faces = ("lid", "skin", "rest")
+    holds = (Hold("support", (0.0, 0.0, 1.0)), Hold("axis", (1.0, 0.0, 0.0)))
+    unbonded = None
+    ratios = ()
+
+    @property
+    def solid_volume(self):
+        return 2 / 3 * math.pi * (self.radius**3 + self.other**3)
+
+    def build(self):
+        import gmsh
+
+        occ, roles = gmsh.model.occ, defaultdict(list)
+        for region, r, sign, flat, skin in (
+            ("lower", self.radius, -1, "support", "rest"),
+            ("upper", self.other, 1, "lid", "skin"),
+        ):
+            centre, pole, rim = (occ.addPoint(*at, 0) for at in ((0, sign * r), (0, 0), (r, sign * r)))
+            curves = [occ.addLine(centre, rim), occ.addCircleArc(rim, centre, pole), occ.addLine(pole, centre)]
+            face = occ.addPlaneSurface([occ.addCurveLoop(curves)])
+            occ.synchronize()
+            _group(2, [face], region)
+            for name, curve in zip((flat, skin, "axis"), curves, strict=True):
+                roles[name].append(curve)
+        for name, curves in roles.items():
+            _group(1, curves, name)
+
+        def size(dim, tag, x, y, z, other):
+            share = self.fine * (1.0 if y <= 0 else 0.8)  # meshes that do not match
+            return share + 0.3 * max(math.hypot(x, y) - 16 * self.fine, 0.0)
+
+        gmsh.model.mesh.setSizeCallback(size)
