@@ -667,6 +667,7 @@ class SolveOptions(TypedDict, total=False):
     components: Component | Sequence[Component]
     formulation: str
     solver: str
+    mesh_error: bool
 
 
 class RequestOptions(SolveOptions, total=False):
@@ -677,7 +678,6 @@ class RequestOptions(SolveOptions, total=False):
     cycles: int
     time_tolerance: float
     inertia: bool
-    mesh_error: bool
     spectral_radius: float
     steps: Sequence[Step]
     supply: AirSupply | None
