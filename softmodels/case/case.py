@@ -672,6 +672,7 @@ class SolveOptions(TypedDict, total=False):
     components: Component | Sequence[Component]
     formulation: str
     solver: str
+    mesh_error: bool
 
 
 class RequestOptions(SolveOptions, total=False):
@@ -682,7 +683,6 @@ class RequestOptions(SolveOptions, total=False):
     cycles: int
     time_tolerance: float
     inertia: bool
-    mesh_error: bool
     spectral_radius: float
     steps: Sequence[Step]
     supply: AirSupply | None

@@ -80,6 +80,7 @@ def row_of(name: str, limit: Limit, column: LimitColumn) -> Row:
         "max_stretch": limit.stretch, **{f"{axis}_mm": x * 1e3 for axis, x in zip("xyz", limit.place, strict=True)},
     }  # fmt: skip
     row |= {"hold_s": limit.held} if limit.held else {}
+    row |= {} if math.isnan(limit.mesh_error) else {"mesh_error_Pa": limit.mesh_error}
     return row if column.working is None else {**row, "margin": abs(limit.pressure) / column.scale.pascal / column.working}
 
 
@@ -89,7 +90,8 @@ def sentence(name: str, limit: Limit, column: LimitColumn) -> str:
     place = f"largest stretch {limit.stretch:.3g}, {radius:.3g} mm from the axis at height {height:.3g} mm"
     rises = ", ".join(f"{name} {rise * 1e3:+.4g} mm" for name, rise in limit.rises.items())
     state = f"{rises}, {limit.added_volume * 1e6:+.4g} ml; {place}"
-    at = f"{column.scale.full(limit.pressure)} ({limit.pressure / 1e3:.4g} kPa)"
+    error = "" if math.isnan(limit.mesh_error) else f", +- {column.scale.text(limit.mesh_error, '.2g')} (mesh)"
+    at = f"{column.scale.full(limit.pressure)} ({limit.pressure / 1e3:.4g} kPa){error}"
     what = {
         "limit": f"limit pressure {at}: {state}",
         "bifurcation": f"bifurcation at {at}: {state}",
@@ -167,6 +169,13 @@ def write(folder: Path, limits: Mapping[str, Limit], scatter: Scatter, column: L
     return figure
 
 
+def mesh_text(limits: Sequence[Limit], column: LimitColumn) -> str:
+    """Return a sentence with the mesh errors of limits."""
+    known = [column.scale.text(limit.mesh_error, ".2g") for limit in limits if not math.isnan(limit.mesh_error)]
+    return f"Mesh error of the pressures, as half a 95 % interval: {', '.join(known)}." if known else ASK_MESH_ERROR
+
+
+ASK_MESH_ERROR = "The mesh error was not estimated: repeat the command with --mesh-error."
 NO_MESH_ERROR = "The mesh error was not estimated: repeat the command with half the cell size (cell_size in the case)."
 KINDS = {"limit": "limit pressure", "bifurcation": "bifurcation", "none": "no limit up to", "lost": "path lost at"}
 
@@ -198,7 +207,7 @@ def write_page(
                 pages.Charts([("scatter.svg", curves.drawing(figure, column.scale))] if figure else []),
                 pages.Bullets(scatter_text(scatter, column).split("\n  ") if scatter.sampled else []),
             ]),
-            ("Convergence", [pages.Text(NO_MESH_ERROR)]),
+            ("Convergence", [pages.Text(mesh_text(list(limits.values()), column))]),
             ("Device", [pages.Table([(name.replace("_", " "), str(value)) for name, value in told.items()], numbers=False)]),
         ],
         commands.Provenance.now(), facts, [note.removeprefix("note: ") for note in notes],
@@ -538,6 +547,9 @@ class LimitOptions:
     count: int | None = commands.option("--samples", type=click.IntRange(2, 4096),
                                help=f"Number of sampled devices.  [default: {CURVE_SAMPLES}]")  # fmt: skip
     normal: bool = commands.flag_option("Tolerances are two standard deviations of a normal distribution; default: uniform.")
+    mesh_error: bool = commands.flag_option(
+        "State the mesh error of the pressures: everything is solved again with smaller cells."
+    )
     output: Path | None = commands.output_option(  # noqa: RUF009
         "Folder for tables and picture.  [default: with --vary results/limit, or results/limit-2 and so on]"
     )
@@ -587,6 +599,7 @@ class LimitRequest:
             if hold and getattr(how, other):
                 raise CaseError(f"--hold and --{other} cannot be combined; leave out one of them")
         around = _as_asked(case, device, materials, how.water_density, -100.0 if how.vacuum else 100.0)
+        around = dataclasses.replace(around, mesh_error=how.mesh_error or around.mesh_error)
         column = LimitColumn(around.column, _working_cm(how.working_pressure, around.column.pascal))
         return cls(around, materials, tolerances, how.count or CURVE_SAMPLES, how.normal, column, hold)
 

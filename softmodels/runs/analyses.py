@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import re
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -27,7 +28,7 @@ from softmodels.mechanics.body import Body
 from softmodels.path import continuation, schedule, stability, supply
 from softmodels.path.continuation import Continuation, LoadedState
 from softmodels.path.steps import PRESSURE, VOLUME, Prescribed, Step, Steps
-from softmodels.runs import grid, notes, outcomes, simulation
+from softmodels.runs import grid, mesh_error, notes, outcomes, simulation
 from softmodels.runs.fields import Fields
 from softmodels.runs.outcomes import RunError
 from softmodels.runs.simulation import Equilibrium, Mode, Model
@@ -68,6 +69,7 @@ class Limit(cards.ResultCard):
         place: Undeformed device coordinates in m of the integration point with the largest stretch.
         why: What ended a lost path, or a limit that is not a maximum of only the pressure; else empty.
         held: Hold time in s that the device withstands; 0: unlimited.
+        mesh_error: Half width in Pa of the pressure's 95 % interval due to the mesh; NaN if unknown.
         path: Added volume in m3 and pressure in Pa of each state up to there; empty if they were not kept.
         notes: Warnings about the mesh, sentences.
     """
@@ -80,6 +82,7 @@ class Limit(cards.ResultCard):
     place: tuple[float, float, float]
     why: str = ""
     held: float = 0.0
+    mesh_error: float = math.nan
     path: tuple[tuple[float, float], ...] = dataclasses.field(default=(), compare=False)
     notes: tuple[str, ...] = ()
 
@@ -95,6 +98,7 @@ class Limit(cards.ResultCard):
         return [
             ("end", END_TEXTS[self.kind]),
             ("pressure", f"{self.pressure / 1e3:.4g} kPa"),
+            *([("mesh error of it", f"{self.mesh_error:.2g} Pa")] if not math.isnan(self.mesh_error) else []),
             *([("held for", f"{self.held:.4g} s")] if self.held else []),
             ("added volume", f"{self.added_volume * 1e6:.4g} ml"),
             *((f"rise of the {name}", f"{rise * 1e3:.4g} mm") for name, rise in self.rises.items()),
@@ -107,11 +111,30 @@ class Limit(cards.ResultCard):
 
 
 def find_limit(case: Case, materials: Sequence[Material], comm: MPI.Comm, hold: float = 0.0) -> list[Limit]:
-    """Find the limits of one device in several materials, on one mesh; the case's load and material are not looked at.
-    ``hold`` is the hold time in s that silicones with a memory must survive at constant pressure; 0: unlimited. MeshingError,
-    RunError, MaterialError and ComponentError as for a run."""
-    body, known = simulation.meshed(case.actuator, comm), {}
-    limits = []
+    """Find the limits of one device in several materials, on one mesh, and once more on a finer one where the case asks for the
+    mesh error; its load and material are not looked at. ``hold`` is the hold time in s that silicones with a memory must
+    survive at constant pressure; 0: unlimited. MeshingError, RunError, MaterialError and ComponentError as for a run."""
+    limits = _limits(case, simulation.meshed(case.actuator, comm), materials, hold)
+    if not case.mesh_error:
+        return limits
+    finer = mesh_error.FINER[case.actuator.dimension]
+    others = _limits(case, simulation.meshed(case.actuator, comm, finer), materials, hold)
+    return [_with_mesh_error(limit, other, finer) for limit, other in zip(limits, others, strict=True)]
+
+
+def _with_mesh_error(limit: Limit, other: Limit, finer: float) -> Limit:
+    if limit.kind != other.kind:
+        text = f"with cells {finer:g} times smaller the path ends otherwise ({END_TEXTS[other.kind]}); use smaller cells"
+        return dataclasses.replace(limit, notes=(*limit.notes, text))
+    half = mesh_error.half_width(limit.pressure, other.pressure, finer)
+    text = f"the mesh error of the pressure is {half / abs(limit.pressure):.1%}; use smaller cells (--cell-size)"
+    doubts = (errors.spoken(text),) if half > mesh_error.LARGE_ERROR * abs(limit.pressure) else ()
+    return dataclasses.replace(limit, mesh_error=half, notes=(*limit.notes, *doubts))
+
+
+def _limits(case: Case, body: Body, materials: Sequence[Material], hold: float) -> list[Limit]:
+    """Return the limits on one mesh."""
+    limits, known = [], dict[object, Model]()
     try:
         for material in materials:
             own = loads.weighed(case.components, material)
@@ -289,7 +312,8 @@ def scatter(
         devices = [case.actuator.made(changes) for changes in every]
     except GeometryError as error:
         raise CaseError(f"the tolerances include a device that cannot be built: {error}") from None
-    tasks = {k: dataclasses.replace(case, actuator=device, material=material) for k, device in enumerate(devices)}
+    nominal = dataclasses.replace(case, material=material, mesh_error=False)
+    tasks = {k: dataclasses.replace(nominal, actuator=device) for k, device in enumerate(devices)}
     answers = mpi.on_root(comm, lambda: dict(processes.answers(__name__, limit_of.__name__, tasks, processes.cores())))
     for done, value in answers.values():
         if not done:

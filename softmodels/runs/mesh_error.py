@@ -36,6 +36,11 @@ LEAST_RISE = 1e-3
 """Rise relative to the device's size below which an error relative to it means nothing."""
 
 
+def half_width(value: float, finer: float, times: float) -> float:
+    """Return half the 95 % interval of a number; ``finer`` is the number with cells so many times smaller."""
+    return abs(value - finer) / (1.0 - 1.0 / times)
+
+
 @dataclasses.dataclass(frozen=True)
 class MeshErrors:
     """Mesh errors of the states of a path, from its table and the one with smaller cells, which may be empty.
@@ -54,10 +59,6 @@ class MeshErrors:
         """How many times smaller the other cells are."""
         return FINER[self.case.actuator.dimension]
 
-    def half_width(self, name: str, row: table.Row, other: table.Row) -> float:
-        """Return the half width of the interval of a variable in a state, in SI; ``other`` is the state with smaller cells."""
-        return abs(row[name] - other[name]) / (1.0 - 1.0 / self.times)
-
     def paired(self, row: table.Row) -> table.Row | None:
         """Return the state with smaller cells that corresponds to a requested state or a limit point; None if there is none."""
         if row.get("limit"):
@@ -74,7 +75,7 @@ class MeshErrors:
         """Return half widths in SI by variable of a requested state or a limit point; empty if unknown."""
         if (other := self.paired(row)) is None:
             return {}
-        return {name: self.half_width(name, row, other) for name in _told(self.case, row) if name in other}
+        return {name: half_width(row[name], other[name], self.times) for name in _told(self.case, row) if name in other}
 
     @property
     def last(self) -> tuple[table.Row | None, dict[str, float]]:

@@ -336,12 +336,12 @@ def temporary_folder(comm: MPI.Comm) -> Iterator[Path]:
             shutil.rmtree(path, ignore_errors=True)
 
 
-def meshed(device: Actuator, comm: MPI.Comm) -> Body:
-    """Mesh a device and read its mesh; all ranks call it. `MeshingError` or `MeshFileError` if that fails, `RunError` if
-    nothing can be compiled."""
+def meshed(device: Actuator, comm: MPI.Comm, finer: float = 1.0) -> Body:
+    """Mesh a device, with cells a number of times smaller than its own, and read its mesh; all ranks call it. `MeshingError` or
+    `MeshFileError` if that fails, `RunError` if nothing can be compiled."""
     with temporary_folder(comm) as folder:
         path = folder / "device.msh"
-        mpi.on_root(comm, lambda: device.write(path))
+        mpi.on_root(comm, lambda: device.write(path, finer=finer))
         return body_of(device, path, comm)
 
 

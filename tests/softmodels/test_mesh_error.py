@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import pytest
@@ -66,6 +67,15 @@ def test_on_the_command_line(tmp_path):
     assert 1e3 * run.mesh_errors["apex"] == pytest.approx(errors[-1]["apex_mm"]["mesh"], rel=1e-9)
     again = sm.inflate(DISK, run.case.material, "0,50 cm", mesh_error=True)
     assert run.mesh_errors == pytest.approx(again.mesh_errors, rel=1e-3)
+
+
+def test_of_the_limit_that_is_searched_for():
+    shadow = sm.HollowDisk.variant("shadow", section="axisymmetric")
+    limit = sm.limit(shadow, sm.NeoHookean(10e3), mesh_error=True)
+    fine = sm.limit(dataclasses.replace(shadow, cell_size=0.0005), sm.NeoHookean(10e3))
+    assert abs(limit.pressure - fine.pressure) < limit.mesh_error < 4 * abs(limit.pressure - fine.pressure)
+    done = runs.run("-m", "softmodels", "limit", "--variant", "shadow", "--shear-modulus", "20kPa", "--mesh-error")
+    assert done.status == 0 and "(mesh)" in done.out
 
 
 def test_of_a_limit_point():
