@@ -1117,6 +1117,10 @@ SIZE_GRID_POINTS = 100_000
 """Points of the grid, about, on which Gmsh looks up those sizes."""
 EASING = (0.5,) * 5
 """Shares of their way from straight edges at which mid-edge nodes of spoilt cells stay, round by round."""
+USUAL_SIZE, USUAL_CELLS = 3e-3, (3000.0, 12000.0)
+"""Longest edge (m) of an STL part's cells if none is given, and between which numbers of cells it stays, roundings aside."""
+CELLS_PER_TRIANGLE, CELLS_PER_CUBE = 3.2, 4.4
+"""Cells for each triangle of a thin wall's faces, and for each cube of the edge in a thick part, about."""
 Sets = list[tuple[str, Sequence[Any]]]
 """Names of a file, and of each block of cells those that have the name; None for none."""
 OTHER_CELLS = ("hexahedron", "wedge", "pyramid", "voxel")
@@ -1585,7 +1589,12 @@ class ImportedMesh(ImportedPart):
     """
 
     unit: str = schema.choice_field("mm", tuple(UNITS), "unit of the file's lengths, which such files do not store")
-    cell_size: float = schema.length_field(0.003, "longest edge of the cells, only for an STL file", shape=False)
+    cell_size: float = schema.length_field(
+        0.0,
+        "longest edge of the cells, only for an STL file; 0: 3 mm, or what makes a few thousand cells of a part",
+        zero=True,
+        shape=False,
+    )
     air: str = schema.text_field(
         "", "STL file of the part's air, such as cavity.stl, if the part's own file has it not, or has it filled"
     )
@@ -1596,8 +1605,11 @@ class ImportedMesh(ImportedPart):
     def check_cells(self) -> None:
         """Check the file of its air; a mesh is used as it is."""
         object.__setattr__(self, "air", errors.whole_path(self.air))
-        if self.air and not all(Path(file).suffix.lower() == ".stl" for file in (self.file, self.air)):
+        stl = [Path(file).suffix.lower() == ".stl" for file in self.files.values()]
+        if self.air and not all(stl):
             raise GeometryError(f"air is {self.air!r}; give it with a part of its own as surfaces, both as .stl files")
+        if stl[0] and not self.cell_size:
+            object.__setattr__(self, "cell_size", _usual_size(read_surfaces(self.file, UNITS[self.unit])[0]))
 
     @property
     def files(self) -> Mapping[str, str]:
@@ -1655,6 +1667,23 @@ class ImportedMesh(ImportedPart):
             tag = gmsh.model.addDiscreteEntity(2)
             gmsh.model.mesh.addElementsByType(tag, 9 if second else 2, [], (mesh.triangles[triangles] + 1).ravel())
             gmsh.model.addPhysicalGroup(2, [tag], name=role)
+
+
+def _usual_size(surface: Surface) -> float:
+    """Return a longest edge in m with which cells of a closed surface's solid are neither too few nor too many to be solved in
+    minutes: they fill its volume, and on thin walls follow its area."""
+    points, triangles = surface
+    a, b, c = np.moveaxis(points[triangles], 1, 0)
+    normal = np.cross(b - a, c - a)
+    area, volume = 0.5 * np.linalg.norm(normal, axis=1).sum(), abs(np.einsum("ij,ij->", a - points[0], normal)) / 6.0
+
+    def of_count(cells: float) -> float:
+        return max(
+            math.sqrt(CELLS_PER_TRIANGLE * area / (revolved.TRIANGLE_AREA * cells)), np.cbrt(CELLS_PER_CUBE * volume / cells)
+        )
+
+    size = min(max(USUAL_SIZE, of_count(USUAL_CELLS[1])), of_count(USUAL_CELLS[0]))
+    return float(np.format_float_positional(size, precision=2, fractional=False))
 
 
 def _parts_of(file: str, mesh: mesh_arrays.Tetrahedra) -> dict[str, str]:
