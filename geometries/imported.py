@@ -218,6 +218,10 @@ class ImportedPart(Actuator):
         return float(np.cbrt(max(self.reading.cavity_volumes, default=self.reading.solid_volume)))
 
     @property
+    def plate(self) -> Vector:  # type: ignore[override]
+        return self.reading.plate
+
+    @property
     def cut_planes(self) -> tuple[CutPlane, ...]:
         return tuple(CutPlane(f"plane{i}", normal) for i, normal in enumerate(self.reading.normals))
 
@@ -282,7 +286,9 @@ class Reading:
     air_on_file: float = 0.0
     """Volume in m3 of the air within a file's closed surface; its cells may follow it less closely."""
     repairs: tuple[str, ...] = ()
-    """What was done to the file's surface, in words."""
+    """What was done to close and join the file's surfaces, in words."""
+    plate: Vector = (0.0, 0.0, 0.0)
+    """A place (m) in the plate that closes a cavity without a floor; the origin if there is none."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -565,6 +571,8 @@ class Boundary(abc.ABC):
 
     def __init__(self, part: ImportedPart, near: float):
         self.part, self.near = part, near
+        self.plate = np.zeros(3)
+        """A place (m) in the plate that closes the cavity, or the origin, in which cut planes meet."""
 
     @property
     @abc.abstractmethod
@@ -604,6 +612,19 @@ class Boundary(abc.ABC):
     def inwards(self, normal: Array, faces: mesh_arrays.Ints) -> bool:
         """Return whether a normal of flat faces points into the solid."""
 
+    @property
+    def in_plate(self) -> Vector:
+        """A place (m) in the plate that closes the cavity, or the origin."""
+        x, y, z = (float(value) for value in self.plate)
+        return x, y, z
+
+    @property
+    def closed_by_plate(self) -> tuple[str, ...]:
+        """A remark on the plate that closes the cavity, if one does."""
+        if not self.plate.any():
+            return ()
+        return (f"the cavity opens onto {self.part.support!r}: the plate that holds the part there closes it",)
+
     def fitted(self, faces: mesh_arrays.Ints) -> Array:
         """Return the unit normal of the plane nearest to some faces."""
         points = self.points(faces)
@@ -624,7 +645,8 @@ class Boundary(abc.ABC):
         pieces = self.pieces(left)
         outside = max(pieces, key=lambda piece: float(np.linalg.norm(np.ptp(self.box(piece), axis=0))), default=left[:0])
         if not part.cavities:
-            take(cavity_role(0), self._only_inner([piece for piece in pieces if piece is not outside]))
+            inner = [piece for piece in pieces if piece is not outside]
+            take(cavity_role(0), self._only_inner(inner or self._behind_support(left)))
         for i, text in enumerate(part.cavities[: part.cavity_count]):
             wall = self._wall(text, pieces, left)
             if np.isin(outside, wall).any():
@@ -680,6 +702,20 @@ class Boundary(abc.ABC):
             raise GeometryError(f"{what}; cut planes go through the origin: move the part by {shift} mm {self.program}")
         off = np.abs(self.points(left) @ normal).reshape(len(left), -1).max(axis=1)
         return left[off < self.near]
+
+    def _behind_support(self, left: mesh_arrays.Ints) -> list[mesh_arrays.Ints]:
+        """Return the walls that only the held faces join with the outside, if these lie in one plane: a plate there closes the
+        air of a chamber without a floor."""
+        part = self.part
+        if not part.support or part.planes or part.inlets == (NONE,):
+            return []
+        held = self._some(f"support is {part.support!r}", "support", part.support, left)
+        if np.ptp(self.points(held) @ self.fitted(held)) > 2 * self.near:
+            return []
+        pieces = self.pieces(left[~np.isin(left, held)])
+        outside = max(pieces, key=lambda piece: float(np.linalg.norm(np.ptp(self.box(piece), axis=0))))
+        self.plate = self.points(held).mean(axis=0)
+        return [piece for piece in pieces if piece is not outside]
 
     def _only_inner(self, inner: list[mesh_arrays.Ints]) -> mesh_arrays.Ints:
         """Return the wall of the only cavity, of those that are neither the outside nor joined to it."""
@@ -933,7 +969,8 @@ def _read_step(part: ImportedActuator) -> Reading:
             volumes,
             tuple(solids.regions) if len(solids.regions) > 1 else (),
             solids.plugs,
-            repairs=solids.repairs,
+            repairs=(*solids.repairs, *solids.closed_by_plate),
+            plate=solids.in_plate,
         )
 
 
@@ -1010,7 +1047,8 @@ def _plug_volume(solids: Solids, opening: Inlet, metre: float) -> tuple[int, int
 
 
 def _enclosed_volume(solids: Solids, tags: mesh_arrays.Ints) -> float:
-    """Volume within a wall by the divergence theorem on its mesh, -1/3 int x . n: cut planes through the origin add nothing."""
+    """Volume within a wall by the divergence theorem on its mesh, -1/3 int x . n: cut planes through the origin add nothing, as
+    does a plate."""
     total = 0.0
     for tag in tags:
         for kind in gmsh.model.mesh.getElementTypes(2, tag):
@@ -1019,7 +1057,7 @@ def _enclosed_volume(solids: Solids, tags: mesh_arrays.Ints) -> float:
             normals, at = jacobians.reshape(-1, 3, 3)[:, 2], places.reshape(-1, 3)
             # A face's mesh may be turned either way; the solid lies behind its outward normal.
             turned = 1.0 if solids.holds(tuple(at[0] - 1e-4 * solids.extent * normals[0])) else -1.0
-            along = np.einsum("ij,ij->i", at, normals) * determinants
+            along = np.einsum("ij,ij->i", at - solids.plate, normals) * determinants
             total -= turned * float((along.reshape(-1, len(weights)) @ weights).sum()) / 3.0
     return total
 
@@ -1559,10 +1597,11 @@ def put_on_planes(
 
 
 def cavity_volumes(
-    part: ImportedMesh, mesh: mesh_arrays.Tetrahedra, roles: Mapping[str, mesh_arrays.Ints]
+    part: ImportedMesh, mesh: mesh_arrays.Tetrahedra, roles: Mapping[str, mesh_arrays.Ints], plate: Array
 ) -> tuple[float, ...]:
-    """Return the volume in m3 of each cavity of the part as meshed; GeometryError for a wall that encloses nothing."""
-    volumes = tuple(mesh.enclosed(roles[cavity_role(i)]) for i in range(part.cavity_count))
+    """Return the volume in m3 of each cavity of the part as meshed, perhaps closed by a plate through a place (m);
+    GeometryError for a wall that encloses nothing."""
+    volumes = tuple(mesh.enclosed(roles[cavity_role(i)], plate) for i in range(part.cavity_count))
     for i, volume in enumerate(volumes):
         if not volume > 0.0:
             what = f"cavities has {part.cavities[i]!r}" if part.cavities else "the part has one closed inner shell"
@@ -1720,7 +1759,9 @@ def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra,
     roles = boundary.roles()
     normals = boundary.outward(roles)
     mesh = put_on_planes(mesh, roles, normals)
-    volumes = cavity_volumes(part, mesh, roles)
+    volumes = cavity_volumes(part, mesh, roles, boundary.plate)
+    said = (*repairs, *boundary.closed_by_plate)
+    at = gauge(part, mesh, roles)
     return mesh, Reading(
-        normals, gauge(part, mesh, roles), mesh.volume, volumes, plugs=tuple(plugs), air_on_file=air, repairs=tuple(repairs)
+        normals, at, mesh.volume, volumes, plugs=tuple(plugs), air_on_file=air, repairs=said, plate=boundary.in_plate
     )
