@@ -176,6 +176,9 @@ class Actuator(Designable, Castable, DeviceLabels, ABC):
     standing: ClassVar[str] = ""
     """Role of a held face that only stands there: it presses on what holds it, and lifts off where it would be pulled."""
 
+    plate: ClassVar[Vector] = (0.0, 0.0, 0.0)
+    """A place (m) in the plane in which the cavity's walls may end; the origin, where cut planes meet, unless a plate elsewhere
+    closes the cavity."""
     meshed: ClassVar[bool] = False
     """Whether `build` creates the mesh itself, which is used unchanged."""
     bodies: ClassVar[tuple[tuple[str, ...], ...]] = ()
@@ -1047,11 +1050,12 @@ def _boundary_edges(group: tuple[int, int], space: int) -> Ints:
 
 
 def _plane(actuator: Actuator, places: NDArray[np.float64]) -> Vector | None:
-    """Return the unit normal of the plane through the origin that holds the places and their images by symmetry; None if there
-    is none."""
+    """Return the unit normal of the plane through the origin, or where a plate closes the air, that holds the places and their
+    images by symmetry; None if there is none."""
     mirrors = [plane.normal for plane in actuator.cut_planes]
     if actuator.dimension == 2:
         mirrors += [(1.0, 0.0, 0.0), (np.sqrt(0.5), np.sqrt(0.5), 0.0)]  # a section's point is turned into a circle
+    places = places - actuator.plate
     images = [places - 2.0 * np.outer(places @ normal, normal) for normal in mirrors]
     points = np.concatenate([places, *images])
     normal = np.linalg.svd(points)[2][2]

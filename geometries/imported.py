@@ -222,6 +222,10 @@ class ImportedPart(Actuator):
         return float(np.cbrt(max(self.reading.cavity_volumes, default=self.reading.solid_volume)))
 
     @property
+    def plate(self) -> Vector:  # type: ignore[override]
+        return self.reading.plate
+
+    @property
     def cut_planes(self) -> tuple[CutPlane, ...]:
         return tuple(CutPlane(f"plane{i}", normal) for i, normal in enumerate(self.reading.normals))
 
@@ -288,7 +292,9 @@ class Reading:
     air_on_file: float = 0.0
     """Volume in m3 of the air within a file's closed surface; its cells may follow it less closely."""
     repairs: tuple[str, ...] = ()
-    """What was done to the file's surface, in words."""
+    """What was done to close and join the file's surfaces, in words."""
+    plate: Vector = (0.0, 0.0, 0.0)
+    """A place (m) in the plate that closes a cavity without a floor; the origin if there is none."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -571,6 +577,8 @@ class Boundary(abc.ABC):
 
     def __init__(self, part: ImportedPart, near: float):
         self.part, self.near = part, near
+        self.plate = np.zeros(3)
+        """A place (m) in the plate that closes the cavity, or the origin, in which cut planes meet."""
 
     @property
     @abc.abstractmethod
@@ -614,6 +622,19 @@ class Boundary(abc.ABC):
     def inwards(self, normal: Array, faces: mesh_arrays.Ints) -> bool:
         """Return whether a normal of flat faces points into the solid."""
 
+    @property
+    def in_plate(self) -> Vector:
+        """A place (m) in the plate that closes the cavity, or the origin."""
+        x, y, z = (float(value) for value in self.plate)
+        return x, y, z
+
+    @property
+    def closed_by_plate(self) -> tuple[str, ...]:
+        """A remark on the plate that closes the cavity, if one does."""
+        if not self.plate.any():
+            return ()
+        return (f"the cavity opens onto {self.part.support!r}: the plate that holds the part there closes it",)
+
     def fitted(self, faces: mesh_arrays.Ints) -> Array:
         """Return the unit normal of the plane nearest to some faces."""
         points = self.points(faces)
@@ -636,7 +657,8 @@ class Boundary(abc.ABC):
         widest = set({int(self.body_of(pieces[k][:1])[0]): k for k in np.argsort(widths)}.values())  # of each body
         outside = np.concatenate([left[:0], *(pieces[k] for k in widest)])
         if not part.cavities:
-            take(cavity_role(0), self._only_inner([piece for k, piece in enumerate(pieces) if k not in widest]))
+            inner = [piece for k, piece in enumerate(pieces) if k not in widest]
+            take(cavity_role(0), self._only_inner(inner or self._behind_support(left)))
         for i, text in enumerate(part.cavities[: part.cavity_count]):
             wall = self._wall(text, pieces, left)
             if np.isin(outside, wall).any():
@@ -692,6 +714,20 @@ class Boundary(abc.ABC):
             raise GeometryError(f"{what}; cut planes go through the origin: move the part by {shift} mm {self.program}")
         off = np.abs(self.points(left) @ normal).reshape(len(left), -1).max(axis=1)
         return left[off < self.near]
+
+    def _behind_support(self, left: mesh_arrays.Ints) -> list[mesh_arrays.Ints]:
+        """Return the walls that only the held faces join with the outside, if these lie in one plane: a plate there closes the
+        air of a chamber without a floor."""
+        part = self.part
+        if not part.support or part.planes or part.inlets == (NONE,):
+            return []
+        held = self._some(f"support is {part.support!r}", "support", part.support, left)
+        if np.ptp(self.points(held) @ self.fitted(held)) > 2 * self.near:
+            return []
+        pieces = self.pieces(left[~np.isin(left, held)])
+        outside = max(pieces, key=lambda piece: float(np.linalg.norm(np.ptp(self.box(piece), axis=0))))
+        self.plate = self.points(held).mean(axis=0)
+        return [piece for piece in pieces if piece is not outside]
 
     def _only_inner(self, inner: list[mesh_arrays.Ints]) -> mesh_arrays.Ints:
         """Return the wall of the only cavity, of those that are neither the outside nor joined to it."""
@@ -950,7 +986,8 @@ def _read_step(part: ImportedActuator) -> Reading:
             tuple(solids.regions) if len(solids.regions) > 1 else (),
             solids.plugs,
             bodies=solids.bodies if len(solids.bodies) > 1 else (),
-            repairs=solids.repairs,
+            repairs=(*solids.repairs, *solids.closed_by_plate),
+            plate=solids.in_plate,
         )
 
 
@@ -1027,7 +1064,8 @@ def _plug_volume(solids: Solids, opening: Inlet, metre: float) -> tuple[int, int
 
 
 def _enclosed_volume(solids: Solids, tags: mesh_arrays.Ints) -> float:
-    """Volume within a wall by the divergence theorem on its mesh, -1/3 int x . n: cut planes through the origin add nothing."""
+    """Volume within a wall by the divergence theorem on its mesh, -1/3 int x . n: cut planes through the origin add nothing, as
+    does a plate."""
     total = 0.0
     for tag in tags:
         for kind in gmsh.model.mesh.getElementTypes(2, tag):
@@ -1036,7 +1074,7 @@ def _enclosed_volume(solids: Solids, tags: mesh_arrays.Ints) -> float:
             normals, at = jacobians.reshape(-1, 3, 3)[:, 2], places.reshape(-1, 3)
             # A face's mesh may be turned either way; the solid lies behind its outward normal.
             turned = 1.0 if solids.holds(tuple(at[0] - 1e-4 * solids.extent * normals[0])) else -1.0
-            along = np.einsum("ij,ij->i", at, normals) * determinants
+            along = np.einsum("ij,ij->i", at - solids.plate, normals) * determinants
             total -= turned * float((along.reshape(-1, len(weights)) @ weights).sum()) / 3.0
     return total
 
@@ -1138,6 +1176,10 @@ SIZE_GRID_POINTS = 100_000
 """Points of the grid, about, on which Gmsh looks up those sizes."""
 EASING = (0.5,) * 5
 """Shares of their way from straight edges at which mid-edge nodes of spoilt cells stay, round by round."""
+USUAL_SIZE, USUAL_CELLS = 3e-3, (3000.0, 12000.0)
+"""Longest edge (m) of an STL part's cells if none is given, and between which numbers of cells it stays, roundings aside."""
+CELLS_PER_TRIANGLE, CELLS_PER_CUBE = 3.2, 4.4
+"""Cells for each triangle of a thin wall's faces, and for each cube of the edge in a thick part, about."""
 Sets = list[tuple[str, Sequence[Any]]]
 """Names of a file, and of each block of cells those that have the name; None for none."""
 OTHER_CELLS = ("hexahedron", "wedge", "pyramid", "voxel")
@@ -1577,10 +1619,11 @@ def put_on_planes(
 
 
 def cavity_volumes(
-    part: ImportedMesh, mesh: mesh_arrays.Tetrahedra, roles: Mapping[str, mesh_arrays.Ints]
+    part: ImportedMesh, mesh: mesh_arrays.Tetrahedra, roles: Mapping[str, mesh_arrays.Ints], plate: Array
 ) -> tuple[float, ...]:
-    """Return the volume in m3 of each cavity of the part as meshed; GeometryError for a wall that encloses nothing."""
-    volumes = tuple(mesh.enclosed(roles[cavity_role(i)]) for i in range(part.cavity_count))
+    """Return the volume in m3 of each cavity of the part as meshed, perhaps closed by a plate through a place (m);
+    GeometryError for a wall that encloses nothing."""
+    volumes = tuple(mesh.enclosed(roles[cavity_role(i)], plate) for i in range(part.cavity_count))
     for i, volume in enumerate(volumes):
         if not volume > 0.0:
             what = f"cavities has {part.cavities[i]!r}" if part.cavities else "the part has one closed inner shell"
@@ -1607,7 +1650,12 @@ class ImportedMesh(ImportedPart):
     """
 
     unit: str = schema.choice_field("mm", tuple(UNITS), "unit of the file's lengths, which such files do not store")
-    cell_size: float = schema.length_field(0.003, "longest edge of the cells, only for an STL file", shape=False)
+    cell_size: float = schema.length_field(
+        0.0,
+        "longest edge of the cells, only for an STL file; 0: 3 mm, or what makes a few thousand cells of a part",
+        zero=True,
+        shape=False,
+    )
     air: str = schema.text_field(
         "", "STL file of the part's air, such as cavity.stl, if the part's own file has it not, or has it filled"
     )
@@ -1618,8 +1666,11 @@ class ImportedMesh(ImportedPart):
     def check_cells(self) -> None:
         """Check the file of its air; a mesh is used as it is."""
         object.__setattr__(self, "air", errors.whole_path(self.air))
-        if self.air and not all(Path(file).suffix.lower() == ".stl" for file in (self.file, self.air)):
+        stl = [Path(file).suffix.lower() == ".stl" for file in self.files.values()]
+        if self.air and not all(stl):
             raise GeometryError(f"air is {self.air!r}; give it with a part of its own as surfaces, both as .stl files")
+        if stl[0] and not self.cell_size:
+            object.__setattr__(self, "cell_size", _usual_size(read_surfaces(self.file, UNITS[self.unit])[0]))
 
     @property
     def files(self) -> Mapping[str, str]:
@@ -1679,6 +1730,23 @@ class ImportedMesh(ImportedPart):
             gmsh.model.addPhysicalGroup(2, [tag], name=role)
 
 
+def _usual_size(surface: Surface) -> float:
+    """Return a longest edge in m with which cells of a closed surface's solid are neither too few nor too many to be solved in
+    minutes: they fill its volume, and on thin walls follow its area."""
+    points, triangles = surface
+    a, b, c = np.moveaxis(points[triangles], 1, 0)
+    normal = np.cross(b - a, c - a)
+    area, volume = 0.5 * np.linalg.norm(normal, axis=1).sum(), abs(np.einsum("ij,ij->", a - points[0], normal)) / 6.0
+
+    def of_count(cells: float) -> float:
+        return max(
+            math.sqrt(CELLS_PER_TRIANGLE * area / (revolved.TRIANGLE_AREA * cells)), np.cbrt(CELLS_PER_CUBE * volume / cells)
+        )
+
+    size = min(max(USUAL_SIZE, of_count(USUAL_CELLS[1])), of_count(USUAL_CELLS[0]))
+    return float(np.format_float_positional(size, precision=2, fractional=False))
+
+
 def _parts_of(file: str, mesh: mesh_arrays.Tetrahedra) -> dict[str, str]:
     """Return the file's names of some of the cells by those of their regions; `GeometryError` for two that become one."""
     return region_names(file, [name for name, cells in mesh.regions.items() if 0 < len(cells) < len(mesh.cells)])
@@ -1713,11 +1781,13 @@ def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra,
     roles = boundary.roles()
     normals = boundary.outward(roles)
     mesh = put_on_planes(mesh, roles, normals)
-    volumes = cavity_volumes(part, mesh, roles)
+    volumes = cavity_volumes(part, mesh, roles, boundary.plate)
+    said = (*repairs, *boundary.closed_by_plate)
+    at = gauge(part, mesh, roles)
     named, cells = _parts_of(part.file, mesh), mesh.bodies
     bodies = tuple(tuple(name for name, given in named.items() if np.isin(mesh.regions[given], own).all()) for own in cells)
     bodies = bodies if len(cells) > 1 else ()
     return mesh, Reading(
-        normals, gauge(part, mesh, roles), mesh.volume, volumes, plugs=tuple(plugs), bodies=bodies, air_on_file=air,
-        repairs=tuple(repairs),
+        normals, at, mesh.volume, volumes, plugs=tuple(plugs), bodies=bodies, air_on_file=air, repairs=said,
+        plate=boundary.in_plate,
     )  # fmt: skip

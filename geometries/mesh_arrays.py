@@ -238,12 +238,12 @@ class Tetrahedra:
         at = np.concatenate([at, (at + np.roll(at, 1, axis=1)) / 2, at.mean(axis=1, keepdims=True)], axis=1)
         return np.asarray(np.linalg.norm(at - np.asarray(place), axis=2).min(axis=1))
 
-    def enclosed(self, wall: Ints) -> float:
+    def enclosed(self, wall: Ints, origin: Sequence[float] | Array = (0.0, 0.0, 0.0)) -> float:
         """Return the volume in m3 before a wall of boundary triangles by the divergence theorem, -1/3 int x . n; planes
-        through the origin add nothing."""
+        through the origin (m) add nothing."""
         nodes = self.triangles[wall]
         x, a, b = (np.einsum("qn,kni->kqi", table, self.points[nodes]) for table in triangle_tables(nodes.shape[1]))
-        return -float(np.einsum("q,kqi,kqi->", WEIGHTS, x, np.cross(a, b)) / 6)
+        return -float(np.einsum("q,kqi,kqi->", WEIGHTS, x - np.asarray(origin), np.cross(a, b)) / 6)
 
     @property
     def volume(self) -> float:

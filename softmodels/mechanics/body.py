@@ -237,8 +237,9 @@ class Body:
     def volume_integrand(self, w: Expr) -> Expr:
         """Return the integrand over the cavity wall whose integral is the deformed cavity's volume (divergence theorem).
 
-        V = -1/3 int (X + u) . cof(F) N ds, N out of the solid. Cut planes add nothing because they hold the origin. Above a
-        plane that seals it is the sum of columns on the plane, so that no part of it depends on a rim that lifts.
+        V = -1/3 int (X + u) . cof(F) N ds, N out of the solid. Cut planes add nothing because they hold the origin, nor does
+        a plate elsewhere, from which X is counted. Above a plane that seals it is the sum of columns on the plane, so that no
+        part of it depends on a rim that lifts.
         """
         F = self.deformation_gradient(w)
         X = ufl.SpatialCoordinate(self.mesh)
@@ -248,6 +249,8 @@ class Body:
             return -ufl.dot(x - point, normal) * self.flow(w, normal) * self.hoop
         if self.axisymmetric:
             x = ufl.as_vector([x[0], 0, x[1]])
+        if any(self.actuator.plate):
+            x -= ufl.as_vector([float(value) / self.actuator.size for value in self.actuator.plate])
         return -ufl.dot(x, ufl.dot(ufl.cofac(F), self.normal)) / 3 * self.hoop
 
     def flow(self, w: Expr, direction: Expr) -> Expr:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 
+import gmsh
 import meshio
 import numpy as np
 import pytest
 import pyvista
 
-from geometries import GeometryError, ImportedMesh
+import softmodels as sm
+from geometries import GeometryError, ImportedActuator, ImportedMesh
 from geometries.imported import read_surfaces
+from geometries.meshing import private_model
 
 BODY, AIR = 20.0 * 10.0 * 10.0, 16.0 * 6.0 * 6.0
 """mm3"""
@@ -108,3 +112,39 @@ def test_air_that_is_not_in_the_part_is_refused(tmp_path):
         ImportedMesh(file=body, air=air, support="x = 0 mm")
     with pytest.raises(GeometryError, match=r"both as \.stl files"):
         ImportedMesh(file=body, air=str(tmp_path / "cavity.step"), support="x = 0 mm")
+
+
+def cup(path, at=(30.0, 40.0, 5.0)):
+    """A block at a place (mm) with a pocket that is open below."""
+    with private_model():
+        occ = gmsh.model.occ
+        pocket = occ.addBox(at[0] + 2.0, at[1] + 2.0, at[2], 16.0, 6.0, 6.0)
+        occ.cut([(3, occ.addBox(*at, 20.0, 10.0, 8.0))], [(3, pocket)])
+        occ.synchronize()
+        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 4.0)
+        if path.suffix == ".stl":
+            gmsh.model.mesh.generate(2)
+        gmsh.write(str(path))
+    kind = ImportedMesh if path.suffix == ".stl" else ImportedActuator
+    return kind(file=str(path), support=f"z = {at[2]} mm", cell_size=0.005)
+
+
+@pytest.mark.parametrize("ending", ["stl", "step"])
+def test_a_plate_closes_a_chamber_without_a_floor(ending, tmp_path):
+    """Held on its rim, away from the origin, its air is that of the pocket; held elsewhere it is open."""
+    device = cup(tmp_path / f"cup.{ending}")
+    assert device.cavity_volume == pytest.approx(16.0 * 6.0 * 6.0 * 1e-9, rel=1e-9)
+    assert device.remarks[-1] == "the cavity opens onto 'z = 5.0 mm': the plate that holds the part there closes it"
+    with pytest.raises(GeometryError, match="no closed inner shell"):
+        dataclasses.replace(device, support="z = 13 mm")
+
+
+@pytest.mark.campaign
+def test_air_over_a_plate_presses_alike_wherever_the_part_is(tmp_path):
+    runs = [
+        sm.inflate(cup(tmp_path / f"{i}.step", at), sm.NeoHookean(30e3), pressures=[0.0, 500.0])
+        for i, at in enumerate([(30.0, 40.0, 5.0), (0.0, 0.0, 0.0)])
+    ]
+    there, here = (run.added_volume[-1] for run in runs)
+    assert there == pytest.approx(here, rel=2e-3) and here > 1e-9  # of two meshes
