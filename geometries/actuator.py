@@ -957,7 +957,9 @@ class Opening:
     def _held_by(self, role: str) -> tuple[str, ...]:
         """Return the roles whose nodes on the line are held, by a role or by the edge of the walls and a face."""
         edge = EDGE.fullmatch(role)
-        return tuple(name for name in edge.groups() if name != self.cavity) if edge and self.cavity in edge.groups() else (role,)
+        return (
+            tuple(name for name in edge.groups() if name != self.cavity) if edge and self.cavity in edge.groups() else (role,)
+        )
 
 
 EDGE = re.compile(r"edge of (\S+) and (\S+)")
