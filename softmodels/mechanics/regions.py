@@ -516,7 +516,7 @@ def held_with(own: Sequence[Hold], actuator: Actuator, components: Sequence[Comp
 
 
 def released(components: Sequence[Component]) -> set[str]:
-    """Return the roles whose own supports clamps replace: those that they hold, and the faces whose edges they hold as hinges."""
+    """Return the roles whose own supports clamps replace: those that they hold, and faces whose edges they hold as hinges."""
     roles = [role for part in components if isinstance(part, HoldingPart) for role in part.roles]
     edges = [piece.faces for role in roles for piece in pieces_in(role) if len(piece.faces) > 1]
     return {*roles, *itertools.chain(*edges)}

@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib
 from pathlib import Path
 
-PROGRAMS = "figures", "creeping", "creeping_rates", "filling", "moving", "regions", "frequencies", "rigid"
+PROGRAMS = "figures", "creeping", "creeping_rates", "filling", "moving", "regions", "frequencies", "rigid", "touching"
 """Modules; ``rigid-iterative`` is ``rigid`` with the iterative solver, ``pieces-sphere;plane`` two of its cases."""
 
 
