@@ -9,10 +9,9 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import correlate1d, map_coordinates
 from scipy.optimize import least_squares
-from scipy.special import betainc, ndtr
-from scipy.stats import chi2
+from scipy.special import betainc, chdtr, gammaincinv, ndtr
 from skimage.filters import threshold_otsu
 
 from measurement import pictures
@@ -132,7 +131,7 @@ SMALLEST_CONTRAST = 0.3
 
 def chi_square_limit() -> float:
     """Return the squared Mahalanobis distance (three channels) below which `SHADOW_CONFIDENCE` of the shadow's pixels stay."""
-    return float(chi2.ppf(SHADOW_CONFIDENCE, 3))
+    return float(2.0 * gammaincinv(1.5, SHADOW_CONFIDENCE))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -206,8 +205,8 @@ def robust_covariance(samples: Array, kept: float = 0.75) -> tuple[Array, Array]
         centre = inner.mean(axis=0)
         covariance = np.cov(inner.T) + np.eye(3) * 1e-10
     # E. g. R. A. Maronna, D. Martin, V. Yohai, Robust Statistics (2006), section 6.7: trace of a truncated normal.
-    limit = chi2.ppf(kept, 3)
-    return centre, covariance * kept / chi2.cdf(limit, 5)
+    limit = 2.0 * gammaincinv(1.5, kept)  # of chi-square with three degrees of freedom
+    return centre, covariance * kept / chdtr(5, limit)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -675,6 +674,8 @@ def _mean_profile(z: Array, residual: Array, clean: Mask) -> tuple[Array, Array,
 
 DEPTH_PARAMETER = 9
 """Number of the parameter q of `_fitted_profile`."""
+DIFFERENCE_STEP, MIN_DIFFERENCE_STEP = 1e-4, 1.5e-8
+"""Step of its derivatives by differences over the parameter, and the step from 0."""
 
 
 def _fitted_profile(  # type: ignore[no-untyped-def]
@@ -686,14 +687,31 @@ def _fitted_profile(  # type: ignore[no-untyped-def]
     if camera is not None:
         usual, errors = (camera.tone, *camera.mask), CAMERA_DEVIATIONS
 
-    shapes: dict[bytes, Array] = {}  # a derivative by place, levels or fall of light has the shape of the point itself
+    level_errors = (0.05, 0.05, 0.02)
 
     def missed(p: Array) -> Array:
-        key = np.concatenate([p[1:6], p[DEPTH_PARAMETER:]]).tobytes()
-        if (shape := shapes.get(key)) is None:
-            shape = shapes[key] = _shape(p, lamp, stored)
-        model = p[6] + (1.0 + p[7] + p[8] * place) * np.interp(place - p[0], nodes(), shape)
-        return np.concatenate([(model - value) / spread, (p[3:6] - usual) / errors, p[6:9] / (0.05, 0.05, 0.02)])
+        model = p[6] + (1.0 + p[7] + p[8] * place) * np.interp(place - p[0], nodes(), _shape(p, lamp, stored))
+        return np.concatenate([(model - value) / spread, (p[3:6] - usual) / errors, p[6:9] / level_errors])
+
+    def slopes(p: Array) -> Array:
+        penumbra, terms = _penumbra(p, lamp), np.zeros((len(place) + 6, len(p)))
+        shape, of_model = _seen(penumbra, p, stored), terms[: len(place)]
+        step, rise = np.interp(place - p[0], nodes(), shape), 1.0 + p[7] + p[8] * place
+        for number in (*range(6), *range(DEPTH_PARAMETER, len(p))):
+            moved = p.copy()
+            moved[number] += DIFFERENCE_STEP * p[number] or MIN_DIFFERENCE_STEP
+            if not low[number] < moved[number] < high[number]:
+                moved[number] = 2.0 * p[number] - moved[number]
+            if number:
+                own = penumbra if number in (3, 4, 5) else _penumbra(moved, lamp)
+                changed = np.interp(place - p[0], nodes(), _seen(own, moved, stored))
+            else:
+                changed = np.interp(place - moved[0], nodes(), shape)
+            of_model[:, number] = rise * (changed - step) / (moved[number] - p[number])
+        of_model[:, 6], of_model[:, 7], of_model[:, 8] = 1.0, step, step * place
+        of_model /= spread[:, None]
+        terms[len(place) :, 3:9] = np.diag(1.0 / np.array([*errors, *level_errors]))
+        return terms
 
     start = [0.0, 0.0, 0.5, 0.0, 0.05, MASK_RADIUS_PX, 0.0, 0.0, 0.0]
     low = [-1.0, -1.0, 0.0, -1.0, 0.0, 0.4, -1.0, -1.0, -1.0]
@@ -705,7 +723,7 @@ def _fitted_profile(  # type: ignore[no-untyped-def]
         held = np.clip(usual, [-0.99, 0.01, 0.41], [0.99, 2.99, 3.99])
         starts = [[*start[:3], *held, *start[6:], q] for q in (0.1, 0.7)]
     fits = [
-        least_squares(missed, start, bounds=(low, high), x_scale=scale, diff_step=1e-4, ftol=1e-4, max_nfev=40)
+        least_squares(missed, start, slopes, bounds=(low, high), x_scale=scale, ftol=1e-4, max_nfev=40)
         for start in starts
     ]
     return min(fits, key=lambda fit: float(fit.cost))
@@ -713,8 +731,12 @@ def _fitted_profile(  # type: ignore[no-untyped-def]
 
 def _shape(p: Array, lamp: float, stored: StoredLight) -> Array:
     """Return the step at `nodes` for parameters of `_fitted_profile`, half of the lamp visible at 0."""
-    step = _penumbra(p, lamp)
-    return stored.seen(step + p[3] * step * (1.0 - step), float(p[4]), float(p[5]))
+    return _seen(_penumbra(p, lamp), p, stored)
+
+
+def _seen(penumbra: Array, p: Array, stored: StoredLight) -> Array:
+    """Return the same from the penumbra as the camera receives it."""
+    return stored.seen(penumbra + p[3] * penumbra * (1.0 - penumbra), float(p[4]), float(p[5]))
 
 
 def _penumbra(p: Array, lamp: float) -> Array:
@@ -739,8 +761,7 @@ def _blurred_values(values: Array, width: float) -> Array:
     reach = min(int(np.ceil(4.5 * width / SHAPE_STEP)), len(values) - 1)
     # Each tap holds the bell's integral over its step, so that narrow bells keep their weight.
     bell = np.diff(ndtr((np.arange(-reach, reach + 2) - 0.5) * SHAPE_STEP / width))
-    padded = np.concatenate([np.full(reach, values[0]), values, np.full(reach, values[-1])])
-    return np.convolve(padded, bell / bell.sum(), "valid")
+    return np.asarray(correlate1d(values, bell / bell.sum(), mode="nearest"))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -762,7 +783,7 @@ class ProfileFit:
         top: Rise at each sample, shape (n, k).
         residual: What the curves leave of the profiles, shape (n, k).
         weight: Weights of the samples, shape (n, k).
-        terms: Derivatives of the curves by the five parameters (the width's logarithm), times the weights, shape (n, k, 5).
+        terms: Derivatives of the curves by the five parameters (the width's logarithm), times the weights, shape (n, 5, k).
         matrix: Normal matrices, shape (n, 5, 5).
     """
 
@@ -790,7 +811,7 @@ class ProfileFit:
 
     def centre_shift(self, added: Array) -> Array:
         """Return how far in px light (n, k) that is added to the profiles moves their middles, to first order, shape (n,)."""
-        pull = np.einsum("nki,nk->ni", self.terms, added)
+        pull = np.einsum("nik,nk->ni", self.terms, added)
         return np.linalg.solve(self.matrix, pull[..., None])[:, 3, 0]
 
 
@@ -800,7 +821,7 @@ def fit_profiles(offsets: Array, profile: Array, weight: Array, shape: EdgeShape
     shape = gaussian() if shape is None else shape
     u, reach = offsets[None, :], offsets[-1]
     parameters = _first_guess(offsets, profile)
-    robust, terms = np.ones_like(profile), np.empty((*profile.shape, 5))
+    robust, terms = np.ones_like(profile), np.empty((len(profile), 5, len(offsets)))
     for turn in range(MAX_STEPS):
         low, rise, slope, centre, width = parameters
         z = (u - centre[:, None]) / width[:, None]
@@ -809,15 +830,14 @@ def fit_profiles(offsets: Array, profile: Array, weight: Array, shape: EdgeShape
         residual = profile - low[:, None] - top * phi
         fall = -top * bell
         for number, term in enumerate((1.0, phi, u * phi, fall / width[:, None], fall * z)):
-            terms[..., number] = term
+            terms[:, number] = term
         if turn in REWEIGHTING_STEPS:
             scatter = np.maximum(deviations(residual, 1), 1e-4)
             robust = np.minimum(1.0, 2.5 * scatter[:, None] / np.maximum(np.abs(residual), 1e-12))
-        weighted = terms * (weight * robust)[..., None]
-        across = weighted.transpose(0, 2, 1)
-        matrix = across @ terms
+        weighted = terms * (weight * robust)[:, None]
+        matrix = weighted @ terms.transpose(0, 2, 1)
         matrix = matrix + 1e-9 * np.trace(matrix, axis1=1, axis2=2)[:, None, None] * np.eye(5)
-        step = np.linalg.solve(matrix, across @ residual[..., None])[..., 0]
+        step = np.linalg.solve(matrix, weighted @ residual[..., None])[..., 0]
         parameters = _stepped_parameters(parameters, np.where(np.isfinite(step), step, 0.0), reach)
         if turn >= REWEIGHTING_STEPS[-1] and np.abs(step).max() < SETTLED:
             break

@@ -7,7 +7,6 @@ import math
 
 import numpy as np
 from scipy.ndimage import binary_dilation, binary_erosion
-from scipy.signal import savgol_filter
 
 from measurement import pictures, robust
 from measurement.outline import edge
@@ -608,10 +607,10 @@ def highest_ripple(placed: Array) -> tuple[int, float, float]:
     line = np.column_stack([np.interp(at, arc, placed[:, axis]) for axis in (0, 1)])
     if len(at) < 2 * far:
         return 0, 0.0, 0.0
-    smooth = savgol_filter(line, far, 5, axis=0)
+    smooth = edge.local_polynomial(line, far, 5)
     along = np.gradient(smooth, axis=0)
     across = np.column_stack([-along[:, 1], along[:, 0]]) / np.maximum(np.linalg.norm(along, axis=1), 1e-12)[:, None]
-    off = np.einsum("ni,ni->n", savgol_filter(line, near, 2, axis=0) - smooth, across)
+    off = np.einsum("ni,ni->n", edge.local_polynomial(line, near, 2) - smooth, across)
     off *= np.sign(float(np.sum(along[:, 0])))  # an edge that runs to the left has its normals downwards
     clamped = binary_dilation(line[:, 1] < 2.0 * ON_SURFACE, np.ones(far | 1))
     clamped[: far // 2] = clamped[-(far // 2) :] = True

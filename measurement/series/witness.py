@@ -17,7 +17,7 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import least_squares
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from measurement import pictures
 from measurement.outline import edge, zero
@@ -371,11 +371,11 @@ class Course:
         precision = np.einsum("mji,mji->mi", root, root)
         pull = np.einsum("mji,mj->mi", root, root @ q)
         mean, deviation = q - pull / precision, 1.0 / np.sqrt(precision)
-        alone = norm.logpdf(q, mean, deviation)
+        alone = -0.5 * ((q - mean) / deviation) ** 2 - np.log(deviation * np.sqrt(2.0 * np.pi))
         weight = _weights(evidence[:, None] - alone)
         expected = np.sum(weight * mean, axis=0)
         spread = np.sqrt(np.sum(weight * (deviation**2 + (mean - expected) ** 2), axis=0))
-        tail = np.sum(weight * 2.0 * norm.sf(np.abs(q - mean) / deviation), axis=0)
+        tail = np.sum(weight * 2.0 * ndtr(-np.abs(q - mean) / deviation), axis=0)
         pressure = self.scale[1]
         return expected * pressure, spread * pressure, tail
 
@@ -400,7 +400,7 @@ class Course:
     def tail(self, table: Array, pressures: Array) -> Array:
         """Return the probability that a good point is as far off as these pressures (k,) in Pa, by the table of `at`."""
         weight, mean, deviation = table
-        return np.asarray(np.sum(weight * 2.0 * norm.sf(np.abs(pressures / self.scale[1] - mean) / deviation), axis=0))
+        return np.asarray(np.sum(weight * 2.0 * ndtr(-np.abs(pressures / self.scale[1] - mean) / deviation), axis=0))
 
     def height(self, pressure: float, near: float) -> tuple[float, float] | None:
         """Return the height in m, the nearest to ``near``, at which the course has a pressure, and its standard error; None if
