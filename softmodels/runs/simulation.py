@@ -827,7 +827,7 @@ def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, table.PathTab
     for number, (name, material) in enumerate(others.items(), 1):
         simulation.listener.say(f"solving with {name}, source {number} of {len(others)} besides the run's own")
         aside = _aside(simulation, material)
-        sources[name] = _followed(simulation, aside, lambda aside=aside: aside.prepare(mesh), f"the path of {name}")
+        sources[name] = _followed(simulation, aside, functools.partial(aside.prepare, mesh), f"the path of {name}")
     return {name: rows for name, rows in sources.items() if rows}
 
 
