@@ -1416,7 +1416,10 @@ def meshed_solid(file: str, surface: Surface, cell_size: float) -> mesh_arrays.T
     """Return the solid between the surfaces of an STL file, meshed."""
 
     def fill() -> dict[str, NDArray[Any]]:
-        nodes, cells = meshing.apart(_fill, *surface, cell_size)
+        try:
+            nodes, cells = meshing.apart(_fill, *surface, cell_size)
+        except MeshingError:  # the mesher crashed at some surfaces, so their own triangles have to do
+            nodes, cells = meshing.apart(_mesh_surfaces, *surface, cell_size, False)
         return {"nodes": np.asarray(nodes), "cells": np.asarray(cells)}
 
     try:

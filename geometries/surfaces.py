@@ -70,8 +70,8 @@ def _turned(file: str, points: Array, triangles: mesh_arrays.Ints, remarks: list
     same |= (outwards == triangles[:, [1, 2, 0]]).all(axis=1) | (outwards == triangles[:, [2, 0, 1]]).all(axis=1)
     shell = actuator.joined(np.concatenate([triangles[:, :2], triangles[:, 1:]]), len(points))[triangles[:, 0]]
     _, shell = np.unique(shell, return_inverse=True)
-    inverted = np.bincount(shell, ~same)
-    if inverted := int(np.minimum(inverted, np.bincount(shell) - inverted).sum()):
+    turned_around = np.bincount(shell, ~same)
+    if inverted := int(np.minimum(turned_around, np.bincount(shell) - turned_around).sum()):
         remarks.append(f"{inverted} inverted facets of {file} are turned")
     volumes = _volumes(points, outwards, shell)
     if not volumes.max() > ZERO_VOLUME_TOLERANCE * size**3:
@@ -96,7 +96,8 @@ def _overlapping(
     solid, others = shells[outside], [part for i, part in enumerate(shells) if i != outside]
     if any(part.is_empty() for part in shells):
         return None
-    beside, inside = [], []
+    beside: list[mesh_arrays.Manifold] = []
+    inside: list[mesh_arrays.Manifold] = []
     for part in others:
         within = (solid ^ part).volume()
         (inside if within > (1.0 - SAME_VOLUME_TOLERANCE) * part.volume() else beside).append(part)
