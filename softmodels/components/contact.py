@@ -733,7 +733,7 @@ class BodyContact(ContactPart):
         named = [name for name in self.between if name not in body.regions]
         assembly.check_mesh_faces(body, named, self.where)
         sides = [body.surface_of(name) if name in body.regions else body.entities[name][1] for name in self.between]
-        if mpi.any_rank(body.mesh.comm, bool(np.isin(*sides).any())):
+        if mpi.any_rank(body.mesh.comm, bool(np.isin(sides[0], sides[1]).any())):
             raise self.error(f"{' and '.join(self.between)} have faces in common; name two bodies, or two other faces")
         nodes = assembly.FaceNodes(body, setting.w.function_space, sides)
         return (RubbingBodyTerm if self.friction else BodyContactTerm)(self, body, nodes)
