@@ -635,9 +635,12 @@ def _of_table(kind: type[Component], tables: entries.Tables) -> list[Component]:
     table = entries.table_of(tables, kind.table)
     if kind.always_named:
         others = {other.distinct for other in component.COMPONENTS.values() if other.table == kind.table} - {"", kind.distinct}
-        table = {name: value for name, value in table.items() if isinstance(value, Mapping)}
-        table = {name: value for name, value in table.items() if kind.distinct in (*value, "") and not others & value.keys()}
-        return [kind.read_table(name, entries.table_of(table, name)) for name in table]
+        own_tables = {name: entries.table_of(table, name) for name, value in table.items() if isinstance(value, Mapping)}
+        return [
+            kind.read_table(name, own)
+            for name, own in own_tables.items()
+            if kind.distinct in (*own, "") and not others & own.keys()
+        ]
     if f"{kind.table}." in component.COMPONENTS:  # tables with a name are of another kind
         own = {key: value for key, value in table.items() if not isinstance(value, Mapping)}
         return [kind.read_table("", own)] if own or not table else []

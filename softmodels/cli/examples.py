@@ -353,6 +353,16 @@ def two_cavities(path: Path) -> None:
     _write_step(path, draw)
 
 
+def press(path: Path) -> None:
+    """Write half a finger of 60 x 12 x 10 mm and, 1 mm below its tip, half a block, as a STEP file of two solids."""
+
+    def draw(occ: gmsh.model.occ) -> None:
+        occ.cut([(3, occ.addBox(0, 0, 0, 60, 6, 10))], [(3, occ.addBox(4, 0, 4.5, 52, 4, 3.5))])
+        occ.addBox(44, 0, -9, 18, 9, 8)
+
+    _write_step(path, draw)
+
+
 def accordion(path: Path) -> None:
     """Write a quarter of a square accordion of three folds, 30 mm high and 18 to 30 mm wide, as a STEP file."""
 
@@ -418,7 +428,7 @@ def make_files(folder: Path, tell: Callable[[str], None]) -> None:
     }
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
-    for name, draw in (("mypart", finger), ("twopart", two_cavities), ("accordion", accordion)):
+    for name, draw in (("mypart", finger), ("twopart", two_cavities), ("accordion", accordion), ("press", press)):
         draw(folder / f"{name}.step")
     for number, scene in enumerate(board_scenes(), 1):
         tell(f"board {number}")

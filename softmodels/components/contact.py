@@ -1,4 +1,4 @@
-"""Contact: of faces with a rigid plane or shape, with friction, guides and seals, and of walls with each other.
+"""Contact: of faces with a rigid plane or shape, with friction, guides and seals, of walls with each other, and of two bodies.
 
 A plane stands for a bench, a plate above, or the mirror plane between two chambers.
 
@@ -684,7 +684,7 @@ class BodyContact(ContactPart):
 
     between: tuple[str, ...] = schema.list_field((), "the two bodies (regions) or faces that touch, such as inner, outer")
     stiffness: float = schema.field_of(
-        schema.Quantity(), "contact pressure in shear moduli per overlap of one size of the device", WALL_STIFFNESS
+        schema.Quantity(), "contact pressure in shear moduli per overlap of one size of the device", CONTACT_STIFFNESS
     )
     friction: float = schema.field_of(schema.Quantity(), "coefficient of Coulomb friction between them", 0.0)
     slip: float = schema.length_field(
@@ -694,8 +694,6 @@ class BodyContact(ContactPart):
     table: ClassVar[str] = "contact"
     always_named: ClassVar[bool] = True
     distinct: ClassVar[str] = "between"
-    softest: ClassVar[float] = 10.0
-    usual: ClassVar[float] = WALL_STIFFNESS
     figure_texts: ClassVar = {
         r"(\w+)_on_([xyz])_N": ("force of {0}", "of the second body on the first, along the named axis, friction included"),
         r"(\w+)_touching_mm2": ("area of {0}", "undeformed area of the first body that touches the second"),
@@ -735,7 +733,7 @@ class BodyContact(ContactPart):
         named = [name for name in self.between if name not in body.regions]
         assembly.check_mesh_faces(body, named, self.where)
         sides = [body.surface_of(name) if name in body.regions else body.entities[name][1] for name in self.between]
-        if mpi.any_rank(body.mesh.comm, bool(np.isin(*sides).any())):
+        if mpi.any_rank(body.mesh.comm, bool(np.isin(sides[0], sides[1]).any())):
             raise self.error(f"{' and '.join(self.between)} have faces in common; name two bodies, or two other faces")
         nodes = assembly.FaceNodes(body, setting.w.function_space, sides)
         return (RubbingBodyTerm if self.friction else BodyContactTerm)(self, body, nodes)
@@ -752,7 +750,7 @@ def check_friction(part: RigidShape | BodyContact) -> None:
         raise part.error("a slip needs a coefficient of friction (friction = 0.5); give both or neither")
 
 
-BODY_ONSET_PRESSURE = 0.01
+BODY_ONSET_PRESSURE = 0.1
 """Contact pressure of bodies in shear moduli at the end of the onset: less than that of shapes, as they lie on each other."""
 MAX_REST_OVERLAP = 0.05
 """Overlap at rest, in facet edges, above which bodies do not lie on each other but in each other."""

@@ -334,8 +334,8 @@ class SpringTerm(component.EnergyTerm):
         regional = part.on in self.body.regions
         over = body.cell_measure(self.body, self.body.regions[part.on]) if regional else self.body.measure(part.on)
         u, size, copies = self.body.displacement(setting.displacement), self.body.actuator.size, self.body.actuator.copies
-        one = fem.Constant(mesh, 1.0)
-        self._whole = fem.form(one * self.body.hoop * over)
+        unit_density = fem.Constant(mesh, 1.0)
+        self._whole = fem.form(unit_density * self.body.hoop * over)
         amount = mpi.total(mesh.comm, fem.assemble_scalar(self._whole))
         if not amount > 0.0:
             raise part.error(f"{part.on} has no cells or facets on this mesh")

@@ -32,15 +32,15 @@ MAX_OUTSIDE = 0.05
 """Distance in facet edges up to which the nearest place may lie outside of a facet: it bridges the kinks between facets."""
 MAX_DEPTH = 0.3
 """Penetration in facet edges at which a state is rejected; twice as deep a point is lost."""
-CANDIDATES = 8
+CANDIDATE_POINTS = 8
 """Number of nearest points of the other surface whose facets are searched."""
-PROJECTIONS = 8
+MAX_PROJECTION_STEPS = 8
 """Newton steps to the nearest place on a facet."""
-PROJECTED = 1e-13
+PROJECTION_TOLERANCE = 1e-13
 """Change of that place in the reference cell below which it is found."""
 FLUSH_GAP = 0.02
 """Gap at rest in facet edges up to which surfaces lie on each other, and facets are cut by each other."""
-BLOCKS = 2000
+BLOCKS_AT_A_TIME = 2000
 """Number of samples whose blocks are in memory at a time."""
 
 
@@ -132,15 +132,15 @@ class TwoSurfaces:
         for side in (0, 1):
             own, others = np.flatnonzero(self.side == side), np.flatnonzero(self.surface.walls[owner] != side)
             reach = 1.2 * float(self.edges[owner[others]].max())
-            far, index = scipy.spatial.cKDTree(marks[others]).query(places[own], k=CANDIDATES, distance_upper_bound=reach)
+            far, index = scipy.spatial.cKDTree(marks[others]).query(places[own], k=CANDIDATE_POINTS, distance_upper_bound=reach)
             # The facet of the nearest point is most often that of the nearest place; else all of the candidates are looked at.
-            for some in (slice(0, 1), slice(0, CANDIDATES)):
+            for some in (slice(0, 1), slice(0, CANDIDATE_POINTS)):
                 row, column = np.nonzero(np.isfinite(far[:, some]) & (facet[own] < 0)[:, None])
-                found = others[index[row, column]]
-                _, first = np.unique(row * len(self.surface.facets) + owner[found], return_index=True)
-                row, found = row[first], found[first]
-                candidate = owner[found]
-                at = self._projected(nodes, places[own[row]], candidate, start[found])
+                marked = others[index[row, column]]
+                _, first = np.unique(row * len(self.surface.facets) + owner[marked], return_index=True)
+                row, marked = row[first], marked[first]
+                candidate = owner[marked]
+                at = self._projected(nodes, places[own[row]], candidate, start[marked])
                 y, n, _ = self._frames(nodes, candidate, at)
                 way = places[own[row]] - y
                 outside = -np.minimum(np.column_stack([at, 1 - at.sum(axis=1)]).min(axis=1), 0.0)
@@ -157,7 +157,7 @@ class TwoSurfaces:
     def _projected(self, nodes: Array, places: Array, facet: Numbers, xi: Array) -> Array:
         """Return the nearest places on facets, perhaps outside of them, by Newton's method from guesses."""
         xi, left = xi.copy(), np.arange(len(facet))
-        for _ in range(PROJECTIONS):
+        for _ in range(MAX_PROJECTION_STEPS):
             N, N1, N2 = shape_functions(xi[left])
             corners = nodes[self.surface.facets[facet[left]]]
             way = places[left] - (N[:, None] @ corners)[:, 0]
@@ -168,7 +168,7 @@ class TwoSurfaces:
             step = np.linalg.solve(np.where(safe[:, None, None], whole, metric), along @ way[..., None])[..., 0]
             before = xi[left]
             xi[left] = np.clip(before + np.clip(step, -0.5, 0.5), -0.5, 1.5)
-            left = left[np.abs(xi[left] - before).max(axis=1) > PROJECTED]
+            left = left[np.abs(xi[left] - before).max(axis=1) > PROJECTION_TOLERANCE]
             if not len(left):
                 break
         return xi
@@ -345,7 +345,7 @@ class Touching:
         return scipy.sparse.csr_array((stiffness + stiffness.T) / 2)
 
     def chunks(self) -> list[slice]:
-        return [slice(start, start + BLOCKS) for start in range(0, len(self.on), BLOCKS)]
+        return [slice(start, start + BLOCKS_AT_A_TIME) for start in range(0, len(self.on), BLOCKS_AT_A_TIME)]
 
     def coupled(self, soon: float) -> scipy.sparse.csr_array:
         """Return which nodes are coupled through a sample nearer than ``soon`` edges, booleans of shape (n, n)."""
@@ -357,8 +357,8 @@ class Touching:
         """Return a stiffness per area of samples that are nearer than a depth, shape (n d, n d)."""
         surfaces, size, matrix = self.surfaces, self.nodes.size, scipy.sparse.csr_array((self.nodes.size, self.nodes.size))
         resting = np.flatnonzero(self.gaps < depth)
-        for start in range(0, len(resting), BLOCKS):
-            on = resting[start : start + BLOCKS]
+        for start in range(0, len(resting), BLOCKS_AT_A_TIME):
+            on = resting[start : start + BLOCKS_AT_A_TIME]
             facet, xi = self.near.facet[on], self.near.xi[on]
             between = np.hstack([surfaces.shapes[on], -shape_functions(xi)[0]])
             normal = surfaces._frames(self.nodes, facet, xi)[1] * np.sqrt(stiffness * surfaces.measure[on] / 2)[:, None]

@@ -120,7 +120,7 @@ def surface_of(points: Array, cells: Cells, cell_name: str, actuator: Actuator) 
         near = np.abs(points[faces] @ planes.T) < near_zero
         sliced = near.all(axis=1).any(axis=1)
         whole = faces[~sliced]
-        part = np.repeat(_parts(points, whole[:, :3]), len(QUARTERS))
+        part = np.repeat(_parts(points, whole[:, :3], cells), len(QUARTERS))
         shell, cut = (facets[:, QUARTERS].reshape(-1, 3) for facets in (whole, faces[sliced]))
         count = actuator.copies
     both = np.concatenate([points, points @ turn(SECTOR_DEGREES).T])  # the numbering that `_swept` uses
@@ -142,14 +142,21 @@ def surface_of(points: Array, cells: Cells, cell_name: str, actuator: Actuator) 
     )
 
 
-def _parts(points: Array, corners: Cells) -> Cells:
-    """Return `OUTSIDE_LABEL` or the number of the cavity for each face, by connectivity; shape (f, corners) to (f,)."""
-    pairs = np.concatenate([corners[:, [0, k]] for k in range(1, corners.shape[1])])
-    label = joined(pairs, len(points))[corners[:, 0]]
-    names = np.unique(label)
+def _parts(points: Array, corners: Cells, cells: Cells) -> Cells:
+    """Return `OUTSIDE_LABEL` or the number of the cavity for each face, by connectivity; shape (f, corners) to (f,). The
+    largest piece of each body is its outside."""
+    label, body = (
+        joined(np.concatenate([nodes[:, [0, k]] for k in range(1, nodes.shape[1])]), len(points))[corners[:, 0]]
+        for nodes in (corners, cells)
+    )
+    names, first = np.unique(label, return_index=True)
     size = [np.linalg.norm(np.ptp(points[corners[label == name].ravel()], axis=0)) for name in names]
-    numbers = {name: number for number, name in enumerate(names[np.argsort(size)[::-1]])}
-    return np.array([numbers[name] for name in label], dtype=np.int64)
+    numbers, bodies = dict[int, int](), set[int]()
+    for k in np.argsort(size)[::-1]:
+        inner = int(body[first[k]]) in bodies
+        bodies.add(int(body[first[k]]))
+        numbers[int(names[k])] = 1 + max(numbers.values(), default=OUTSIDE_LABEL) if inner else OUTSIDE_LABEL
+    return np.array([numbers[int(name)] for name in label], dtype=np.int64)
 
 
 def _swept(points: Array, cells: Cells) -> tuple[Cells, Cells, Cells]:
@@ -160,7 +167,7 @@ def _swept(points: Array, cells: Cells) -> tuple[Cells, Cells, Cells]:
     cells = _turned_alike(points, cells)
     n, edges = len(points), border(cells)
     edges = edges[points[edges[:, :2], 0].max(axis=1) > 1e-9 * points[:, 0].max()]  # edges on the axis sweep no area
-    part = np.repeat(_parts(points, edges[:, :2]), 4)
+    part = np.repeat(_parts(points, edges[:, :2], cells), 4)
     # The silicone lies left of its border, y pointing away.
     begin, end = np.stack([edges[:, [0, 2]], edges[:, [2, 1]]], axis=1).reshape(-1, 2).T
     walls = np.stack([[begin, begin + n, end], [end, begin + n, end + n]], axis=0).transpose(2, 0, 1).reshape(-1, 3)

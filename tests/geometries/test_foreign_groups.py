@@ -221,7 +221,7 @@ def test_two_names_do_not_become_one_region(tmp_path):
 
 
 @pytest.mark.parametrize("numbers", [(1, 1), (1, 2)])
-def test_bodies_of_a_gmsh_mesh_are_refused_as_those_of_a_deck(tmp_path, numbers):
+def test_bodies_of_a_gmsh_mesh_are_regions_as_those_of_a_deck(tmp_path, numbers):
     """Two boxes that touch, each with nodes of its own there; in one group, or each in its own."""
     file = tmp_path / "two.msh"
     with private_model():
@@ -232,8 +232,10 @@ def test_bodies_of_a_gmsh_mesh_are_refused_as_those_of_a_deck(tmp_path, numbers)
         gmsh.option.setNumber("Mesh.MeshSizeMax", 10)
         gmsh.model.mesh.generate(3)
         gmsh.write(str(file))
-    with pytest.raises(GeometryError, match=r"2 bodies that share no face, two of them around 5, 5, 5; 15, 5, 5 mm; .* merge"):
-        read_mesh(str(file), 1e-3)
+    mesh = read_mesh(str(file), 1e-3)
+    middles = [mesh.points[mesh.cells[mesh.regions[name]]].mean(axis=(0, 1)) for name in ("body1", "body2")]
+    assert np.allclose(sorted(x for x, _, _ in middles), [0.005, 0.015], atol=1e-3)
+    assert len(ImportedMesh(file=str(file), cavities=("none",), support="x = 0 mm").bodies) == 2
 
 
 @pytest.mark.parametrize("damage", ["", "1 99999999999 1 1\n", "text\n"])

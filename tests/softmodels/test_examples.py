@@ -275,6 +275,7 @@ def test_boards_and_photographs_are_there(written):
         "mypart.step",
         "twopart.step",
         "accordion.step",
+        "press.step",
         "README.txt",
         "truth.txt",
     } <= names
