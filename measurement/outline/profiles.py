@@ -722,10 +722,7 @@ def _fitted_profile(  # type: ignore[no-untyped-def]
         low, high, scale = [*low, 0.0], [*high, 0.99], [*scale, 0.2]
         held = np.clip(usual, [-0.99, 0.01, 0.41], [0.99, 2.99, 3.99])
         starts = [[*start[:3], *held, *start[6:], q] for q in (0.1, 0.7)]
-    fits = [
-        least_squares(missed, start, slopes, bounds=(low, high), x_scale=scale, ftol=1e-4, max_nfev=40)
-        for start in starts
-    ]
+    fits = [least_squares(missed, start, slopes, bounds=(low, high), x_scale=scale, ftol=1e-4, max_nfev=40) for start in starts]
     return min(fits, key=lambda fit: float(fit.cost))
 
 
@@ -829,8 +826,7 @@ def fit_profiles(offsets: Array, profile: Array, weight: Array, shape: EdgeShape
         top = rise[:, None] + slope[:, None] * u
         residual = profile - low[:, None] - top * phi
         fall = -top * bell
-        for number, term in enumerate((1.0, phi, u * phi, fall / width[:, None], fall * z)):
-            terms[:, number] = term
+        terms[:, 0], terms[:, 1], terms[:, 2], terms[:, 3], terms[:, 4] = 1.0, phi, u * phi, fall / width[:, None], fall * z
         if turn in REWEIGHTING_STEPS:
             scatter = np.maximum(deviations(residual, 1), 1e-4)
             robust = np.minimum(1.0, 2.5 * scatter[:, None] / np.maximum(np.abs(residual), 1e-12))
