@@ -826,8 +826,7 @@ def fit_profiles(offsets: Array, profile: Array, weight: Array, shape: EdgeShape
         top = rise[:, None] + slope[:, None] * u
         residual = profile - low[:, None] - top * phi
         fall = -top * bell
-        for number, term in enumerate((1.0, phi, u * phi, fall / width[:, None], fall * z)):
-            terms[:, number] = term
+        terms[:, 0], terms[:, 1], terms[:, 2], terms[:, 3], terms[:, 4] = 1.0, phi, u * phi, fall / width[:, None], fall * z
         if turn in REWEIGHTING_STEPS:
             scatter = np.maximum(deviations(residual, 1), 1e-4)
             robust = np.minimum(1.0, 2.5 * scatter[:, None] / np.maximum(np.abs(residual), 1e-12))

@@ -13,12 +13,11 @@ from typing import Unpack, cast
 
 import numpy as np
 from scipy.optimize import least_squares, linprog, minimize
-from scipy.stats import qmc
 
 from softmodels.case import case, entries
 from softmodels.common import commands, files, names, units
 from softmodels.common.arrays import Array
-from softmodels.common.lazy import MPI
+from softmodels.common.lazy import MPI, scipy
 from softmodels.common.names import checked
 from softmodels.common.processes import one_at_a_time
 from softmodels.design import model, trials
@@ -589,7 +588,7 @@ MAX_DRAWN_POINTS = 64
 
 def further_starts(problem: DesignProblem, seed: int) -> Iterator[Array]:
     """Yield the scaled parameters of devices spread over the bounds: a Latin hypercube (McKay, Beckman and Conover 1979)."""
-    for x in qmc.LatinHypercube(len(problem.free), rng=np.random.default_rng(seed)).random(MAX_DRAWN_POINTS):
+    for x in scipy.stats.qmc.LatinHypercube(len(problem.free), rng=np.random.default_rng(seed)).random(MAX_DRAWN_POINTS):
         if _is_device(problem, x):
             yield x
 

@@ -25,7 +25,6 @@ from typing import TYPE_CHECKING, TextIO
 import numpy as np
 import numpy.typing as npt
 import tomli_w
-from scipy import stats
 
 from softmodels.case import case, materials
 from softmodels.case.case import Case, with_changes
@@ -33,6 +32,7 @@ from softmodels.case.entries import CaseError
 from softmodels.common import cards, errors, files, folders, names, processes, tables, units
 from softmodels.common.arrays import Array
 from softmodels.common.folders import InUseError, OwnFolderError
+from softmodels.common.lazy import scipy
 from softmodels.common.names import checked
 from softmodels.design import trials
 from softmodels.materials import specimens
@@ -230,7 +230,7 @@ class Input:
         if self.values:
             return np.minimum(np.floor(shares * len(self.values)), len(self.values) - 1.0)
         if self.normal:
-            return np.asarray((self.low + self.high) / 2 + (self.high - self.low) / 4 * stats.norm.ppf(shares))
+            return np.asarray((self.low + self.high) / 2 + (self.high - self.low) / 4 * scipy.stats.norm.ppf(shares))
         return self.low + (self.high - self.low) * np.asarray(shares)
 
     def value(self, x: float) -> float | str:
@@ -428,10 +428,10 @@ def unit_points(sampling: str, inputs: int, count: int, seed: int) -> Array:
     Those of ``"saltelli"`` are A, B, and A with each column in turn from B, of ``count`` rows each.
     """
     if sampling == "latin-hypercube":
-        return np.asarray(stats.qmc.LatinHypercube(inputs, rng=np.random.default_rng(seed)).random(count))
+        return np.asarray(scipy.stats.qmc.LatinHypercube(inputs, rng=np.random.default_rng(seed)).random(count))
     if sampling == "sobol":
-        return np.asarray(stats.qmc.Sobol(inputs, rng=np.random.default_rng(seed)).random(count))
-    both = stats.qmc.Sobol(2 * inputs, rng=np.random.default_rng(seed)).random(count)
+        return np.asarray(scipy.stats.qmc.Sobol(inputs, rng=np.random.default_rng(seed)).random(count))
+    both = scipy.stats.qmc.Sobol(2 * inputs, rng=np.random.default_rng(seed)).random(count)
     A, B = both[:, :inputs], both[:, inputs:]
     mixed = [np.where(np.arange(inputs) == k, B, A) for k in range(inputs)]
     return np.vstack([A, B, *mixed])
@@ -826,7 +826,7 @@ def indices_of(inputs: tuple[Input, ...], response: Callable[[Array], Array] | A
     def estimated(chosen: npt.NDArray[np.int64]) -> Array:
         own = parts[:, chosen]
         values = {"f_A": own[:1], "f_B": own[1:2], "f_AB": own[2:, None]}
-        sobol = stats.sobol_indices(func=values, n=own.shape[1])
+        sobol = scipy.stats.sobol_indices(func=values, n=own.shape[1])
         return np.vstack([np.ravel(sobol.first_order), np.ravel(sobol.total_order)])
 
     count, rng = parts.shape[1], np.random.default_rng(0)

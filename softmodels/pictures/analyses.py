@@ -429,7 +429,7 @@ def study_page(study: Study, seconds: float) -> tuple[str, dict[str, Figure]]:
 
 def _surrogate_indices(study: Study, figures: dict[str, Figure]) -> tuple[dict[str, Indices], dict[str, str], list[str]]:
     """Return indices and errors of the surrogates by response, and why others have none; add their figures."""
-    from softmodels.design.study import StudyError  # imports scipy.stats, which takes two seconds
+    from softmodels.design.study import StudyError  # other pages do without designs
 
     indices: dict[str, Indices] = {}
     errors: dict[str, str] = {}

@@ -7,9 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
+from scipy.signal import savgol_filter
 from scipy.special import ndtr
 
-from measurement.outline.edge import Edge, coarse_contour, refine_edge, robust_loess, smoothed, widest_patch
+from measurement.outline.edge import Edge, coarse_contour, local_polynomial, refine_edge, robust_loess, smoothed, widest_patch
 from measurement.outline.profiles import Shading, find_shadow
 from measurement.outline.zero import ZeroLine, highest_ripple
 from measurement.pictures import TONES, Unmeasurable
@@ -393,3 +394,10 @@ def test_a_depth_of_field_is_no_drop_on_the_lens():
     assert widest_patch(_out_of_focus(0.0), 30e-6)[0] < 0.02
     more, scatter = widest_patch(_out_of_focus(0.3), 30e-6)
     assert more > max(0.12, 8.0 * scatter)
+
+
+@pytest.mark.parametrize(("count", "degree"), [(5, 2), (21, 2), (301, 5), (399, 5)])
+def test_points_are_smoothed_as_by_savitzky_and_golay(count, degree):
+    points = np.random.default_rng(count).normal(size=(400, 2)).cumsum(axis=0)
+    # SciPy's own weights are rounded to 1e-8 for long stretches.
+    assert local_polynomial(points, count, degree) == pytest.approx(savgol_filter(points, count, degree, axis=0), abs=2e-6)

@@ -139,6 +139,16 @@ def test_the_list_of_commands_needs_no_numbers():
     assert not {"numpy", "softmodels.case.case", "geometries.disk", "softmodels.cli.options"} & set(done.stdout.split())
 
 
+def test_photographs_and_designs_start_without_statistics():
+    """SciPy's statistics, which its signal processing imports too, take as long as half a photograph."""
+    program = (
+        "import sys, measurement.series.measuring, softmodels.design.optimise, softmodels.design.study\nprint(*sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    loaded = set(done.stdout.split())
+    assert "scipy.optimize" in loaded and not {"scipy.stats", "scipy.signal"} & loaded
+
+
 @pytest.mark.parametrize("name", ["petsc4py-3.22.1.dist-info", "dolfinx_solver_complex-0.11.0.dist-info"])
 def test_another_petsc_beside_the_wheels_is_refused_by_name(name, tmp_path):
     """The wheel's own check is asked where the name of a folder is a reason to."""
