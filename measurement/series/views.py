@@ -202,6 +202,10 @@ SHARED_PX = 0.05
 MODEL_PX = 0.1
 """Standard error in px of the tip and of the centre line that smoothing and corners leave."""
 
+ASLANT_SHARE = 0.05
+"""Standard error of the tip and of the outline as a share of the strip that is seen aslant of a face along the line of sight:
+where it is hardly darker or brighter than the front face, the edge is drawn towards its inner side."""
+
 
 def view_of(
     image: pictures.Pixels, seen: silhouette.Silhouette, scene: Scene, photo: Photograph, reference: Reference | None = None
@@ -232,9 +236,10 @@ def view_of(
     lines = np.array([repeat.line - repeat.base for repeat in shapes])
     normal = silhouette.normals(shape.line)
     across = np.einsum("rki,ki->rk", lines - lines.mean(axis=0), normal)
-    model = MODEL_PX * pixel
+    strip = scene.depth * float(np.linalg.norm(shape.tip - scene.foot)) / scene.camera_distance[0]
+    model, place = MODEL_PX * pixel, math.hypot(MODEL_PX * pixel, ASLANT_SHARE * strip)
     view = View(
-        shape, outline, np.hypot(_spread(np.array(outlines)), 0.5 * model), np.hypot(np.std(tips, axis=0, ddof=1), model),
+        shape, outline, np.hypot(_spread(np.array(outlines)), place), np.hypot(np.std(tips, axis=0, ddof=1), place),
         math.hypot(float(np.std(turned, ddof=1)), model / float(np.median(shape.width))),
         math.hypot(float(np.std([repeat.length for repeat in shapes], ddof=1)), model),
         np.hypot(np.std(across, axis=0, ddof=1), model), photo.pressure, photo.pressure_error, photo.file.name,
