@@ -1,4 +1,4 @@
-"""``softmodels measure`` and ``python -m measurement``: measure outlines in metres from photographs of a shadow."""
+"""``softmodels measure`` and ``python -m measurement``: measure outlines and bending from photographs."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ PLACES = {
         "calibrate": ("measurement.cli.setup", "Calibrate the camera from PHOTOGRAPHS of a flat chessboard."),
         "setup": ("measurement.cli.setup", "Find the screen's plane in a PHOTOGRAPH."),
         "photos": ("measurement.cli.photos", "Measure the shadow's outline in every photograph of a list."),
+        "view": ("measurement.cli.views", "Measure how a device bends, in every photograph of a list."),
         "demo": ("measurement.cli.photos", "Make a set of synthetic photographs, and measure them."),
     }
 }
@@ -23,7 +24,7 @@ PLACES = {
 )  # fmt: skip
 @commands.version_option
 def main() -> None:
-    """Measure outlines in photographs of a shadow.
+    """Measure outlines in photographs of a shadow, and how a device bends.
 
     Lengths and pressures are written with their unit, such as 9mm or 20kPa. Exit status: 0 done, 1 nothing could be
     measured, 2 the input cannot be used, 3 some photographs were refused, 130 stopped.

@@ -1,6 +1,6 @@
 """The commands of ``softmodels measure``: how they end, texts of their options as numbers, the progress bar.
 
-- `setup`: the commands ``calibrate`` and ``setup``. `photos`: the commands ``photos`` and ``demo``.
+- `setup`: the commands ``calibrate`` and ``setup``. `photos`: ``photos`` and ``demo``. `views`: the command ``view``.
 """
 
 from __future__ import annotations

@@ -24,10 +24,10 @@ from softmodels.common.folders import OwnFolderError
 
 @click.command()
 @click.argument("photograph", type=click.Path(path_type=Path))
-@click.option("--target", type=commands.Choice(["grid", "chessboard", "charuco"]), default="grid", show_default=True,
-              help="Object in the screen's plane.")  # fmt: skip
+@click.option("--target", type=commands.Choice(["grid", "chessboard", "charuco", "tag"]), default="grid", show_default=True,
+              help="Object in the screen's plane; a tag is an AprilTag of the family 36h11.")  # fmt: skip
 @click.option("--grid-pitch", default="9mm", show_default=True, metavar="LENGTH",
-              help="Distance of the grid's lines, or side of a board's square; 9mm+-0.01mm gives its error; default "
+              help="Distance of the grid's lines, side of a board's square or of a tag; 9mm+-0.01mm gives its error; default "
               "0.2 %.")  # fmt: skip
 @click.option("--pattern", default="9x6", show_default=True, metavar="NxM",
               help="Inner corners of the chessboard or ChArUco board in a row and in a column.")  # fmt: skip
@@ -118,7 +118,12 @@ def _check_given(given: dict[str, Any]) -> None:
         way = "--point" if given["points"] else "--scale"
         meaningless.append((way, ("target", "grid_pitch", *board, *(("origin",) if given["points"] else ()))))
     elif target != "charuco":
-        meaningless.append((f"--target {target}", board if target == "grid" else ("dictionary", "marker_share")))
+        meaningless.append(
+            (
+                f"--target {target}",
+                (*board, *(("origin",) if target == "tag" else ())) if target in ("grid", "tag") else board[1:],
+            )
+        )
     if lens == "none" or lens.endswith(".toml"):
         meaningless.append((f"--lens {lens}", ("body", "focal")))
     for cause, names in meaningless:
@@ -306,6 +311,8 @@ def _plane(given: dict[str, Any], picture: NDArray[np.uint8], camera: Camera, pi
         return plane_of_points(camera, np.array(px), np.array(metres))
     if given["target"] == "grid":
         return grid.find_grid(picture, camera, pitch, origin).plane(camera)
+    if given["target"] == "tag":
+        return calibration.tag_plane(picture, camera, pitch)
     columns, rows = texts.pattern(given["pattern"])
     if given["target"] == "chessboard":
         board = calibration.find_chessboard(picture, (columns, rows), camera)

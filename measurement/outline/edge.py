@@ -57,7 +57,7 @@ class Edge:
     contrast: Array
     shape: EdgeShape = dataclasses.field(default_factory=gaussian)
 
-    def __getitem__(self, chosen: Mask) -> Edge:
+    def __getitem__(self, chosen: Mask | npt.NDArray[np.intp]) -> Edge:
         names = ("px", "normal", "error", "width", "contrast")
         return dataclasses.replace(self, **{name: getattr(self, name)[chosen] for name in names})
 

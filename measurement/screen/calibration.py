@@ -330,6 +330,12 @@ def _corner_step(
 CORNER_ERROR = 0.1
 """Standard error in px of a corner of a sharp board, for boards without enough corners to tell."""
 
+TAG_CORNER_ERROR = 0.2
+"""Standard error in px of a tag's corner per axis; four corners cannot show their own."""
+
+TAG_WINDOW_SHARE = 0.05
+"""Half width of the window in which a tag's corner is measured, as a share of its side."""
+
 WINDOW_SHARE = 0.4
 """Half width of the window that fixes a corner, as a share of the way to the closest one: wider ones see its edges too."""
 
@@ -401,6 +407,24 @@ def find_charuco(
     flat = np.ravel(names)
     indices = np.column_stack([flat % (squares[0] - 1), flat // (squares[0] - 1)])
     return _points(corners.reshape(-1, 2).astype(float), indices, camera)
+
+
+def tag_plane(image: ArrayLike, camera: Camera, side: float) -> setup.Plane:
+    """Return the plane of the largest AprilTag of the family 36h11 in a photograph (h, w) or (h, w, 3), its black square of a
+    side in m; X and Z count from its lower left corner. Raises `GridError` for none."""
+    gray = gray_bytes(image)
+    finder = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11))
+    tags, _, _ = finder.detectMarkers(gray)
+    if not tags:
+        raise GridError(
+            "no AprilTag of the family 36h11 was found; photograph it sharply, whole and with its white rim, or give --scale"
+        )
+    corners = max((tag.reshape(4, 1, 2) for tag in tags), key=cv2.contourArea)
+    reach = max(2, int(TAG_WINDOW_SHARE * np.linalg.norm(corners[1] - corners[0])))
+    stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-4)
+    corners = cv2.cornerSubPix(gray, corners.astype(np.float32), (reach, reach), (-1, -1), stop)
+    places = np.array([[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]]) * side
+    return setup.Plane.fit(camera.undistort(corners.reshape(4, 2).astype(float)), places, TAG_CORNER_ERROR)
 
 
 def corner_reach(corners: NDArray[np.float64]) -> int:

@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from measurement import pictures
 from measurement.outline import edge, profiles
+from measurement.outline.silhouette import Shape, Silhouette
 from measurement.outline.zero import (
     MIN_END_DISTANCE,
     ON_SURFACE,
@@ -40,6 +41,11 @@ class EdgeEvidence:
     """What checks may see of a photograph: its grid and its shadow's edge (``traced``)."""
 
     traced: edge.Traced
+
+    @property
+    def anyway(self) -> bool:
+        """Whether the photograph shall be used in spite of doubts."""
+        return self.traced.anyway
 
 
 class ToneEvidence(EdgeEvidence):
@@ -182,6 +188,24 @@ class CourseEvidence(RunEvidence):
     """The outlines that are trusted after all other checks."""
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class ViewEvidence:
+    """A device seen from the side: its silhouette, its shape, the same without pressure, and by how many px the background
+    moved since then (None where either is not known); the size of a pixel, the standard error of its length, and its length
+    without pressure with its error (None where it is not known), all in m; whether this is the photograph without pressure,
+    and whether it shall be used in spite of doubts."""
+
+    silhouette: Silhouette
+    shape: Shape
+    before: Shape | None
+    moved_px: float | None
+    pixel: float
+    length_error: float
+    length: tuple[float, float] | None
+    is_zero: bool
+    anyway: bool
+
+
 FEWEST_POINTS = 40
 """Points that an edge or an outline needs."""
 
@@ -231,28 +255,28 @@ def unsure_of(ripple: tuple[int, float, float]) -> float:
 type Check = Callable[[Any], Iterator[Doubt]]
 """A question about a photograph, its docstring's first line: it yields what speaks against it, of which the first counts."""
 
-STAGES = (ListEvidence, EdgeEvidence, ToneEvidence, ZeroEvidence, OutlineEvidence, RunEvidence, CourseEvidence)
+STAGES = (ListEvidence, EdgeEvidence, ToneEvidence, ZeroEvidence, OutlineEvidence, RunEvidence, CourseEvidence, ViewEvidence)
 CHECKS: dict[type, names.Registry[Check]] = {stage: names.Registry("check") for stage in STAGES}
 """Every check by the evidence that it is asked of and its name, in the order in which they are asked."""
 
 
-def register_check[C](stage: type[EdgeEvidence | RunEvidence] = OutlineEvidence) -> Callable[[C], C]:
+def register_check[C](stage: type[EdgeEvidence | RunEvidence | ViewEvidence] = OutlineEvidence) -> Callable[[C], C]:
     """Let a check be asked of every piece of evidence of a stage, after those registered already; a decorator of a function."""
     return CHECKS[stage].register
 
 
-def answers(evidence: EdgeEvidence | RunEvidence) -> Iterator[Doubt]:
+def answers(evidence: EdgeEvidence | RunEvidence | ViewEvidence) -> Iterator[Doubt]:
     """Yield the answers of the checks of this evidence that are doubts."""
     for check in CHECKS[type(evidence)].values():
         yield from itertools.islice(check(evidence), 1)
 
 
-def doubts(evidence: EdgeEvidence) -> tuple[str, ...]:
+def doubts(evidence: EdgeEvidence | ViewEvidence) -> tuple[str, ...]:
     """Return what the checks have against a photograph, one sentence each; `Unmeasurable` if one of them rejects it, although
     it is not to be used anyway, or leaves nothing to measure."""
     doubts = []
     for doubt in answers(evidence):
-        if doubt.lasting or (doubt.rejects and not evidence.traced.anyway):
+        if doubt.lasting or (doubt.rejects and not evidence.anyway):
             raise pictures.Unmeasurable(str(doubt))
         doubts.append(str(doubt))
     return tuple(doubts)
@@ -864,3 +888,127 @@ def course(e: CourseEvidence) -> Iterator[Doubt]:
     """Do its height and pressure agree with those of the other photographs?"""
     if why := e.run.contradictions.get(e.number):
         yield Doubt(why)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Devices seen from the side.
+
+
+LONGEST_GAP = 0.12
+"""Share of an outline that may be missing in one piece."""
+
+SECOND_AREA = 0.1
+"""Area of a second thing over the device's from which it may be a part of it."""
+
+SOFT_SHARE = 0.08
+"""Share of an outline with a soft edge from which a cast shadow belongs to it."""
+
+MAX_BACKGROUND_SHIFT = 0.5
+"""Movement of the background in px from which the camera has moved."""
+
+MAX_BASE_SHIFT = 3.0
+"""Movement of the base in px that its own corners explain."""
+
+MAX_SHRINKAGE, MAX_STRETCH = 0.03, 0.35
+"""Shares of its length by which a centre line may become shorter or longer in its plane."""
+
+MAX_LENGTH_ERROR = 0.03
+"""Share by which a device without pressure may differ from its stated length."""
+
+
+@register_check(ViewEvidence)
+def frame(e: ViewEvidence) -> Iterator[Doubt]:
+    """Does the frame cut the device?"""
+    if e.silhouette.cut:
+        yield Doubt(
+            "the frame or the region of interest cuts the device",
+            "move the camera back, give setup --roi a larger region, or one that begins nearer to its base",
+            True,
+        )
+
+
+@register_check(ViewEvidence)
+def uncovered(e: ViewEvidence) -> Iterator[Doubt]:
+    """Does the device stay clear of the scale and of masks?"""
+    if e.silhouette.hidden > 0.0:
+        yield Doubt(
+            f"the scale or a mask covers {e.silhouette.hidden:.0%} of the outline",
+            "move the scale away from the device's path, or give the setup --scale and smaller masks", True,
+        )  # fmt: skip
+
+
+@register_check(ViewEvidence)
+def seen_whole(e: ViewEvidence) -> Iterator[Doubt]:
+    """Is the outline seen all around?"""
+    if e.silhouette.longest_gap > LONGEST_GAP:
+        yield Doubt(
+            f"{e.silhouette.longest_gap:.0%} of the outline is not clear in one piece",
+            "take away what hides it, or use a background that differs more from the device",
+        )
+
+
+@register_check(ViewEvidence)
+def alone(e: ViewEvidence) -> Iterator[Doubt]:
+    """Is there nothing else in front of the background?"""
+    if e.silhouette.second > SECOND_AREA:
+        yield Doubt(
+            f"a second thing in the picture has {e.silhouette.second:.0%} of the device's area",
+            "take it away, cover it with setup --mask, or select the device with setup --roi",
+        )
+
+
+@register_check(ViewEvidence)
+def cast_shadow(e: ViewEvidence) -> Iterator[Doubt]:
+    """Is a cast shadow taken for a part of the device?"""
+    if e.silhouette.soft > SOFT_SHARE:
+        yield Doubt(
+            f"{e.silhouette.soft:.0%} of the edge is much softer than the rest, as that of a shadow or of fast motion",
+            "light the background evenly or from behind, and photograph the device at rest",
+        )
+
+
+@register_check(ViewEvidence)
+def camera_at_rest(e: ViewEvidence) -> Iterator[Doubt]:
+    """Do background and base stay where they are?"""
+    if e.moved_px is not None and e.moved_px > MAX_BACKGROUND_SHIFT:
+        yield Doubt(
+            f"the background moved by {e.moved_px:.1f} px since the photograph without pressure",
+            "fix the camera, and photograph all pressures again",
+        )
+    elif e.before is not None:
+        shift = float(np.linalg.norm(e.shape.base - e.before.base)) / e.pixel
+        if shift > MAX_BASE_SHIFT:
+            yield Doubt(
+                f"the base moved by {shift:.1f} px since the photograph without pressure",
+                "fix camera and clamp, or give --base where nothing moves",
+            )
+
+
+@register_check(ViewEvidence)
+def in_plane(e: ViewEvidence) -> Iterator[Doubt]:
+    """Is the length one that the device can have in its plane of motion?"""
+    if e.before is None:
+        return
+    share = e.shape.length / e.before.length - 1.0
+    error = float(np.sqrt(2.0)) * e.length_error / e.before.length
+    if share < -MAX_SHRINKAGE - 2.0 * error or share > MAX_STRETCH:
+        word = "shorter" if share < 0.0 else "longer"
+        yield Doubt(
+            f"the centre line is {abs(share):.1%} {word} than without pressure, as if the device left its plane of motion",
+            "look at its outline in the picture, and guide it in its plane",
+        )
+
+
+@register_check(ViewEvidence)
+def stated_length(e: ViewEvidence) -> Iterator[Doubt]:
+    """Does the device have its stated length without pressure?"""
+    if e.length is None or not e.is_zero:
+        return
+    length, error = e.length
+    missed = e.shape.length - length
+    if abs(missed) > MAX_LENGTH_ERROR * length + 2.0 * float(np.hypot(error, e.length_error)):
+        yield Doubt(
+            f"the device is {e.shape.length * 1e3:.2f} mm long in the picture, but {length * 1e3:.2f} mm by --length: "
+            "the scale lies in another plane, or the base is another one",
+            "give --ahead, the device's distance from the scale's plane, and check --base",
+        )

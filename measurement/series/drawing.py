@@ -67,6 +67,21 @@ def draw_edge(
     figure.savefig(path)
 
 
+def draw_view(path: Path, image: pictures.Pixels, lines: Sequence[Array], title: str, refused: bool) -> None:
+    """Write a photograph (h, w, 3) with lines (n, 2) in px over it: the outline, then the centre line."""
+    small, factor = _reduced_photograph(image)
+    height, width = small.shape[:2]
+    figure = figures.Figure(figsize=(8.0, 8.0 * height / width + HEAD_INCHES), dpi=110)
+    axes = figure.add_axes((0.0, 0.0, 1.0, (8.0 * height / width) / (8.0 * height / width + HEAD_INCHES)))
+    _show(axes, small, factor)
+    for line, colour in zip(lines, (EDGE_COLOUR, BRIDGE_COLOUR), strict=False):
+        axes.plot(*line.T, color=colour, linewidth=1.4)
+    axes.set_axis_off()
+    colour = REFUSED if refused else "#102a43"
+    figure.text(0.01, 1.0 - 0.08 / figure.get_figheight(), _wrapped_text(title), color=colour, fontsize=10, va="top")
+    figure.savefig(path)
+
+
 def draw_steps(path: Path, image: pictures.Pixels, traced: edge.Traced, outline: Outline) -> None:
     """Write the four steps: photograph, distance to the shadow's colour, edge in pixels, outline in millimetres."""
     small, factor = _reduced_photograph(image)

@@ -224,7 +224,7 @@ def measure_all(
     """Return a result per photograph, in the list's order, measured in so many processes at a time. The folder
     ``pictures`` gets one of each with its edge; ``done`` is called after each. A photograph on which two processes ended, as
     where memory runs out, is refused."""
-    names, listed = _names(photographs), witness.Run(rows=photographs)
+    names, listed = file_stems(photographs), witness.Run(rows=photographs)
     results: dict[str, Result] = {}
     work = []
 
@@ -323,7 +323,7 @@ RESERVED_NAMES = ("heights", "profiles", "steps", "animation", "overview")
 """Stems of what a run writes beside its outlines: a photograph of such a name must not take the table's place."""
 
 
-def _names(photographs: Sequence[Photograph]) -> list[str]:
+def file_stems(photographs: Sequence[Photograph]) -> list[str]:
     """Return a stem per photograph; the whole file name where two would share one, also where capitals do not count."""
     stems = [photo.file.stem.casefold() for photo in photographs]
     names: list[str] = []

@@ -1,0 +1,116 @@
+"""The command ``view``: tip, angle and centre line of a device seen from the side, from a list of photographs."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from measurement import cli
+from measurement.camera import CameraError
+from measurement.screen.setup import Setup, SetupError
+from measurement.series import photo_list, views
+from measurement.series.photo_list import ColumnError, PhotoListError
+from measurement.series.witness import Refusal
+from softmodels.common import commands, errors, processes, units
+from softmodels.common.folders import OwnFolderError
+
+
+@click.command()
+@click.argument("listing", metavar="PHOTOS.csv", type=click.Path(path_type=Path))
+@click.option("--setup", "setup_file", default=Path("setup.toml"), show_default=True, type=click.Path(path_type=Path),
+              help="Camera and scale, from softmodels measure setup: a grid, board or tag beside the device.")  # fmt: skip
+@click.option("--camera-distance", metavar="LENGTH", help="From the camera to the device's middle plane; 80cm+-1cm.")
+@click.option("--depth", metavar="LENGTH", help="Size of the device along the line of sight; 0 for a round one.")
+@click.option("--ahead", default="0+-1mm", show_default=True, metavar="LENGTH",
+              help="How far the device's middle plane lies before the scale, towards the camera, and its error.")  # fmt: skip
+@click.option("--base", metavar="x,y=x,y",
+              help="Two pixels at the ends of the face at which the device begins; needed unless it leaves the frame "
+              "there.")  # fmt: skip
+@click.option("--length", metavar="LENGTH", help="The device's length without pressure, against which the scale is checked.")
+@click.option("-o", "--output", type=commands.FolderType(),
+              help="Folder for the results.  [default: views; views-2 and so on if that holds others]")  # fmt: skip
+@click.option("--no-pictures", is_flag=True, help="Skip the pictures.")
+@click.option("--quiet", is_flag=True, help="Print only errors.")
+def view(listing: Path, setup_file: Path, output: Path | None, **given: Any) -> None:
+    """Measure how a device bends, in every photograph of a list.
+
+    The list is that of softmodels measure photos. Each photograph shows the device from the side before a background of
+    another colour. Places count from the middle of its base, x to the right and z upwards; rotations from the photograph at
+    zero pressure.
+
+    \b
+    Exit status: 0 all measured; 3 some refused, each with its reason; 2 the input cannot be used; 1 nothing measured.
+    """
+    try:
+        listed = photo_list.read_photos(listing)
+        scene = _scene(Setup.from_file(setup_file), given)
+    except (CameraError, ColumnError, PhotoListError, SetupError, units.UnitError) as error:
+        cli.stop(str(error))
+    asked = {"photographs": [photo.file.name for photo in listed], **{k: v for k, v in given.items() if k != "quiet"}}
+    try:
+        folder = commands.open_folder(output, Path("views"), "side views", asked, [listing, setup_file])
+        with folder.writing() as place:
+            edges = None if given["no_pictures"] else place / "edges"
+            if edges is not None:
+                edges.mkdir()
+            with cli.bar("measuring", len(listed), given["quiet"]) as advance:
+                made = views.views(listed, scene, edges, advance)
+            made.write(place)
+    except OwnFolderError as error:
+        cli.stop(str(error))
+    except OSError as error:
+        cli.stop(f"the results cannot be written: {errors.reason(error)}", commands.status_of(error))
+    if not given["quiet"]:
+        for photo, outcome in zip(made.photographs, made.outcomes, strict=True):
+            if isinstance(outcome, views.View):
+                processes.say(_line(made, photo.pressure, outcome))
+        weak = sum(outcome.trust != "yes" for outcome in made.views)
+        remark = f", {weak} of them untrusted" if weak else ""
+        processes.say(f"{len(made.views)} of {len(listed)} measured{remark}; written to {folder.path}")
+    for photo, outcome in zip(made.photographs, made.outcomes, strict=True):
+        if isinstance(outcome, Refusal):
+            processes.say(f"{photo.file.name}: refused, {outcome.reason}", err=True)
+    all_measured = len(made.views) == len(listed)
+    sys.exit(commands.EXIT_DONE if all_measured else cli.EXIT_SOME_REJECTED if made.views else commands.EXIT_FAILED)
+
+
+def _scene(setup: Setup, given: dict[str, Any]) -> views.Scene:
+    """Return the scene that the options describe. Raises `SetupError` or `UnitError` for a text that is not what it should
+    be, and for what is missing."""
+    for name, why in (
+        ("camera_distance", "how large its front and rear faces appear depends on it; such as 80cm+-1cm"),
+        ("depth", "the outline is that of its front or rear face; 0 for a round device"),
+    ):  # fmt: skip
+        if given[name] is None:
+            raise SetupError(f"give --{name.replace('_', '-')}: {why}")
+    far, far_error = cli.with_error(given["camera_distance"], cli.length)
+    ahead = cli.with_error(given["ahead"], lambda text: 0.0 if text.strip() == "0" else cli.length(text))
+    depth = 0.0 if given["depth"].strip() == "0" else cli.length(given["depth"])
+    length = None if given["length"] is None else cli.with_error(given["length"], cli.length)
+    base = None
+    if given["base"] is not None:
+        base = np.array([cli.numbers(part, 2, "--base") for part in given["base"].split("=")])
+        if base.shape != (2, 2):
+            raise SetupError("--base needs two pixels, such as 400,210=400,330")
+    return views.Scene(setup, (far, far_error), depth, ahead, base, length)
+
+
+def _line(made: views.Views, pressure: float, view: views.View) -> str:
+    x, z = (view.shape.tip - made.origin) * 1e3
+    turned, error = (math.degrees(value) for value in made.rotation(view))
+    by = (
+        f"turned by {turned:8.2f} +- {error:.2f} deg"
+        if math.isfinite(turned)
+        else f"at {math.degrees(view.shape.angle):8.2f} deg"
+    )
+    remark = "" if view.trust == "yes" else f"  not trusted: {'; '.join(view.reasons)}"
+    errors_mm = view.tip_error * 1e3
+    return (
+        f"{view.source}  {pressure:9.1f} Pa  tip x {x:8.3f} +- {errors_mm[0]:.3f} mm, z {z:8.3f} +- {errors_mm[1]:.3f} mm, "
+        f"{by}{remark}"
+    )

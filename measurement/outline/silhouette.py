@@ -1,0 +1,525 @@
+"""The silhouette of a device seen from the side: which pixels it covers, its edge as a curve, its centre line, tip and angle.
+
+The background's colour is learnt along the rim of the region of interest; what lies far from it, by the Mahalanobis distance
+in colour, is the device, darker or brighter. The edge between both is refined in the raw photograph as a shadow's is (`edge`),
+and only its points are mapped to the plane of motion.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+
+import cv2
+import numpy as np
+from scipy.interpolate import make_lsq_spline
+from scipy.ndimage import gaussian_filter1d
+from scipy.spatial import cKDTree
+from scipy.stats import chi2
+from skimage.filters import threshold_otsu
+from skimage.graph import MCP_Geometric
+
+from measurement import pictures, robust
+from measurement.outline import edge, profiles
+from measurement.screen.setup import Setup
+from softmodels.common.arrays import Array, Mask
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Silhouette:
+    """A device's outline in a photograph (h, w, 3).
+
+    Attributes:
+        edge: Its points in order, from the base around the tip back to the base, in px of the photograph.
+        base: The ends of the base (2, 2) in px, beside the edge's first and its last point.
+        guide: Rough centre line (k, 2) in px from the base to the tip.
+        longest_gap: Longest stretch without a clear edge over the length of the whole contour; there the contour of the
+            reduced picture stands in.
+        cut: Whether the frame or the region of interest cuts it in a second place.
+        second: Area of the next largest thing that is not background, over the device's.
+        hidden: Share of the contour that lies beside what a mask or the scale's own target covers.
+        soft: Share of the points whose edge is more than `SOFT_EDGE` times as wide as usual.
+    """
+
+    edge: edge.Edge
+    base: Array
+    guide: Array
+    longest_gap: float
+    cut: bool
+    second: float
+    hidden: float
+    soft: float
+
+
+LARGEST_SMALL_PX = 1000
+"""Longer side in px of the reduced picture in which the device is looked for."""
+
+RIM_SHARE = 0.03
+"""Width of the rim, as a share of the shorter side, whose colour is the background's."""
+
+MIN_AREA = 150
+"""Pixels of the reduced picture that a device covers."""
+
+SOFT_EDGE = 2.5
+"""Width of an edge over the usual one from which it is more likely a cast shadow's than the device's."""
+
+NEAR_BASE = 0.6
+"""Distance from the base's two pixels, in lengths between them, within which the outline crosses the line through them."""
+
+RIM_OF_TAG, RIM_OF_BOARD = 0.25, 2.5
+"""How far a tag goes beyond its corners, in sides, and a board beyond its own, in squares: towards the corners of both."""
+
+BESIDE_COVERED = 4
+"""Pixels of the reduced picture from a covered region within which it hides a part of the device."""
+
+
+MIN_DIFFERENCE = 0.03
+"""Difference of light from 0 to 1 between device and background in the channel that shows it best."""
+
+NOTHING_SEEN = "no device stands out from the background; use a background of another colour, or light from behind"
+
+
+def find_silhouette(image: pictures.Pixels, setup: Setup, base: Array | None = None) -> Silhouette:
+    """Return the silhouette of the one device in a photograph (h, w, 3).
+
+    ``base`` are two pixels (2, 2) at the ends of the face at which the device begins; None where it reaches out of the frame
+    or out of the region of interest there. Raises `Unmeasurable` for no device, or an outline that does not begin and end at
+    the base.
+    """
+    x0, y0, x1, y1 = map(round, setup.roi or (0, 0, *setup.camera.size))
+    factor = max(1.0, max(x1 - x0, y1 - y0) / LARGEST_SMALL_PX)
+    size = max(8, round((x1 - x0) / factor)), max(8, round((y1 - y0) / factor))
+    small = cv2.resize(image[y0:y1, x0:x1], size, interpolation=cv2.INTER_AREA)
+    light = pictures.LIGHT_OF_SRGB[cv2.medianBlur(small, 3)].astype(np.float64)
+    covered = _covered(setup, size, factor, (x0, y0))
+    body, second = _body(light, covered)
+    colour = _colours(light, body, covered)
+    share = colour.share(light)
+    mask = body if colour.depth > 0 and share[body].mean() < 0.5 else ~body
+    contour = edge.coarse_contour(mask, share, factor, (x0, y0))
+    is_open = float(np.linalg.norm(contour[0] - contour[-1])) > 2.0 * factor
+    shading = profiles.Shading(image, colour)
+    traced = edge.refine_edge(shading, contour, factor)
+    traced, gap = _without_gaps(traced, contour, factor, shading)
+    beside = cv2.dilate(covered.astype(np.uint8), np.ones((2 * BESIDE_COVERED + 1,) * 2, np.uint8)) > 0
+    if base is None:
+        if not is_open:
+            raise pictures.Unmeasurable(
+                "the outline is closed, so nothing shows where the device begins; give two pixels at the ends of its base "
+                "(--base x,y=x,y)"
+            )
+        ends, cut = contour[[0, -1]], False
+        if float(np.linalg.norm(traced.px[0] - ends[0])) > float(np.linalg.norm(traced.px[-1] - ends[0])):
+            traced = _reversed(traced)
+    else:
+        traced, ends, cut = _from_base(traced, np.asarray(base, dtype=float), is_open)
+    outline = np.vstack([ends[:1], traced.px, ends[1:]])
+    usual = np.median(traced.width)
+    return Silhouette(
+        traced, ends, _guide(outline, factor), gap, cut, second,
+        float(np.mean(_lies_in(traced.px, beside, factor, (x0, y0)))),
+        float(np.mean(traced.width > SOFT_EDGE * usual)),
+    )  # fmt: skip
+
+
+def _covered(setup: Setup, size: tuple[int, int], factor: float, origin: tuple[int, int]) -> Mask:
+    """Return which pixels of the reduced picture masks or the scale's own target cover, shape (h, w)."""
+    shown = np.zeros(size[::-1], dtype=np.uint8)
+    for left, top, right, bottom in setup.masks:
+        corners = (np.array([[left, top], [right, bottom]]) - origin) / factor
+        first, last = np.rint(corners).astype(int).tolist()
+        cv2.rectangle(shown, first, last, 1, -1)
+    seen = setup.camera.distort(setup.plane.points)
+    hull = cv2.convexHull(seen.astype(np.float32))[:, 0].astype(float)
+    # A board goes on by a square and a white rim beyond its corners, a tag by its rim.
+    step = np.sqrt(cv2.contourArea(hull.astype(np.float32))) * (
+        RIM_OF_TAG if len(seen) == 4 else RIM_OF_BOARD / np.sqrt(len(seen))
+    )
+    out = hull - hull.mean(axis=0)
+    hull = hull + out * (step / np.maximum(np.linalg.norm(out, axis=1), 1e-9))[:, None]
+    inside = (hull - origin) / factor
+    if cv2.contourArea(inside.astype(np.float32)) < 0.4 * size[0] * size[1]:  # a larger one is the background
+        cv2.fillPoly(shown, [np.rint(inside).astype(np.int32)], 1)
+    return shown > 0
+
+
+def _body(light: Array, covered: Mask) -> tuple[Mask, float]:
+    """Return where the device is in the light (h, w, 3), and the next thing's area over its."""
+    rim = np.ones(light.shape[:2], dtype=bool)
+    width = max(3, round(RIM_SHARE * min(rim.shape)))
+    rim[width:-width, width:-width] = False
+    rim &= ~covered
+    if rim.sum() < MIN_AREA:
+        raise pictures.Unmeasurable("no rim of the picture shows the background; give setup --roi a larger region")
+    background = rim
+    for _ in range(3):  # uneven light is learnt from the background, which is known only after a first look
+        levels = _surface(light, background)
+        centre, covariance = profiles.robust_covariance(_thinned((light - levels)[background]))
+        covariance = covariance + np.eye(3) * profiles.LIGHT_FLOOR**2
+        offset = light - levels - centre
+        distance = np.sqrt(np.einsum("...i,ij,...j->...", offset, np.linalg.inv(covariance), offset))
+        limit = np.sqrt(chi2.ppf(0.9999, 3))
+        split = np.exp(threshold_otsu(np.log(np.maximum(distance[~covered], 0.1 * limit))))
+        other = (distance > max(limit, split)) & ~covered
+        background = ~cv2.dilate(other.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(bool) & ~covered
+        if background.sum() < MIN_AREA:
+            raise pictures.Unmeasurable("nothing of the background can be told from the device; use a background that differs")
+    opened = cv2.morphologyEx(other.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(opened, connectivity=4)
+    areas = stats[1:, cv2.CC_STAT_AREA]
+    if count < 2 or areas.max() < MIN_AREA:
+        raise pictures.Unmeasurable(NOTHING_SEEN)
+    order = np.argsort(areas)[::-1]
+    mask = labels == order[0] + 1
+    outside = cv2.connectedComponents(np.pad(~mask, 1, constant_values=True).astype(np.uint8), connectivity=4)[1]
+    body = outside[1:-1, 1:-1] != outside[0, 0]  # a reflection inside is no edge of it
+    return body, float(areas[order[1]] / areas[order[0]]) if len(order) > 1 else 0.0
+
+
+def _surface(light: Array, background: Mask) -> Array:
+    """Return quadratic surfaces (h, w, 3) through the background's light (h, w, 3)."""
+    v, u = (2.0 * np.arange(count) / count - 1.0 for count in background.shape)
+    row, column = (at[:: max(1, int(background.sum() / profiles.MOST_PIXELS))] for at in np.nonzero(background))
+
+    def terms(x: Array, y: Array) -> Array:
+        return np.stack([np.ones(np.broadcast(x, y).shape), *np.broadcast_arrays(x, y, x * x, x * y, y * y)], axis=-1)
+
+    design, value = terms(u[column], v[row]), light[row, column]
+    near = np.ones(len(row), dtype=bool)
+    for _ in range(4):  # what else is on the rim must not tilt it
+        fit = np.linalg.lstsq(design[near], value[near], rcond=None)[0]
+        missed = np.linalg.norm(value - design @ fit, axis=1)
+        near = missed <= 3.0 * max(float(np.median(missed)), profiles.LIGHT_FLOOR)
+    return np.asarray(terms(u[None, :], v[:, None]) @ fit)
+
+
+def _thinned(samples: Array) -> Array:
+    return samples[:: max(1, len(samples) // profiles.MOST_PIXELS)]
+
+
+def _colours(light: Array, body: Mask, covered: Mask) -> profiles.ShadowColour:
+    """Return the colours of device and background near its edge, the darker one as the shadow."""
+    near = cv2.dilate(body.astype(np.uint8), np.ones((41, 41), np.uint8)) > 0
+    beside = near & ~(cv2.dilate(body.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0) & ~covered
+    within = cv2.erode(body.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    if within.sum() < 30 or beside.sum() < 30:
+        raise pictures.Unmeasurable("the device is too small in the picture to be measured; move the camera closer")
+    parts = [profiles.robust_covariance(_thinned(light[part])) for part in (within, beside)]
+    dark, lit = sorted(parts, key=lambda part: float(part[0].sum()))
+    if np.abs(lit[0] - dark[0]).max() < MIN_DIFFERENCE:
+        raise pictures.Unmeasurable(NOTHING_SEEN)
+    pooled = 0.5 * (dark[1] + lit[1])
+    pooled = pooled + np.eye(3) * max(profiles.LIGHT_FLOOR**2, 0.1 * float(np.trace(pooled)) / 3.0)
+    return profiles.ShadowColour(dark[0], lit[0], pooled)
+
+
+def _lies_in(px: Array, covered: Mask, factor: float, origin: tuple[int, int]) -> Mask:
+    """Return which points (n, 2) in px lie on a covered pixel of the reduced picture."""
+    at = np.rint((px - origin + 0.5) / factor - 0.5).astype(int)
+    column, row = (np.clip(at[:, k], 0, covered.shape[1 - k] - 1) for k in (0, 1))
+    return np.asarray(covered[row, column])
+
+
+def _without_gaps(
+    traced: edge.Edge, contour: Array, factor: float, shading: profiles.Shading
+) -> tuple[edge.Edge, float]:  # fmt: skip
+    """Return the edge with further points near the contour (n, 2) where it has gaps, and the longest stretch over the
+    contour's length in which these have no clear edge either.
+
+    A face in the shade that is seen aslant beside the edge makes a second step, which no single one fits: the steepest place
+    of the outer step is the edge there.
+    """
+    way = np.gradient(contour, axis=0)
+    arc = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(contour, axis=0), axis=1))]
+    number = cKDTree(contour).query(traced.px)[1]
+    at = arc[number]
+    order = np.argsort(at, kind="stable")
+    usual = float(np.median(np.diff(at[order])))
+    far = cKDTree(at[:, None]).query(arc[:, None])[0]
+    extra = np.flatnonzero(far > 2.0 * usual)[:: max(1, round(usual / max(arc[-1] / len(arc), 1e-9)))]
+    if not len(extra):
+        return traced[order], float(np.diff(np.r_[0.0, at[order], arc[-1]]).max() / arc[-1])
+    normal = np.column_stack([way[:, 1], -way[:, 0]])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-9)[:, None]
+    normal = normal[extra] * np.sign(np.sum(normal[number] * traced.normal))
+    nearest = cKDTree(traced.px).query(contour[extra])[1]
+    shift, is_clear = _steepest(shading, contour[extra], normal, 2.0 * factor + 2.0)
+    joined = dataclasses.replace(
+        traced, px=np.vstack([traced.px, contour[extra] + shift[:, None] * normal]), normal=np.vstack([traced.normal, normal]),
+        error=np.r_[traced.error, np.where(is_clear, STEEPEST_ERROR, 0.5 * factor)],
+        width=np.r_[traced.width, traced.width[nearest]], contrast=np.r_[traced.contrast, traced.contrast[nearest]],
+    )  # fmt: skip
+    seen = np.sort(np.r_[0.0, at, arc[extra[is_clear]], arc[-1]])
+    return joined[np.argsort(np.r_[at, arc[extra]], kind="stable")], float(np.diff(seen).max() / arc[-1])
+
+
+STEEPEST_ERROR, STEEPEST_SHARE = 0.2, 0.3
+"""Standard error in px of the steepest place of an edge, and the share of the whole step that rises within 2 px there."""
+
+
+def _steepest(shading: profiles.Shading, px: Array, normal: Array, reach: float) -> tuple[Array, Mask]:
+    """Return the offsets (n,) in px along normals (n, 2) at which the light rises most, within a reach of places (n, 2), and
+    where that is a clear edge."""
+    offsets = np.arange(-reach - 2.0, reach + 2.01, 0.5)
+    value = shading.level(px[:, None, :] + offsets[None, :, None] * normal[:, None, :])
+    rise = np.nan_to_num(gaussian_filter1d(value, 1.5, axis=1, order=1)[:, 4:-4], nan=0.0)
+    best = np.clip(np.argmax(rise, axis=1), 1, rise.shape[1] - 2)
+    before, most, after = (np.take_along_axis(rise, (best + k)[:, None], axis=1)[:, 0] for k in (-1, 0, 1))
+    bend = np.minimum(before - 2.0 * most + after, -1e-12)
+    place = offsets[4:-4][best] + 0.25 * np.clip((before - after) / bend, -1.0, 1.0)
+    is_clear = 4.0 * most > STEEPEST_SHARE  # half a pixel between samples
+    return np.where(is_clear, place, 0.0), is_clear
+
+
+def _reversed(traced: edge.Edge) -> edge.Edge:
+    return traced[np.arange(len(traced.px))[::-1]]
+
+
+def _from_base(traced: edge.Edge, base: Array, is_open: bool) -> tuple[edge.Edge, Array, bool]:
+    """Return the part of the edge from one end of the base around the tip to the other, the first pixel's end first, where
+    it meets the line of the base, shape (2, 2), and whether the frame cuts it."""
+    px, along = traced.px, base[1] - base[0]
+    length = float(np.linalg.norm(along))
+    if length < 3.0:
+        raise pictures.Unmeasurable("the two pixels of --base are the same; give those at both ends of the device's base")
+    across = np.array([-along[1], along[0]]) / length
+    beside = (px - base[0]) @ across
+    following = np.r_[np.arange(1, len(px)), 0] if not is_open else np.arange(1, len(px))
+    before = np.arange(len(following))
+    crossing = np.flatnonzero(np.signbit(beside[before]) != np.signbit(beside[following]))
+    chosen = []
+    for end in base:
+        near = np.linalg.norm(px[crossing] - end, axis=1)
+        if not len(crossing) or near.min() > NEAR_BASE * length:
+            raise pictures.Unmeasurable(
+                f"no edge of the device lies near the pixel {end[0]:.0f},{end[1]:.0f} of --base; give the two pixels at the "
+                "ends of the face at which the device begins"
+            )
+        chosen.append(int(crossing[np.argmin(near)]))
+    first, last = chosen
+    if first == last:
+        raise pictures.Unmeasurable("both pixels of --base lie at one edge of the device; give those at both ends of its base")
+    low, high = min(chosen), max(chosen)
+    inner = np.arange(low + 1, high + 1)
+    outer = np.r_[np.arange(high + 1, len(px)), np.arange(0, low + 1)]
+    # The way around the tip stays in the frame; that around the clamp leaves it, or is the shorter one.
+    longer = len(inner) >= len(outer)
+    way = inner if is_open or longer else outer
+    part, pairs = traced[way], np.array([(k, following[k]) for k in chosen])
+    share = beside[pairs[:, 0]] / (beside[pairs[:, 0]] - beside[pairs[:, 1]])
+    ends = px[pairs[:, 0]] + share[:, None] * (px[pairs[:, 1]] - px[pairs[:, 0]])
+    if np.linalg.norm(part.px[0] - ends[0]) > np.linalg.norm(part.px[-1] - ends[0]):
+        part = _reversed(part)
+    return part, ends, is_open and not longer
+
+
+def _guide(outline: Array, factor: float) -> Array:
+    """Return a rough centre line (k, 2) in px of an outline (n, 2) that begins and ends at the base: middles of the places
+    that are equally far from the base on ways inside of it."""
+    low = outline.min(axis=0) - 2.0 * factor
+    shape = np.ceil((outline.max(axis=0) - low) / factor).astype(int)[::-1] + 3
+    inside = np.zeros(shape, dtype=np.uint8)
+    small = (outline - low) / factor
+    cv2.fillPoly(inside, [np.rint(small).astype(np.int32)], 1)
+    start = np.zeros(shape, dtype=np.uint8)
+    first, last = np.rint(small[[0, -1]]).astype(int).tolist()
+    cv2.line(start, first, last, 1, 2)
+    begin = np.argwhere((start > 0) & (inside > 0))
+    ways, _ = MCP_Geometric(np.where(inside > 0, 1.0, -1.0)).find_costs([tuple(place) for place in begin.tolist()])
+    reached = np.isfinite(ways)
+    if reached.sum() < MIN_AREA:
+        raise pictures.Unmeasurable("the device is too small in the picture to be measured; move the camera closer")
+    row, column = np.nonzero(reached)
+    number = (ways[reached] / GUIDE_STEP).astype(int)
+    count = np.maximum(np.bincount(number), 1)
+    middles = np.column_stack([np.bincount(number, column) / count, np.bincount(number, row) / count])
+    return middles[np.bincount(number) > 0] * factor + low
+
+
+GUIDE_STEP = 4.0
+"""Step of the rough centre line in px of the reduced picture."""
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The shape of an outline: centre line, length, tip and angle, in m in the plane of motion.
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Shape:
+    """What an outline in m shows.
+
+    Attributes:
+        line: The centre line (k, 2) in m, evenly along its length from the base's middle to the tip.
+        width: Width of the device across it in m, shape (k,).
+        tip: Where the centre line leaves the device, shape (2,), m.
+        angle: Direction in rad in which the tip's face looks, from the x axis to z; of a round tip that of the centre line.
+        face: Whether the tip has a flat face.
+        base: Middle of the base (2,) in m.
+        direction: Direction in rad from the base into the device, across the base.
+    """
+
+    line: Array
+    width: Array
+    tip: Array
+    angle: float
+    face: bool
+    base: Array
+    direction: float
+
+    @functools.cached_property
+    def length(self) -> float:
+        """Length of the centre line in m."""
+        return float(np.linalg.norm(np.diff(self.line, axis=0), axis=1).sum())
+
+    @functools.cached_property
+    def curvature(self) -> Array:
+        """Curvature of the centre line in 1/m, shape (k,), positive where it turns from x to z."""
+        step = self.length / (len(self.line) - 1)
+        first, second = np.gradient(self.line, step, axis=0), np.gradient(np.gradient(self.line, step, axis=0), step, axis=0)
+        return np.asarray(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
+
+
+STATION_COUNT = 101
+"""Points of a centre line."""
+
+KNOT_COUNT = 7
+"""Inner knots of the spline through the middles between both sides."""
+
+MAX_ROUNDS = 6
+"""Times that the stations' normals follow the line."""
+
+FACE_SHARE = 0.3
+"""Half the width of the tip's face, as a share of the device's width there, that tells its direction."""
+
+FLAT_SHARE = 0.012
+"""Root mean square distance, as a share of the width, up to which the tip's face is flat."""
+
+
+def shape_of(outline: Array, base: Array, guide: Array, rounds: int = MAX_ROUNDS) -> Shape:
+    """Return the shape of an outline (n, 2) in m that begins beside one end of the base (2, 2) and ends beside the other, near
+    a rough centre line (k, 2), after so many rounds. Raises `Unmeasurable` where no centre line joins base and tip."""
+    polygon = np.vstack([base[:1], outline, base[1:]])
+    middle = base.mean(axis=0)
+    line = _resampled(np.vstack([middle, guide[1:]]), STATION_COUNT)
+    wide = np.full(STATION_COUNT, np.nan)
+    for turn in range(rounds):
+        line = _extended(line, polygon)
+        normal = normals(line)
+        left, right = (_reach(polygon, line, sign * normal) for sign in (1.0, -1.0))
+        wide = left + right
+        good = np.isfinite(wide)
+        usual = float(np.median(wide[good])) if good.sum() > STATION_COUNT // 3 else np.nan
+        length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
+        arc = np.linspace(0.0, length, STATION_COUNT)
+        good &= (wide < 2.5 * usual) & (arc < length - 0.5 * usual) & (arc > 0.1 * usual)
+        if good.sum() < STATION_COUNT // 3:
+            raise pictures.Unmeasurable("the outline has no centre line from its base to its tip; check --base and --roi")
+        centres = line + (0.5 * (left - right))[:, None] * normal
+        inner = int(np.clip(KNOT_COUNT if turn or rounds < MAX_ROUNDS else 3, 1, good.sum() // 6))
+        line = _smooth_line(arc[good], centres[good], middle, length, inner)
+    line = _extended(line, polygon)
+    wide = np.where(np.isfinite(wide), wide, usual)
+    tip, angle, flat = _tip(polygon, line, float(np.median(wide[-STATION_COUNT // 5 : -STATION_COUNT // 12])))
+    line = _resampled(np.vstack([line[:-1], tip]), STATION_COUNT)
+    across = base[1] - base[0]
+    way = np.array([-across[1], across[0]])
+    way = way * np.sign(way @ (line[STATION_COUNT // 8] - middle))
+    return Shape(line, wide, tip, angle, flat, middle, float(np.arctan2(way[1], way[0])))
+
+
+def _resampled(line: Array, count: int) -> Array:
+    arc = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))]
+    at = np.linspace(0.0, arc[-1], count)
+    return np.column_stack([np.interp(at, arc, line[:, k]) for k in (0, 1)])
+
+
+def normals(line: Array) -> Array:
+    """Return unit vectors (k, 2) across a line (k, 2), to the left of the way along it."""
+    way = np.gradient(line, axis=0)
+    way = cv2.blur(way, (1, 5), borderType=cv2.BORDER_REPLICATE)
+    way /= np.linalg.norm(way, axis=1)[:, None]
+    return np.column_stack([-way[:, 1], way[:, 0]])
+
+
+def _reach(polygon: Array, points: Array, way: Array) -> Array:
+    """Return the distances (k,) in m from points (k, 2) along unit vectors (k, 2) to the polygon (n, 2); NaN for none."""
+    a, b = polygon[:-1], np.diff(polygon, axis=0)
+    offset = a[None] - points[:, None]
+    cross = way[:, None, 0] * b[None, :, 1] - way[:, None, 1] * b[None, :, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        far = (offset[..., 0] * b[None, :, 1] - offset[..., 1] * b[None, :, 0]) / cross
+        share = (offset[..., 0] * way[:, None, 1] - offset[..., 1] * way[:, None, 0]) / cross
+    far = np.where((share >= 0.0) & (share <= 1.0) & (far > 0.0), far, np.inf).min(axis=1)
+    return np.where(np.isfinite(far), far, np.nan)
+
+
+def _extended(line: Array, polygon: Array) -> Array:
+    """Return the line with its last part replaced by the straight way on to the polygon, resampled."""
+    last = len(line) - max(3, len(line) // 14)
+    chord = line[last] - line[last - 5]
+    way = chord / np.linalg.norm(chord)
+    far = _reach(polygon, line[last : last + 1], way[None])[0]
+    if not np.isfinite(far):
+        raise pictures.Unmeasurable("the outline has no centre line from its base to its tip; check --base and --roi")
+    # The bend goes on to the tip as it was before it.
+    earlier = line[last - 5] - line[last - 10]
+    turn = float(np.arctan2(earlier[0] * way[1] - earlier[1] * way[0], earlier @ way)) / max(np.linalg.norm(earlier), 1e-12)
+    steps = np.linspace(0.0, far, 12)[1:]
+    angle = np.arctan2(way[1], way[0]) + 0.5 * turn * (np.linalg.norm(chord) + steps)
+    bent = line[last] + steps[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    end = bent[-2]
+    on = bent[-1] - end
+    size = float(np.linalg.norm(on))
+    rest = _reach(polygon, (end - 3.0 * on)[None], (on / size)[None])[0]
+    tip = end - 3.0 * on + rest * on / size if np.isfinite(rest) else bent[-1]
+    return _resampled(np.vstack([line[: last + 1], bent[:-4], tip]), len(line))
+
+
+def _smooth_line(arc: Array, centres: Array, start: Array, length: float, inner: int) -> Array:
+    knots = np.linspace(arc[0], arc[-1], inner + 2)[1:-1]
+    spline = make_lsq_spline(arc, centres, np.r_[[arc[0]] * 4, knots, [arc[-1]] * 4], k=3)
+    # One more pass without what lies far off: a slot between two chambers, a hose.
+    missed = np.linalg.norm(centres - spline(arc), axis=1)
+    weight = np.minimum(1.0, 2.0 * max(robust.deviation(missed), 1e-9) / np.maximum(missed, 1e-12))
+    spline = make_lsq_spline(arc, centres, np.r_[[arc[0]] * 4, knots, [arc[-1]] * 4], k=3, w=np.sqrt(weight))
+    at = np.linspace(0.0, length, STATION_COUNT)
+    shown = spline(np.clip(at, arc[0], arc[-1]))
+    for end, beyond in ((arc[0], at < arc[0]), (arc[-1], at > arc[-1])):
+        shown[beyond] = spline(end) + (at[beyond] - end)[:, None] * spline(end, 1)
+    shown[at < arc[0]] += (start - spline(arc[0]) + arc[0] * spline(arc[0], 1)) * (1.0 - at[at < arc[0]] / arc[0])[:, None]
+    return _resampled(shown, STATION_COUNT)
+
+
+def _tip(polygon: Array, line: Array, width: float) -> tuple[Array, float, bool]:
+    """Return the tip (2,) in m, the direction in rad that its face looks in, and whether it has a flat one."""
+    tip, way = line[-1], line[-1] - line[-8]
+    way = way / np.linalg.norm(way)
+    across = np.array([-way[1], way[0]])
+    face, flat = tip, False
+    for _ in range(3):
+        offset = polygon[1:-1] - face
+        near = (np.abs(offset @ across) < FACE_SHARE * width) & (np.abs(offset @ way) < 0.35 * width)
+        if near.sum() < 6:
+            return tip, float(np.arctan2(way[1], way[0])), False
+        at, high = offset[near] @ across, offset[near] @ way
+        fit = np.polynomial.polynomial.polyfit(at, high, 1)
+        missed = high - np.polynomial.polynomial.polyval(at, fit)
+        kept = np.abs(missed) <= 3.0 * max(robust.deviation(missed), 1e-9)
+        fit = np.polynomial.polynomial.polyfit(at[kept], high[kept], 1)
+        missed = high[kept] - np.polynomial.polynomial.polyval(at[kept], fit)
+        flat = float(np.sqrt(np.mean(missed**2))) < FLAT_SHARE * width
+        if not flat:
+            break
+        face = face + fit[0] * way
+        way = way - fit[1] * across
+        way = way / np.linalg.norm(way)
+        across = np.array([-way[1], way[0]])
+    if not flat:
+        way = line[-1] - line[-8]
+        return tip, float(np.arctan2(way[1], way[0])), False
+    # The middle of the face: between both sides a little before it.
+    back = face - 0.15 * width * way
+    reach = [_reach(polygon, back[None], sign * across[None])[0] for sign in (1.0, -1.0)]
+    if np.isfinite(reach).all() and sum(reach) < 1.5 * width:
+        face = face + 0.5 * (reach[0] - reach[1]) * across
+    return face, float(np.arctan2(way[1], way[0])), True

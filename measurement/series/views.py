@@ -1,0 +1,445 @@
+"""Side views: tip, angle, centre line and outline of a device of any kind in every photograph of a list.
+
+Lengths hold in the device's middle plane, in which it moves. The scale may lie in another plane, parallel to it: from the
+camera's place every plane is a scaled copy of every other one, about the camera's foot. A device that is as deep as it is wide
+shows the edge of its front face where its outline looks away from that foot, and the edge of its rear face elsewhere; both are
+brought to the middle plane. Errors come from repeats of the whole evaluation with everything that is not known exactly varied.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import functools
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+from scipy.optimize import brentq
+
+from measurement import pictures
+from measurement.outline import silhouette
+from measurement.screen.setup import Setup, SetupError
+from measurement.series import checks, drawing, measuring
+from measurement.series.photo_list import Photograph
+from measurement.series.witness import Refusal
+from softmodels.common import errors
+from softmodels.common.arrays import Array
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Scene:
+    """What stays the same in all photographs of a device from the side.
+
+    Attributes:
+        setup: Camera and plane of the scale, its magnification 1.
+        camera_distance: From the camera to the device's middle plane, and its standard error, in m.
+        depth: Size of the device along the line of sight in m; 0 for a round one, of which the widest part is seen.
+        ahead: How far the device's middle plane lies before the scale's, towards the camera, and its standard error, in m.
+        base: Two pixels (2, 2) at the ends of the face at which the device begins; None where the frame cuts it there.
+        length: Length of the device's centre line without pressure in m, and its standard error; None where it is not known.
+    """
+
+    setup: Setup
+    camera_distance: tuple[float, float]
+    depth: float = 0.0
+    ahead: tuple[float, float] = (0.0, 0.0)
+    base: Array | None = None
+    length: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        far, near = self.camera_distance[0], abs(self.ahead[0]) + 0.5 * self.depth
+        if (
+            not (math.isfinite(far) and far > 2.0 * near)
+            or self.depth < 0.0
+            or min(self.camera_distance[1], self.ahead[1]) < 0.0
+        ):
+            raise SetupError(
+                f"a camera at {far * 1e3:g} mm (--camera-distance) cannot see a device {self.depth * 1e3:g} mm deep (--depth) "
+                f"at {self.ahead[0] * 1e3:g} mm before the scale (--ahead); give positive lengths, the camera farthest away"
+            )
+        if self.setup.magnification != 1.0:
+            raise SetupError(
+                "the setup has the magnification of a shadow; for side views make it without --lamp-distance and "
+                "--screen-distance, and give --camera-distance and --ahead"
+            )
+
+        object.__setattr__(self, "setup", _upright(self.setup))
+
+    @functools.cached_property
+    def foot(self) -> Array:
+        """Where the camera stands above the scale's plane, shape (2,), m."""
+        setup, far = self.setup, self.camera_distance[0] + self.ahead[0]
+
+        def above(focal: float) -> Array:
+            matrix = setup.camera.matrix.copy()
+            matrix[0, 0] = matrix[1, 1] = focal
+            seen = np.linalg.inv(matrix) @ np.linalg.inv(setup.plane.homography)
+            seen = seen / np.mean(np.linalg.norm(seen[:, :2], axis=0))
+            first, second = seen[:, 0], seen[:, 1]
+            turn = np.column_stack([first, second, np.cross(first, second)])
+            return np.asarray(-np.linalg.solve(turn, seen[:, 2]))
+
+        longest = max(setup.camera.size)
+        low, high = 0.05 * longest, 200.0 * longest
+        missed = [abs(above(focal)[2]) - far for focal in (low, high)]
+        if missed[0] * missed[1] > 0.0:
+            raise SetupError(
+                f"no camera at {far * 1e3:.4g} mm from the scale sees it this large; check --camera-distance and the scale"
+            )
+        return above(brentq(lambda focal: abs(above(focal)[2]) - far, low, high))[:2]
+
+    def to_metres(self, px: Array, normal: Array | None = None) -> Array:
+        """Return places (n, 2) in m in the device's middle plane of pixels (n, 2), of points of its outline where the unit
+        vectors (n, 2) away from the device in the picture are given."""
+        far, half = self.camera_distance[0], 0.5 * self.depth
+        seen = self.setup.to_metres(px)
+        offset = (seen - self.foot) * far / (far + self.ahead[0])
+        if normal is not None and half > 0.0:
+            outwards = self.setup.to_metres(px + normal) - seen
+            front = np.einsum("ni,ni->n", outwards, offset) > 0.0
+            offset = offset * np.where(front, (far - half) / far, (far + half) / far)[:, None]
+        return self.foot + offset
+
+    def to_pixels(self, metres: Array) -> Array:
+        """Return pixels (n, 2) of places (n, 2) in m in the device's middle plane."""
+        far = self.camera_distance[0]
+        return self.setup.to_pixels(self.foot + (metres - self.foot) * (far + self.ahead[0]) / far)
+
+    def varied(self, random: np.random.Generator) -> Scene:
+        """Return the scene with its uncertain numbers drawn anew."""
+        plane = self.setup.plane
+        drawn = random.multivariate_normal(np.zeros(9), plane.covariance, method="svd").reshape(3, 3)
+        plane = dataclasses.replace(plane, homography=plane.homography + drawn)
+        scale = 1.0 + self.setup.pitch_error * random.standard_normal()
+        plane = dataclasses.replace(plane, homography=np.diag([scale, scale, 1.0]) @ plane.homography)
+        near, far = (value + error * random.standard_normal() for value, error in (self.ahead, self.camera_distance))
+        setup = dataclasses.replace(self.setup, plane=plane)
+        return dataclasses.replace(
+            self, setup=setup, ahead=(near, 0.0), camera_distance=(max(far, 0.2 * self.camera_distance[0]), 0.0)
+        )
+
+
+def _upright(setup: Setup) -> Setup:
+    """Return the setup with the plane's axes exchanged or turned round so that x runs to the right in the picture and z up: a
+    board counts its squares from whatever corner it finds first."""
+    middle = (np.array([setup.camera.size]) - 1.0) / 2.0
+    seen = setup.jacobian(middle)[0] * [1.0, -1.0]
+    axes = [np.array([[a, 0.0], [0.0, b]])[list(order)] for a in (1.0, -1.0) for b in (1.0, -1.0) for order in ((0, 1), (1, 0))]
+    turn = np.eye(3)
+    turn[:2, :2] = max(axes, key=lambda axis: float(np.trace(axis @ seen)))
+    plane = setup.plane
+    big = np.kron(turn, np.eye(3))
+    plane = dataclasses.replace(
+        plane, homography=turn @ plane.homography, covariance=big @ plane.covariance @ big.T,
+        targets=plane.targets @ turn[:2, :2].T,
+    )  # fmt: skip
+    return dataclasses.replace(setup, plane=plane)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class View:
+    """A device at one pressure, seen from the side: places in m in its plane of motion, x to the right and z up in the
+    scale's plane.
+
+    Attributes:
+        shape: Centre line, tip and angle.
+        outline: Points (n, 2) of the outline in m from one end of the base around the tip to the other.
+        outline_error: Standard error (n,) of each in m.
+        tip_error: Standard errors (2,) in m of the tip's place from the base's middle.
+        angle_error: Standard error of the tip's angle in rad.
+        length_error: Standard error of the centre line's length in m.
+        line_error: Standard error (k,) in m of the centre line's points across it.
+        pressure, pressure_error: Pressure and its standard error in Pa.
+        source: Name of the photograph's file.
+        reasons: What speaks against it, one sentence each; empty if it is trusted.
+        anyway: Whether it shall be used in spite of them.
+    """
+
+    shape: silhouette.Shape
+    outline: Array
+    outline_error: Array
+    tip_error: Array
+    angle_error: float
+    length_error: float
+    line_error: Array
+    pressure: float
+    pressure_error: float
+    source: str
+    reasons: tuple[str, ...] = ()
+    anyway: bool = False
+
+    @property
+    def trust(self) -> str:
+        """``"yes"``, ``"no"``, or ``"anyway"`` where it shall be used in spite of what speaks against it."""
+        return "yes" if not self.reasons else "anyway" if self.anyway else "no"
+
+    def to_csv(self, path: Path, origin: Array) -> None:
+        """Write the outline and the centre line from an origin (2,) in m as curves by arc length."""
+        with path.open("w", newline="", encoding="utf-8") as file:
+            rows = csv.writer(file)
+            rows.writerow(CURVE_COLUMNS)
+            turned = self.shape.curvature
+            for name, points, error, bend in (
+                ("outline", self.outline, self.outline_error, None), ("centre_line", self.shape.line, self.line_error, turned),
+            ):  # fmt: skip
+                arc = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))]
+                for k, (x, z) in enumerate(points - origin):
+                    curvature = "" if bend is None else f"{bend[k]:.5g}"
+                    rows.writerow((name, f"{arc[k]:.9g}", f"{x:.9g}", f"{z:.9g}", f"{error[k]:.4g}", curvature))
+
+
+CURVE_COLUMNS = ("curve", "arc_length_m", "x_m", "z_m", "error_m", "curvature_1/m")
+
+REPEAT_COUNT = 24
+"""Repeats from whose scatter the errors come."""
+
+SHARED_PX = 0.05
+"""Standard error in px by which the whole edge may lie too far out: tone curve, sharpening, light that creeps around it."""
+
+MODEL_PX = 0.1
+"""Standard error in px of the tip and of the centre line that smoothing and corners leave."""
+
+ASLANT_SHARE = 0.05
+"""Standard error of the tip and of the outline as a share of the strip that is seen aslant of a face along the line of sight:
+where it is hardly darker or brighter than the front face, the edge is drawn towards its inner side."""
+
+
+def view_of(
+    image: pictures.Pixels, seen: silhouette.Silhouette, scene: Scene, photo: Photograph, reference: Reference | None = None
+) -> View:
+    """Return what a photograph (h, w, 3) and the silhouette in it show; ``reference`` is the photograph without pressure.
+    Raises `Unmeasurable` for no device, or one that the checks reject."""
+    out = _outwards(seen)
+    shape, outline = _evaluated(seen, seen.edge.px, out, scene)
+    random = np.random.default_rng(52)
+    lens = scene.setup.camera.error(seen.edge.px)
+    shapes, outlines = [], []
+    for _ in range(REPEAT_COUNT):
+        moved = seen.edge.error * random.standard_normal(len(lens)) + SHARED_PX * random.standard_normal()
+        px = seen.edge.px + moved[:, None] * out + lens[:, None] * _field(seen.edge.px, scene, random)
+        try:
+            repeat, points = _evaluated(seen, px, out, scene.varied(random), shape.line)
+        except pictures.Unmeasurable:
+            continue
+        shapes.append(repeat)
+        outlines.append(points - repeat.base)
+    if len(shapes) < REPEAT_COUNT // 2:
+        raise pictures.Unmeasurable(
+            "the outline is too noisy for a centre line; photograph it again with more light and contrast"
+        )
+    pixel = float(np.sqrt(abs(np.linalg.det(scene.setup.jacobian(seen.edge.px.mean(axis=0)[None])[0]))))
+    tips = np.array([shape.tip - shape.base for shape in shapes])
+    turned = np.angle(np.exp(1j * np.array([repeat.angle - shape.angle for repeat in shapes])))
+    lines = np.array([repeat.line - repeat.base for repeat in shapes])
+    normal = silhouette.normals(shape.line)
+    across = np.einsum("rki,ki->rk", lines - lines.mean(axis=0), normal)
+    strip = scene.depth * float(np.linalg.norm(shape.tip - scene.foot)) / scene.camera_distance[0]
+    model, place = MODEL_PX * pixel, math.hypot(MODEL_PX * pixel, ASLANT_SHARE * strip)
+    view = View(
+        shape, outline, np.hypot(_spread(np.array(outlines)), place), np.hypot(np.std(tips, axis=0, ddof=1), place),
+        math.hypot(float(np.std(turned, ddof=1)), model / float(np.median(shape.width))),
+        math.hypot(float(np.std([repeat.length for repeat in shapes], ddof=1)), model),
+        np.hypot(np.std(across, axis=0, ddof=1), model), photo.pressure, photo.pressure_error, photo.file.name,
+        anyway=photo.anyway,
+    )  # fmt: skip
+    before = None if reference is None else reference.view.shape
+    moved_px = None if reference is None else background_shift(reference.image, image, [reference.seen, seen])
+    evidence = checks.ViewEvidence(
+        seen, shape, before, moved_px, pixel, view.length_error, scene.length, photo.is_zero, photo.anyway
+    )
+    return dataclasses.replace(view, reasons=checks.doubts(evidence))
+
+
+def _outwards(seen: silhouette.Silhouette) -> Array:
+    """Return unit vectors (n, 2) in px away from the device: an edge's own point to the brighter side."""
+    px = seen.edge.px
+    area = 0.5 * float(np.sum(px[:, 0] * np.roll(px[:, 1], -1) - np.roll(px[:, 0], -1) * px[:, 1]))
+    way = np.gradient(px, axis=0)
+    right = np.column_stack([way[:, 1], -way[:, 0]]) * np.sign(area)
+    return seen.edge.normal * np.sign(np.sum(right * seen.edge.normal))
+
+
+def _evaluated(
+    seen: silhouette.Silhouette, px: Array, out: Array, scene: Scene, near: Array | None = None
+) -> tuple[silhouette.Shape, Array]:
+    """Return the shape and the outline (n, 2) in m of an edge at pixels (n, 2); with a centre line that is near, quicker."""
+    outline = scene.to_metres(px, out)
+    base = scene.to_metres(seen.base, out[[0, -1]])
+    if near is not None:
+        return silhouette.shape_of(outline, base, near - near[0] + base.mean(axis=0), 2), outline
+    return silhouette.shape_of(outline, base, scene.to_metres(seen.guide)), outline
+
+
+def _field(px: Array, scene: Scene, random: np.random.Generator) -> Array:
+    """Return a smooth random field (n, 2) of variance about 1 over the picture: a lens' error changes slowly along it."""
+    x, y = (2.0 * px / np.array(scene.setup.camera.size) - 1.0).T
+    terms = np.column_stack([np.ones(len(px)), x, y, x * y, x * x - 0.5, y * y - 0.5])
+    return np.asarray(terms @ random.standard_normal((6, 2)) / math.sqrt(2.5))
+
+
+def _spread(repeats: Array) -> Array:
+    """Return the standard deviations (n,) of repeated points (r, n, 2), the root mean square over both axes."""
+    return np.asarray(np.sqrt(np.mean(np.var(repeats, axis=0, ddof=1), axis=1)))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Reference:
+    """The photograph without pressure: its picture, what is seen in it, and what that shows."""
+
+    image: pictures.Pixels
+    seen: silhouette.Silhouette
+    view: View
+
+
+def background_shift(first: pictures.Pixels, second: pictures.Pixels, seen: Sequence[silhouette.Silhouette]) -> float | None:
+    """Return how far in px the background moved between two photographs (h, w, 3) in which the devices are covered; None
+    where it has no details that show it."""
+    factor = max(1.0, max(first.shape[:2]) / silhouette.LARGEST_SMALL_PX)
+    size = round(first.shape[1] / factor), round(first.shape[0] / factor)
+    small = [
+        cv2.cvtColor(cv2.resize(image, size, interpolation=cv2.INTER_AREA), cv2.COLOR_RGB2GRAY) for image in (first, second)
+    ]
+    free = np.full(size[::-1], 255, dtype=np.uint8)
+    for device in seen:
+        cv2.fillPoly(free, [np.rint(device.edge.px / factor).astype(np.int32)], 0)
+    free = cv2.erode(free, np.ones((41, 41), np.uint8))
+    detail = [
+        cv2.GaussianBlur(image, (0, 0), 1.0).astype(np.float32) - cv2.GaussianBlur(image, (0, 0), 12.0) for image in small
+    ]
+    if (free > 0).sum() < 1000 or min(float(np.percentile(np.abs(part[free > 0]), 99.5)) for part in detail) < MIN_DETAIL:
+        return None
+    try:
+        match, moved = cv2.findTransformECC(
+            detail[0], detail[1], np.eye(2, 3, dtype=np.float32), cv2.MOTION_TRANSLATION,
+            (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 60, 1e-5), free, 5,
+        )  # fmt: skip
+    except cv2.error:
+        return None
+    return float(np.hypot(*moved[:, 2])) * factor if match > MIN_MATCH else None
+
+
+MIN_DETAIL, MIN_MATCH = 6.0, 0.6
+"""Stored numbers by which the background's details differ from their surroundings, and correlation of both photographs there,
+from which a movement of the background is measured."""
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# All photographs of a list.
+
+
+VIEW_COLUMNS = (
+    "file", "pressure_Pa", "pressure_error_Pa", "tip_x_m", "tip_x_error_m", "tip_z_m", "tip_z_error_m", "angle_deg",
+    "angle_error_deg", "rotation_deg", "rotation_error_deg", "length_m", "length_error_m", "trusted", "remarks",
+)  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Views:
+    """What a list of photographs shows of a device from the side.
+
+    Attributes:
+        photographs: The list.
+        outcomes: A view, or the reason why there is none, of each.
+        names: Stems of their files.
+        reference: What the photograph without pressure shows; None where there is none.
+    """
+
+    photographs: tuple[Photograph, ...]
+    outcomes: tuple[View | Refusal, ...]
+    names: tuple[str, ...]
+    reference: View | None
+
+    @property
+    def views(self) -> list[View]:
+        """The views, in the list's order; those that are not trusted too."""
+        return [outcome for outcome in self.outcomes if isinstance(outcome, View)]
+
+    @property
+    def origin(self) -> Array:
+        """Middle of the base (2,) in m, from which places count: without pressure, else the median of all photographs."""
+        known = [self.reference] if self.reference is not None else self.views
+        return np.median([view.shape.base for view in known], axis=0)
+
+    def rotation(self, view: View) -> tuple[float, float]:
+        """Return by how much in rad the tip turned since the photograph without pressure, from -pi to pi, positive from x to
+        z, and its standard error; NaN without such a photograph."""
+        if self.reference is None:
+            return math.nan, math.nan
+        turned = float(np.angle(np.exp(1j * (view.shape.angle - self.reference.shape.angle))))
+        return turned, math.hypot(view.angle_error, self.reference.angle_error)
+
+    def write(self, folder: Path) -> None:
+        """Write ``views.csv`` and the curves of each photograph into a folder; `OSError` where they cannot be written."""
+        with (folder / "views.csv").open("w", newline="", encoding="utf-8") as file:
+            rows = csv.writer(file)
+            rows.writerow(VIEW_COLUMNS)
+            for photo, outcome in zip(self.photographs, self.outcomes, strict=True):
+                first = (photo.file.name, repr(photo.pressure), repr(photo.pressure_error))
+                if isinstance(outcome, Refusal):
+                    rows.writerow((*first, *[""] * (len(VIEW_COLUMNS) - 5), "refused", outcome.reason))
+                    continue
+                (x, z), (x_error, z_error) = outcome.shape.tip - self.origin, outcome.tip_error
+                angles = (math.degrees(a) for a in (outcome.shape.angle, outcome.angle_error, *self.rotation(outcome)))
+                values = (x, x_error, z, z_error, *angles, outcome.shape.length, outcome.length_error)
+                rows.writerow((*first, *(f"{v:.7g}" for v in values), outcome.trust, "; ".join(outcome.reasons)))
+        for name, outcome in zip(self.names, self.outcomes, strict=True):
+            if isinstance(outcome, View):
+                outcome.to_csv(folder / f"{name}.csv", self.origin)
+
+
+def views(
+    photographs: Sequence[Photograph],
+    scene: Scene,
+    pictures_folder: Path | None = None,
+    done: Callable[[], None] = lambda: None,
+) -> Views:
+    """Return what photographs show of a device from the side.
+
+    Args:
+        photographs: The list, as `measurement.read_photos` reads it.
+        scene: Camera, scale and device.
+        pictures_folder: Folder for a picture of each photograph with its outline; none without it.
+        done: Called after each photograph.
+    """
+    names = measuring.file_stems(photographs)
+    outcomes: dict[int, View | Refusal] = {}
+    reference = None
+    order = sorted(range(len(photographs)), key=lambda k: (not photographs[k].is_zero, abs(photographs[k].pressure), k))
+    for k in order:
+        photo, image = photographs[k], None
+        outcome: View | Refusal
+        try:
+            image = pictures.read_pixels(photo.file, scene.setup.camera.size)
+            seen = silhouette.find_silhouette(image, scene.setup, scene.base)
+            outcome = view_of(image, seen, scene, photo, reference)
+            if reference is None and photo.is_zero and outcome.trust != "no":
+                reference = Reference(image, seen, outcome)
+        except pictures.Unmeasurable as error:
+            outcome = Refusal(str(error), photo.file)
+        except Exception as error:  # one odd photograph must not take the others with it
+            reason = f"it led to an unforeseen failure ({type(error).__name__}: {errors.reason(error)})"
+            outcome = Refusal(reason, photo.file)
+        outcomes[k] = outcome
+        if pictures_folder is not None and image is not None:
+            lines = (
+                [] if isinstance(outcome, Refusal) else [scene.to_pixels(outcome.outline), scene.to_pixels(outcome.shape.line)]
+            )
+            drawing.draw_view(
+                pictures_folder / f"{names[k]}.png", image, lines, _title(photo, outcome), isinstance(outcome, Refusal)
+            )
+        done()
+    every = tuple(outcomes[k] for k in range(len(photographs)))
+    return Views(tuple(photographs), every, tuple(names), None if reference is None else reference.view)
+
+
+def _title(photo: Photograph, outcome: View | Refusal) -> str:
+    if isinstance(outcome, Refusal):
+        return f"{photo.file.name}   refused: {outcome.reason}"
+    angle = f"angle {math.degrees(outcome.shape.angle):.2f} ± {math.degrees(outcome.angle_error):.2f} deg"
+    length = f"length {outcome.shape.length * 1e3:.3f} ± {outcome.length_error * 1e3:.3f} mm"
+    return f"{photo.file.name}   {photo.pressure:.0f} Pa: {angle}, {length}" + (
+        "" if outcome.trust == "yes" else " (not trusted)"
+    )

@@ -1,0 +1,180 @@
+"""Side views: tip, angle and centre line of bars that bend, from rendered photographs."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.spatial import cKDTree
+
+from measurement.camera import Camera
+from measurement.cli.setup import setup as setup_command
+from measurement.cli.views import view as view_command
+from measurement.screen.setup import Setup, SetupError, plane_of_scale
+from measurement.series import views
+from measurement.series.photo_list import Photograph
+from measurement.series.witness import Refusal
+from softmodels.design import targets
+from tests.support import side_views
+
+TURNS = (0.0, 2.2)
+
+
+@pytest.fixture(scope="module")
+def bars(tmp_path_factory):
+    """Photographs of a bar, straight and bent, with their truths."""
+    folder = tmp_path_factory.mktemp("bars")
+    truths = []
+    for number, turn in enumerate(TURNS):
+        surface, *truth = side_views.bent_bar(turn)
+        side_views.photograph(folder / f"bar{number}.jpg", surface, seed=number)
+        truths.append(truth)
+    return [Photograph(folder / f"bar{k}.jpg", 5e3 * k, 50.0) for k in range(len(TURNS))], truths
+
+
+def scene(**changes):
+    camera = Camera.ideal(*side_views.SIZE)
+    known = Setup(camera, plane_of_scale(camera, 1.0 / side_views.PIXEL, 1.0))
+    made = views.Scene(known, (side_views.FAR, 2e-3), side_views.DEPTH, (0.0, 2e-4), side_views.BASE, (side_views.LENGTH, 1e-4))
+    return dataclasses.replace(made, **changes)
+
+
+@pytest.fixture(scope="module")
+def seen(bars, tmp_path_factory):
+    return views.views(bars[0], scene(), tmp_path_factory.mktemp("edges"))
+
+
+def misses(made, truths):
+    """Errors of tip (n, 2) in m, angle (n,) in rad, and the centre lines' rms (n,) in m."""
+    tips, angles, lines = [], [], []
+    for view, (tip, angle, line) in zip(made.outcomes, truths, strict=True):
+        tips.append(view.shape.tip - made.origin - tip)
+        angles.append(np.angle(np.exp(1j * (view.shape.angle - angle))))
+        dense = np.column_stack([np.interp(np.linspace(0, 1, 20000), np.linspace(0, 1, len(line)), axis) for axis in line.T])
+        lines.append(np.sqrt(np.mean(cKDTree(dense).query(view.shape.line - made.origin)[0] ** 2)))
+    return np.array(tips), np.array(angles), np.array(lines)
+
+
+def test_tip_angle_and_centre_line_are_those_of_the_bar(bars, seen):
+    assert [view.trust for view in seen.outcomes] == ["yes"] * len(TURNS)
+    tips, angles, lines = misses(seen, bars[1])
+    assert np.linalg.norm(tips, axis=1).max() < 5e-5
+    assert np.degrees(np.abs(angles)).max() < 0.1
+    assert lines.max() < 3e-5
+    assert (np.abs(tips) < 3.0 * np.array([view.tip_error for view in seen.views])).all()
+    assert (np.abs(angles) < 3.0 * np.array([view.angle_error for view in seen.views])).all()
+
+
+def test_curvature_is_the_arcs(seen):
+    for view, turn in zip(seen.views, TURNS, strict=True):
+        inner = view.shape.curvature[15:-15]
+        assert np.median(inner) == pytest.approx(-turn / side_views.LENGTH, abs=0.3)
+
+
+def test_length_stays_where_the_bar_only_bends(seen):
+    assert [view.shape.length for view in seen.views] == pytest.approx([side_views.LENGTH] * len(TURNS), abs=5e-5)
+
+
+@pytest.mark.campaign
+def test_without_its_depth_the_bar_is_too_long(bars):
+    flat = views.views(bars[0][:1], scene(depth=0.0))
+    assert flat.views[0].shape.length - side_views.LENGTH > 2e-4
+
+
+def test_table_is_a_tip_path(seen, bars, tmp_path):
+    seen.write(tmp_path)
+    rows, of = targets.read_tip_path(tmp_path / "views.csv", "")
+    assert of == "tip"
+    truth = [(tip[0], tip[1]) for tip, *_ in bars[1][1:]]
+    assert np.array(rows)[:, [1, 3]] == pytest.approx(np.array(truth), abs=6e-5)
+    with (tmp_path / "bar1.csv").open() as file:
+        curves = list(csv.DictReader(file))
+    assert {row["curve"] for row in curves} == {"outline", "centre_line"}
+    last = [row for row in curves if row["curve"] == "centre_line"][-1]
+    assert float(last["arc_length_m"]) == pytest.approx(side_views.LENGTH, abs=6e-5)
+
+
+def doubts(bars, tmp_path, picture, **changes):
+    """What is said of a photograph beside the straight bar's."""
+    picture(tmp_path / "odd.jpg")
+    made = views.views([bars[0][0], Photograph(tmp_path / "odd.jpg", 5e3, 50.0)], scene(**changes))
+    outcome = made.outcomes[1]
+    return outcome.reason if isinstance(outcome, Refusal) else "; ".join(outcome.reasons)
+
+
+@pytest.mark.campaign
+def test_device_that_leaves_its_plane_is_doubted(bars, tmp_path):
+    surface = side_views.bent_bar(1.2, twist=0.9)[0]
+    assert "left its plane" in doubts(bars, tmp_path, lambda path: side_views.photograph(path, surface))
+
+
+@pytest.mark.campaign
+def test_camera_that_moved_is_doubted(bars, tmp_path):
+    surface = side_views.bent_bar(0.6)[0]
+    said = doubts(bars, tmp_path, lambda path: side_views.photograph(path, surface, shift_px=(3.0, 9.0)))
+    assert "the base moved" in said or "the background moved" in said
+
+
+@pytest.mark.campaign
+def test_second_thing_is_doubted(bars, tmp_path):
+    surface, ball = side_views.bent_bar(0.6)[0], side_views.pv.Sphere(radius=0.012, center=(0.07, 0.0, -0.06))
+    said = doubts(bars, tmp_path, lambda path: side_views.photograph(path, surface, ball))
+    assert "a second thing" in said
+
+
+@pytest.mark.campaign
+def test_device_cut_by_the_region_is_rejected(bars, tmp_path):
+    known = dataclasses.replace(scene().setup, roi=(60, 50, 1000, 900))
+    surface = side_views.bent_bar(0.0)[0]
+    said = doubts(bars, tmp_path, lambda path: side_views.photograph(path, surface), setup=known)
+    assert "cuts the device" in said
+
+
+@pytest.mark.campaign
+def test_scale_in_another_plane_is_doubted(bars):
+    wrong = views.views(bars[0][:1], scene(ahead=(0.1, 1e-3)))
+    assert "by --length" in wrong.views[0].reasons[0]
+
+
+@pytest.mark.campaign
+def test_empty_picture_is_refused(bars, tmp_path):
+    assert "stands out" in doubts(bars, tmp_path, side_views.photograph)
+
+
+def test_closed_outline_asks_for_the_base(bars):
+    made = views.views(bars[0][:1], scene(base=None))
+    assert "--base" in made.outcomes[0].reason
+
+
+def test_camera_too_near_is_rejected():
+    with pytest.raises(SetupError, match="--camera-distance"):
+        scene(camera_distance=(0.01, 0.0))
+
+
+@pytest.mark.campaign
+def test_command_reads_a_tag_behind_the_device(bars, tmp_path):
+    behind, rows = 0.008, ["file,pressure,error"]
+    board = side_views.tag(-0.02, -0.075, 0.03, behind)
+    for number, turn in enumerate((0.0, 0.6)):
+        side_views.photograph(tmp_path / f"IMG_{number}.png", side_views.bent_bar(turn)[0], board, seed=number)
+        rows.append(f"IMG_{number}.png,{5 * number} kPa,0.1 kPa")
+    (tmp_path / "photos.csv").write_text("\n".join(rows) + "\n")
+    run, setup = CliRunner(), str(tmp_path / "setup.toml")
+    words = [str(tmp_path / "IMG_0.png"), "--target", "tag", "--grid-pitch", "30mm+-0.01mm", "--lens", "none", "-o", setup]
+    assert run.invoke(setup_command, words).exit_code == 0
+    base = "=".join(f"{x},{y}" for x, y in side_views.BASE)
+    told = ["--setup", setup, "--depth", "15mm", "--ahead", "8mm+-0.2mm", "--base", base, "-o", str(tmp_path / "out")]
+    result = run.invoke(view_command, [str(tmp_path / "photos.csv"), *told])
+    assert (result.exit_code, "give --camera-distance" in result.output) == (2, True)
+    result = run.invoke(view_command, [str(tmp_path / "photos.csv"), *told, "--camera-distance", "80cm+-2mm"])
+    assert result.exit_code == 0, result.output
+    with (tmp_path / "out" / "views.csv").open() as file:
+        _, bent = csv.DictReader(file)
+    tip = side_views.bent_bar(0.6)[1]
+    for axis, true in zip("xz", tip, strict=True):
+        assert abs(float(bent[f"tip_{axis}_m"]) - true) < 3.0 * float(bent[f"tip_{axis}_error_m"]) < 2.5e-3
+    assert float(bent["rotation_deg"]) == pytest.approx(-np.degrees(0.6), abs=3.0 * float(bent["rotation_error_deg"]))
+    assert (tmp_path / "out" / "edges" / "IMG_1.png").is_file()

@@ -1,0 +1,93 @@
+"""Photographs of bars that bend, rendered by PyVista: perspective, shading, blur, noise. Their tips, angles and centre lines
+are known in closed form. Shares no code with the reader of photographs."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pyvista as pv
+
+PIXEL, FAR, DEPTH, LENGTH, THICK = 1e-4, 0.8, 0.015, 0.09, 0.012
+"""Size of a pixel in the bar's middle plane, distance of the camera, depth, length and thickness of a bar, in m."""
+SIZE, CENTRE = (1400, 1000), np.array([0.04, -0.03])
+"""Pixels of a photograph, and the place in m at its middle."""
+CLAMP = 0.02
+
+
+def to_pixels(places):
+    """Pixels (n, 2) of places (n, 2) in the bar's middle plane."""
+    return (np.asarray(places) - CENTRE) / PIXEL * [1.0, -1.0] + (np.array(SIZE) - 1.0) / 2.0
+
+
+BASE = to_pixels([[0.0, THICK / 2], [0.0, -THICK / 2]])
+
+
+def bent_bar(turn, length=LENGTH, twist=0.0):
+    """A bar from x = 0 whose centre line is a circle's arc that turns downwards by ``turn`` rad, its clamp beside it; ``twist``
+    turns it about the x axis, out of the plane. Returns surface, tip (2,), angle and dense centre line."""
+    s = np.linspace(0.0, length, 400)
+    bend = turn / length
+    angle = -bend * s
+    # Stable for a bar that is all but straight.
+    line = s[:, None] * np.column_stack(
+        [np.sinc(bend * s / np.pi), -np.sin(bend * s / 2) * np.sinc(bend * s / 2 / np.pi)],
+    )  # fmt: skip
+    normal = np.column_stack([-np.sin(angle), np.cos(angle)])
+    edges = [np.vstack([[-CLAMP, side], line + side * normal]) for side in (THICK / 2, -THICK / 2)]
+    points = np.vstack(
+        [np.column_stack([e[:, 0], np.full(len(e), y), e[:, 1]]) for y in (-DEPTH / 2, DEPTH / 2) for e in edges]
+    )
+    count = len(edges[0])
+    quads = [
+        (a * count + i, a * count + i + 1, b * count + i + 1, b * count + i)
+        for a, b in ((0, 1), (2, 3), (0, 2), (1, 3)) for i in range(count - 1)
+    ]  # fmt: skip
+    quads.append(tuple(k * count + count - 1 for k in (0, 1, 3, 2)))
+    out = np.array([[1.0, 0.0, 0.0], [0.0, np.cos(twist), -np.sin(twist)], [0.0, np.sin(twist), np.cos(twist)]])
+    return pv.PolyData(points @ out.T, np.array([(4, *quad) for quad in quads]).ravel()), line[-1], angle[-1], line
+
+
+def photograph(
+    path, *parts, shift_px=(0.0, 0.0), colour=(0.75, 0.35, 0.3), background=(0.9, 0.92, 0.95), seed=0, noise=1.5, blur=0.8
+):
+    """Write a photograph of surfaces, or of pairs of a surface and its texture, before a background."""
+    width, height = SIZE
+    plotter = pv.Plotter(off_screen=True, window_size=SIZE)
+    plotter.set_background(background)
+    plotter.disable_anti_aliasing()
+    for part in parts:
+        if isinstance(part, tuple):
+            plotter.add_mesh(part[0], texture=part[1], lighting=False)
+        else:
+            plotter.add_mesh(part, color=colour, ambient=0.35, diffuse=0.6, specular=0.1)
+    camera, (x, z) = plotter.camera, CENTRE + np.array(shift_px) * PIXEL
+    camera.position, camera.focal_point, camera.up = (x, -FAR, z), (x, 0.0, z), (0.0, 0.0, 1.0)
+    camera.view_angle = float(2 * np.degrees(np.arctan(height * PIXEL / 2 / FAR)))
+    camera.clipping_range = (0.1, 10.0)
+    light, steps = 0.0, (-1 / 3, 0.0, 1 / 3)
+    for right in steps:
+        for up in steps:
+            camera.SetWindowCenter(2 * right / width, 2 * up / height)
+            plotter.render()
+            stored = plotter.screenshot(return_img=True).astype(float) / 255
+            light = light + np.where(stored <= 0.04045, stored / 12.92, ((stored + 0.055) / 1.055) ** 2.4) / 9
+    plotter.close()
+    light = cv2.GaussianBlur(light, (0, 0), blur)
+    stored = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055) * 255
+    stored = np.clip(np.rint(stored + np.random.default_rng(seed).normal(0.0, noise, stored.shape)), 0, 255).astype(np.uint8)
+    cv2.imwrite(str(path), stored[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 93] if str(path).endswith(".jpg") else [])
+
+
+def tag(x, z, side, behind):
+    """An AprilTag with its white rim as a surface with a texture: the lower left corner of its black square, its side, and how
+    far it lies behind the bar's middle plane, in m."""
+    black = cv2.aruco.generateImageMarker(
+        cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11), 5, 800, borderBits=1
+    )
+    image = np.repeat(np.pad(black, 100, constant_values=255)[..., None], 3, axis=2)
+    rim = side / 8
+    low, high = np.array([x - rim, z - rim]), np.array([x + side + rim, z + side + rim])
+    corners = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
+    surface = pv.PolyData(np.array([(a, behind, b) for a, b in corners]), np.array([4, 0, 1, 2, 3]))
+    surface.active_texture_coordinates = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    return surface, pv.Texture(image)
