@@ -526,16 +526,15 @@ def damped_roots(values: Array, creeping: Callable[[complex], npt.NDArray[np.com
         NoConvergence: A root was not found.
     """
     return [
-        _growth_rate(values[k], lambda s, k=k: creeping(s)[k, k].real) if values[k] < 0.0 else _ringing(values, creeping, k)
-        for k in range(len(values))
+        _ringing(values, creeping, k) if values[k] >= 0.0 else _growth_rate(values, creeping, k) for k in range(len(values))
     ]
 
 
-def _growth_rate(value: float, creeping: Callable[[float], float]) -> complex:
+def _growth_rate(values: Array, creeping: Callable[[complex], npt.NDArray[np.complex128]], k: int) -> complex:
     def excess(s: float) -> float:
-        return s**2 + value + creeping(s)
+        return float(s**2 + values[k] + creeping(s)[k, k].real)
 
-    return complex(scipy.optimize.brentq(excess, 0.0, 1.001 * math.sqrt(-value), rtol=ROOT_TOLERANCE))
+    return complex(scipy.optimize.brentq(excess, 0.0, 1.001 * math.sqrt(-values[k]), rtol=ROOT_TOLERANCE))
 
 
 def _ringing(values: Array, creeping: Callable[[complex], npt.NDArray[np.complex128]], k: int) -> complex:

@@ -529,8 +529,8 @@ def find_frequencies(case: Case, count: int, sealed: bool, comm: MPI.Comm) -> Na
 def _notes(case: Case, density: float, sealed: bool) -> list[str]:
     sheet = silicones.sheet_of(case.material.relaxed)
     source = " by its data sheet" if sheet and sheet.density == density else ""
-    memories = [part.material.memory for part in case.components if isinstance(part, regions.RegionPart)]
-    memories = [memory for memory in (case.material.memory, *memories) if memory is not None]
+    materials_of = [case.material, *(part.material for part in case.components if isinstance(part, regions.RegionPart))]
+    memories = [material.memory for material in materials_of if material.memory is not None]
     branches = [branch for memory in memories for branch in memory.branches]
     texts = [f"the silicone has {density:g} kg/m^3{source}, and {'the damping of its memory' if branches else 'no damping'}"]
     if sealed:

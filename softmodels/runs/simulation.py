@@ -629,7 +629,7 @@ class Model(cards.ResultCard):
             products = np.array([[stability.product(matrix, v, w) for v in shapes] for w in shapes])
             matrix.destroy()
             stiffnesses.append((unit * modulus * products / np.outer(lengths, lengths), silicone_memory))
-        return stability.damped_roots(squares, lambda s: sum(K * own.stiffening(s) for K, own in stiffnesses))
+        return stability.damped_roots(squares, lambda s: np.sum([K * own.stiffening(s) for K, own in stiffnesses], axis=0))
 
     @functools.cached_property
     def _creeping(self) -> list[tuple[fem.Form, float, Memory]]:
