@@ -228,8 +228,9 @@ def modes(
 ) -> NaturalFrequencies:
     """Find the natural frequencies of a device at rest and while it is inflated, and their modes.
 
-    They are those of the silicone after a long time, without damping, see `Model.modes`. Masses and plates bonded to the device
-    swing with it; they need a `Gravity`, which also sets the density. `Model.modes` finds those of states by their volume.
+    They are those about relaxed states, stiffened and damped by the branches of a memory, see `Model.modes`. Masses and plates
+    bonded to the device swing with it; they need a `Gravity`, which also sets the density. `Model.modes` finds those of states
+    by their volume.
 
     Args:
         device: The device. One without a cavity is at rest, or hangs under its weight.

@@ -240,12 +240,14 @@ class ModesOptions:
 
 MODES_HELP = """Find the natural frequencies and modes of a device.
 
-They are those at rest and while it is inflated. Vibrations are of small amplitude, without damping. They are found at every
-state of the path to the last pressure (0:40: steps chosen by the solver; 0:40:10: also every 10 cm), or at rest without one.
+They are those at rest and while it is inflated. Vibrations are of small amplitude; the branches of a silicone with a memory
+stiffen and damp each at its own frequency. They are found at every state of the path to the last pressure (0:40: steps chosen
+by the solver; 0:40:10: also every 10 cm), or at rest without one.
 --gravity makes the device hang under its weight, and sets the density; masses and rigid plates of a case file swing with the
 device. A symmetric slice has only modes with its symmetry.
 
-Results: modes.csv, with f1_Hz, f2_Hz ... over the pressure, nan of unstable modes; frequencies.png; shapes.png, the modes of
+Results: modes.csv, with f1_Hz, f2_Hz ... over the pressure, nan of unstable modes, and with a memory the damping ratios
+damping1, damping2 ...; frequencies.png; shapes.png, the modes of
 the last state.
 
 \b
@@ -315,7 +317,9 @@ def _report_modes(case: Case, modes: NaturalFrequencies, how: ModesOptions, fold
     shown = [*np.flatnonzero(modes.requested), *([] if modes.requested[-1] else [len(modes.pressure) - 1])]
     for state in shown:
         values = ", ".join(f"{value:.4g}" for value in modes.frequency[state])
-        processes.say(f"{_pressure_text(modes, state, case.column)}: {values} Hz")
+        ratios = ", ".join(f"{value:.3g}" for value in modes.damping[state])
+        damped = f", damping ratio {ratios}" if modes.damping.any() else ""
+        processes.say(f"{_pressure_text(modes, state, case.column)}: {values} Hz{damped}")
     for text in [*modes.unstable, *(f"note: {note}" for note in modes.notes), f"results in {folder.path}"]:
         processes.say(text)
 
@@ -329,11 +333,14 @@ def modes_table(modes: NaturalFrequencies, cm: float) -> str:
     """Return ``modes.csv``; ``cm`` is Pa in one cm of the column."""
     count = modes.frequency.shape[1]
     head = ["pressure_cm", "pressure_Pa", "added_volume_ml", "requested", *(f"f{k}_Hz" for k in range(1, count + 1))]
+    damped = bool(np.nan_to_num(modes.damping).any())
+    head += [f"damping{k}" for k in range(1, count + 1)] if damped else []
     rows = []
-    states = zip(modes.pressure, modes.added_volume, modes.requested, modes.frequency, strict=True)
-    for pressure, volume, requested, frequencies in states:
+    states = zip(modes.pressure, modes.added_volume, modes.requested, modes.frequency, modes.damping, strict=True)
+    for pressure, volume, requested, frequencies, ratios in states:
         numbers = [pressure / cm, pressure, volume * 1e6]
-        rows.append([*(f"{x:.9g}" for x in numbers), str(int(requested)), *(f"{x:.9g}" for x in frequencies)])
+        values = [*frequencies, *(ratios if damped else ())]
+        rows.append([*(f"{x:.9g}" for x in numbers), str(int(requested)), *(f"{x:.9g}" for x in values)])
     return files.csv_text(head, rows)
 
 

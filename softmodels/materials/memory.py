@@ -84,6 +84,11 @@ class Memory:
             table["softening"] = [r, text(m, "Pa"), beta, *([] if math.isinf(recovery) else [text(recovery, "s")])]
         return table
 
+    def stiffening(self, s: complex) -> complex:
+        """Return what the branches add to the shear modulus of small strains that go as exp(s t), s in 1/s, about a relaxed
+        state: over the law's at small strain. Its real part at s = 2 pi i f is storage, its imaginary part loss."""
+        return sum(branch.share * s * branch.time / (1.0 + s * branch.time) for branch in self.branches)
+
     @property
     def shortest(self) -> float:
         """The shortest relaxation time in s; infinite without branches."""

@@ -291,6 +291,20 @@ class History:
         self.prepare()
 
 
+def instant_stiffness(body: Body, region: regions.MaterialRegion, displacement: Expr, w: fem.Function) -> fem.Form:
+    """Return the second derivative of the energy of a branch of share 1, relaxed in the state w, at its first instant: a
+    bilinear form in the region's small-strain shear modulus, twice the product of the deviators of two small strains of the
+    deformed body. Its stress there is none, and any spring has this stiffness."""
+    F = body.deformation_gradient(displacement)
+
+    def deviator(argument: Expr) -> Expr:
+        return ufl.dev(ufl.sym(ufl.derivative(F, w, argument) * ufl.inv(F)))
+
+    space = w.function_space
+    strains = deviator(ufl.TestFunction(space)), deviator(ufl.TrialFunction(space))
+    return fem.form(2 * ufl.inner(*strains) * body.hoop * region.dx, jit_options=compiling.JIT)
+
+
 SIX = len(memory.IDENTITY)
 MAX_CELLS_AT_ONCE = 4096
 """Number of cells whose expressions are evaluated at once: of all together what they need would take gigabytes."""

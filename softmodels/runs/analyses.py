@@ -23,7 +23,7 @@ from softmodels.common.names import read_only
 from softmodels.components import loads
 from softmodels.materials import silicones
 from softmodels.materials.laws import Material
-from softmodels.mechanics import mpi, newton
+from softmodels.mechanics import mpi, newton, regions
 from softmodels.mechanics.body import Body
 from softmodels.path import continuation, schedule, stability, supply
 from softmodels.path.continuation import Continuation, LoadedState
@@ -441,6 +441,7 @@ class NaturalFrequencies(cards.ResultCard):
         pressure: In Pa, shape (states,).
         added_volume: In m3, shape (states,).
         frequency: In Hz, lowest first, nan of unstable modes, shape (states, count).
+        damping: Damping ratios, 0 without a memory, nan of unstable modes, shape (states, count).
         requested: Whether a state was asked for, and not only passed, shape (states,).
         modes: The modes of each state.
         points: Undeformed nodes in device coordinates, m, shape (n, 3).
@@ -454,6 +455,7 @@ class NaturalFrequencies(cards.ResultCard):
     pressure: Array
     added_volume: Array
     frequency: Array
+    damping: Array
     requested: Array
     modes: tuple[tuple[Mode, ...], ...]
     points: Array
@@ -534,6 +536,7 @@ def find_frequencies(case: Case, count: int, sealed: bool, comm: MPI.Comm) -> Na
             read_only(np.array([state.pressure for state in states])),
             read_only(np.array([state.volume for state in states])),
             read_only(np.array([[mode.frequency for mode in these] for these in modes])),
+            read_only(np.array([[mode.damping for mode in these] for these in modes])),
             read_only(np.array([state.requested or state.point is None for state in states])),
             modes,
             read_only(points),
@@ -550,12 +553,16 @@ def find_frequencies(case: Case, count: int, sealed: bool, comm: MPI.Comm) -> Na
 def _notes(case: Case, density: float, sealed: bool) -> list[str]:
     sheet = silicones.sheet_of(case.material.relaxed)
     source = " by its data sheet" if sheet and sheet.density == density else ""
-    texts = [f"the silicone has {density:g} kg/m^3{source}, and no damping"]
+    materials_of = [case.material, *(part.material for part in case.components if isinstance(part, regions.RegionPart))]
+    memories = [material.memory for material in materials_of if material.memory is not None]
+    branches = [branch for memory in memories for branch in memory.branches]
+    texts = [f"the silicone has {density:g} kg/m^3{source}, and {'the damping of its memory' if branches else 'no damping'}"]
     if sealed:
         texts.append("the cavities are sealed, with air that keeps its temperature; adiabatic air is 1.4 times as stiff")
-    if case.remembers:
-        texts.append(
-            "the silicone has a memory, and these are the frequencies of the relaxed one: vibrations that are quicker than it "
-            "relaxes meet a stiffer silicone"
-        )
+    if branches:
+        texts.append("the branches of its memory stiffen and damp each mode at its own frequency, about the relaxed state")
+    if any(branch.growth for branch in branches) and case.steps:
+        texts.append("relaxation times are those of the undeformed silicone, although its viscosity grows with strain")
+    if any(memory.softening for memory in memories):
+        texts.append("the silicone is not softened")
     return [*texts, *filter(None, [notes.unseen(case.actuator)])]

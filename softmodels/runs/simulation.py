@@ -21,13 +21,14 @@ from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.common import cards, commands, errors, names, units
 from softmodels.common.arrays import Array
-from softmodels.common.lazy import MPI, PETSc
+from softmodels.common.lazy import MPI, PETSc, fem
 from softmodels.common.names import checked
 from softmodels.common.processes import one_at_a_time
 from softmodels.components import loads
 from softmodels.materials import specimens
 from softmodels.materials.laws import Material
-from softmodels.mechanics import assembly, compiling, controls, memory, mpi, newton
+from softmodels.materials.memory import Memory
+from softmodels.mechanics import assembly, compiling, controls, memory, mpi, newton, regions
 from softmodels.mechanics.body import Body, BodyError
 from softmodels.mechanics.component import Component
 from softmodels.mechanics.solver import Solver
@@ -579,8 +580,10 @@ class Model(cards.ResultCard):
     def modes(self, equilibrium: Equilibrium | None = None, count: int = 4, *, sealed: bool = False) -> list[Mode]:
         """The natural modes of a state, from the lowest frequency up; unstable ones first.
 
-        They are the vibrations of small amplitude, without damping. The silicone has the density of `Gravity`, or of its data
-        sheet, or 1070 kg/m3; regions have their own, and masses and plates bonded to the device swing with it.
+        They are the vibrations of small amplitude about the relaxed state. The branches of silicone with a memory stiffen and
+        damp them, each at its own frequency; shapes are those of the relaxed silicone. The silicone has the density of
+        `Gravity`, or of its data sheet, or 1070 kg/m3; regions have their own, and masses and plates bonded to the device swing
+        with it.
 
         Args:
             equilibrium: A state of this model; that of `solve` without arguments if None.
@@ -602,13 +605,49 @@ class Model(cards.ResultCard):
         self.system.load(state)
         springs = self._springs(state, sealed)
         try:
-            pairs = self._stability.eigenpairs(state, count, springs)
+            pairs = self._stability.eigenpairs(state, count + (EXTRA_MODES if self._creeping else 0), springs)
+            least = ZERO_EIGENVALUE_TOLERANCE * max((abs(value) for value, _ in pairs), default=0.0)
+            unit = self.system.stress_unit / self.system.length_unit**2
+            values = np.array([value * unit if abs(value) > least else 0.0 for value, _ in pairs])
+            roots = self._roots(values / density, [w for _, w in pairs])
         except newton.NoConvergence as failure:
             raise RunError(f"the modes were not found ({failure}); ask for fewer, or use smaller cells") from failure
-        unit = self.system.stress_unit / self.system.length_unit**2
-        least = ZERO_EIGENVALUE_TOLERANCE * max((abs(value) for value, _ in pairs), default=0.0)
-        values = [value if abs(value) > least else 0.0 for value, _ in pairs]
-        return [Mode(value * unit, density, self._shape(w)) for value, (_, w) in zip(values, pairs, strict=True)]
+        return [
+            Mode(float(value), density, self._shape(w), root) for value, root, (_, w) in zip(values, roots, pairs, strict=True)
+        ]
+
+    def _roots(self, squares: Array, shapes: Sequence[Array]) -> list[complex]:
+        """Return the modes' `Mode.root`, of the squares of their relaxed angular frequencies in 1/s2; in the loaded state."""
+        if not self._creeping:
+            return [complex(math.sqrt(-square)) if square < 0.0 else 1j * math.sqrt(square) for square in squares]
+        unit = self.system.stress_unit / self.system.length_unit**2 / self._densities[0]
+        mass = self._stability.mass
+        lengths = np.array([stability.Mode(mass, w).length for w in shapes])
+        stiffnesses = []
+        for form, modulus, silicone_memory in self._creeping:
+            matrix = assembly.sparse_matrix(form, self.system.bcs, 0.0)
+            products = np.array([[stability.product(matrix, v, w) for v in shapes] for w in shapes])
+            matrix.destroy()
+            stiffnesses.append((unit * modulus * products / np.outer(lengths, lengths), silicone_memory))
+        return stability.damped_roots(squares, lambda s: np.sum([K * own.stiffening(s) for K, own in stiffnesses], axis=0))
+
+    @functools.cached_property
+    def _creeping(self) -> list[tuple[fem.Form, float, Memory]]:
+        """Of each region whose silicone has branches: `memory.instant_stiffness`, its shear modulus, in stress units, and its
+        memory."""
+        potential, silicones = self.system.potential, {"": self.case.material}
+        silicones |= {part.name: part.material for part in self.components if isinstance(part, regions.RegionPart)}
+        return [
+            (
+                memory.instant_stiffness(self.body, region, potential.displacement, potential.w),
+                region.material.shear_modulus_0 / self.system.stress_unit,
+                own,
+            )
+            for region in potential.regions
+            if region.material.memory is None  # else the tangent has the branches, all of their modulus
+            and (own := silicones[region.name].memory) is not None
+            and own.branches
+        ]
 
     @functools.cached_property
     def _densities(self) -> list[float]:
@@ -662,6 +701,9 @@ class Model(cards.ResultCard):
         return names.read_only(scaled)
 
 
+EXTRA_MODES = 4
+"""Relaxed modes beyond those asked for, of which damped ones are made up too."""
+
 ZERO_EIGENVALUE_TOLERANCE = 1e-9
 """Eigenvalue over the largest of those asked for up to which it is 0, as at a limit point: there its sign is rounding."""
 
@@ -671,17 +713,22 @@ class Mode(cards.ResultCard):
     """A mode of a device at an equilibrium.
 
     Attributes:
-        eigenvalue: Square of its angular frequency times the density, Pa/m2; negative where the equilibrium is not stable.
+        eigenvalue: Square of its angular frequency times the density, Pa/m2; negative where the equilibrium is not stable. Of
+            relaxed silicone.
         density: Of the silicone, kg/m3.
         displacement: Its shape in device coordinates, shape (n, 3), largest entry 1 or -1.
+        root: It goes as exp(root t), 1/s, with the damping of a silicone with a memory; real where it is not stable.
     """
 
     eigenvalue: float
     density: float
     displacement: Array
+    root: complex
 
     def _line(self) -> str:
-        return f"at {self.frequency:.4g} Hz" if self.stable else f"unstable, grows by a factor of e in {1 / self.rate:.2g} s"
+        if not self.stable:
+            return f"unstable, grows by a factor of e in {1 / self.rate:.2g} s"
+        return f"at {self.frequency:.4g} Hz" + (f", damping ratio {self.damping:.3g}" if self.damping else "")
 
     @property
     def stable(self) -> bool:
@@ -690,13 +737,21 @@ class Mode(cards.ResultCard):
 
     @property
     def frequency(self) -> float:
-        """Natural frequency in Hz; nan of an unstable mode."""
+        """Frequency in Hz at which it rings; nan of an unstable mode."""
         return self.rate / (2 * math.pi) if self.stable else math.nan
+
+    @property
+    def damping(self) -> float:
+        """Damping ratio z: in a period a free vibration falls by the factor exp(-2 pi z/sqrt(1 - z^2)); 0 without a memory,
+        nan of an unstable mode."""
+        if not self.stable:
+            return math.nan
+        return -self.root.real / abs(self.root) if self.root.real else 0.0
 
     @property
     def rate(self) -> float:
         """Angular frequency in 1/s; of an unstable mode how fast it grows, as exp(rate t)."""
-        return math.sqrt(abs(self.eigenvalue) / self.density)
+        return self.root.imag if self.stable else self.root.real
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)

@@ -50,6 +50,18 @@ def test_a_table_and_pictures_as_python_has_them(tmp_path):
     assert not found.frequency.flags.writeable
 
 
+def test_the_damping_of_a_memory_is_printed_and_stored(tmp_path):
+    law = LAW.with_memory(branches=[(0.2, "5 ms")])
+    (tmp_path / "disk.toml").write_text(sm.Case("disk", DISK, law, steps_of(pressure_cm=(5.0,))).to_toml())
+    done = runs.run(
+        "-m", "softmodels", "modes", tmp_path / "disk.toml", "--count", "1", "-o", tmp_path / "out", "--no-pictures"
+    )
+    relaxed, row = sm.modes(DISK, LAW, "5 cm", count=1).frequency[-1, 0], rows_of(tmp_path / "out")[-1]
+    assert done.status == 0 and f"{row['f1_Hz']:.4g} Hz, damping ratio {row['damping1']:.3g}\n" in done.out
+    assert relaxed < row["f1_Hz"] < 1.2**0.5 * relaxed and 0.01 < row["damping1"] < 0.1
+    assert "stiffen and damp" in done.out and "no damping" not in done.out
+
+
 def test_a_path_that_ends_says_what_is_unstable(tmp_path):
     where = ("--output", tmp_path, "--no-pictures")
     done = runs.run("-m", "softmodels", "modes", *WORDS, "--shear-modulus", "20kPa", "--pressure-cm", "0:60", *where)
@@ -111,11 +123,14 @@ def test_a_mass_on_an_edge_swings_with_the_device():
     assert face < 0.7 * sm.modes(BEAM, LAW, components=sm.Gravity("-z"), count=1).frequency[0, 0]
 
 
-def test_a_memory_is_relaxed():
+def test_a_memory_is_relaxed_or_not_by_the_frequency():
+    """A branch that is far quicker than the vibration adds nothing, and one that is far slower all of its modulus."""
     relaxed = sm.modes(DISK, LAW, count=2)
-    creeping = sm.modes(DISK, LAW.with_memory(branches=[(0.5, 1.0)]), count=2)
-    assert creeping.frequency == pytest.approx(relaxed.frequency, rel=1e-9)
-    assert any("has a memory" in note for note in creeping.notes) and not any("has a memory" in note for note in relaxed.notes)
+    for time, factor in ((1e-9, 1.0), (1e6, 1.5**0.5)):
+        found = sm.modes(DISK, LAW.with_memory(branches=[(0.5, time)]), count=2)
+        assert found.frequency == pytest.approx(factor * relaxed.frequency, rel=5e-3) and (found.damping < 1e-5).all()
+        assert any("stiffen and damp" in note for note in found.notes)
+    assert not relaxed.damping.any()
 
 
 @pytest.mark.parametrize(

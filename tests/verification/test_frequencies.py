@@ -135,6 +135,54 @@ def test_a_thin_sphere_breathes(figure):
     figure(SPHERE, "wall 1/100 of the radius, at rest and inflated, open and sealed", errors, 1e-2)
 
 
+BRANCHES = ((0.4, 2e-3), (0.3, 30e-3))
+
+
+def damped_sphere(device, law, stretch, pressure):
+    """Roots of the breathing sphere whose inner stretch is this, with branches of neo-Hookean springs: those of a polynomial.
+
+    About a relaxed state a branch resists by G tau s/(1 + tau s) times 2 e:e of the small strain e = (-2, 1, 1) dc/(3 r^3).
+    """
+    c = device.inner**3 * (stretch**3 - 1)
+    moved, mass = (
+        4 * math.pi * scipy.integrate.quad(lambda R, n=n: R**2 / (R**3 + c) ** n, device.inner, device.outer)[0]
+        for n in (2, 4 / 3)
+    )
+    branch, square = (
+        2 * law.shear_modulus_0 * 6 / 9 * moved / (DENSITY * mass / 9),
+        closed(device.inner, device.outer, stretch, pressure),
+    )
+    denominators = [np.poly1d([time, 1.0]) for _, time in BRANCHES]
+    whole = np.poly1d([1.0, 0.0, square]) * denominators[0] * denominators[1]
+    for k, (share, time) in enumerate(BRANCHES):
+        whole += branch * share * np.poly1d([time, 0.0]) * denominators[1 - k]
+    return whole.roots
+
+
+@pytest.mark.parametrize("stretch", [1.0, 1.4, 2.0])
+def test_a_sphere_with_a_memory_is_damped(stretch, figure):
+    """At rest, inflated, and past its limit point, where it grows as fast as it creeps."""
+    law = sm.NeoHookean(10 * MU, 0.5)
+    device = bodies.Sphere(through=3, along=9)
+
+    def pressure(stretch):
+        return float(sphere_pressure(law, device.inner, device.outer, np.array([stretch]))[0])
+
+    model = sm.Model(device, law.with_memory(branches=BRANCHES))
+    volume = 4 / 3 * math.pi * device.inner**3 * (stretch**3 - 1)
+    state = model.solve(volume=volume / 2) if stretch > 1 else None
+    roots = damped_sphere(device, law, stretch, pressure)
+    if stretch == 2.0:
+        first = model.modes(state)[0]
+        (wanted,) = (root.real for root in roots if abs(root.imag) < 1e-9 and root.real > 0.0)
+        assert math.isnan(first.frequency) and math.isnan(first.damping)
+        figure(SPHERE, "with two branches, past the limit point: rate of growth", first.rate / wanted - 1, 2e-2)
+        return
+    mode, (wanted,) = breathing(model, state), (root for root in roots if root.imag > 1e-9)
+    figure(SPHERE, f"with two branches, stretch {stretch}: frequency", mode.frequency * 2 * math.pi / wanted.imag - 1, 1e-3)
+    figure(SPHERE, f"with two branches, stretch {stretch}: damping ratio", mode.damping * abs(wanted) / -wanted.real - 1, 5e-3)
+
+
 def test_an_unstable_state_has_no_frequency():
     device = bodies.Sphere(through=2, along=8)
     model = sm.Model(device, LAW)
