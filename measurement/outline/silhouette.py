@@ -15,7 +15,7 @@ import numpy as np
 from scipy.interpolate import make_lsq_spline
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial import cKDTree
-from scipy.stats import chi2
+from scipy.special import chdtri
 from skimage.filters import threshold_otsu
 from skimage.graph import MCP_Geometric
 
@@ -158,7 +158,7 @@ def _body(light: Array, covered: Mask) -> tuple[Mask, float]:
         covariance = covariance + np.eye(3) * profiles.LIGHT_FLOOR**2
         offset = light - levels - centre
         distance = np.sqrt(np.einsum("...i,ij,...j->...", offset, np.linalg.inv(covariance), offset))
-        limit = np.sqrt(chi2.ppf(0.9999, 3))
+        limit = np.sqrt(chdtri(3, 1e-4))
         split = np.exp(threshold_otsu(np.log(np.maximum(distance[~covered], 0.1 * limit))))
         other = (distance > max(limit, split)) & ~covered
         background = ~cv2.dilate(other.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(bool) & ~covered

@@ -278,11 +278,6 @@ def _read(file: str, unit: float, changed: int) -> tuple[Array, Indices]:
     from geometries import imported  # reads many formats, which a run without such a shape has no use for
 
     (points, triangles), _ = imported.read_surfaces(file, unit)
-    edges = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    if len(np.unique(edges, axis=0)) < len(edges):
-        raise GeometryError(
-            f"the triangles of {file} are not consistently oriented; repair the file in the program that wrote it"
-        )
     corners = points[triangles]
     volume = float(np.einsum("ti,ti->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))) / 6
     return points, triangles if volume > 0.0 else triangles[:, ::-1]

@@ -82,7 +82,7 @@ class Limit(cards.ResultCard):
     place: tuple[float, float, float]
     why: str = ""
     held: float = 0.0
-    mesh_error: float = math.nan
+    mesh_error: float = dataclasses.field(default=math.nan, compare=False)
     path: tuple[tuple[float, float], ...] = dataclasses.field(default=(), compare=False)
     notes: tuple[str, ...] = ()
 

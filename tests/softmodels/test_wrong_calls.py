@@ -185,6 +185,8 @@ def calls(loaded):
         sm.Sheet: {"face": "top", "stiffness": 1e3}, sm.Obstacle: {"faces": "top", "plane": "z = 30 mm"},
         sm.Fabric: {"face": "top", "stiffness_1": 1e3, "stiffness_2": 1e3}, sm.Walls: {"faces": "cavity"},
         sm.Syringe: {}, sm.Reservoir: {}, sm.Fibres: {}, sm.Clamp: {"face": "top"},
+        sm.BodyContact: {"between": ("inner", "outer"), "name": "touching"},
+        sm.Spring: {"on": "top", "stiffness": 1.0, "name": "soft"},
     }  # fmt: skip
     for part, right in components.items():
         yield Call(part, {key: value for key, value in right.items() if key in about(part) or key == "name"}, fields_of(part))
