@@ -24,7 +24,7 @@ PLACES = {
 )  # fmt: skip
 @commands.version_option
 def main() -> None:
-    """Measure outlines in photographs of a shadow, and how a device bends.
+    """Measure outlines and bends of devices in photographs.
 
     Lengths and pressures are written with their unit, such as 9mm or 20kPa. Exit status: 0 done, 1 nothing could be
     measured, 2 the input cannot be used, 3 some photographs were refused, 130 stopped.

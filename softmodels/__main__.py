@@ -19,7 +19,7 @@ PLACES = {
         "grasp": ("softmodels.cli.analyses", "Close equal fingers around an object, and load it."),
     },
     "Measure": {
-        "measure": ("measurement.__main__", "Measure outlines in photographs of a shadow, and how a device bends."),
+        "measure": ("measurement.__main__", "Measure outlines and bends of devices in photographs."),
     },
     "Fit": {
         "fit": ("softmodels.cli.material_commands", "Fit laws to measurements, with 95 % intervals."),

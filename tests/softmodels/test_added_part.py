@@ -85,21 +85,9 @@ def test_one_and_several_in_a_case_file():
 def test_the_librarys_own_kinds_come_first_in_files_and_help():
     """In a stated order, whatever is imported first; an added kind follows."""
     own = [
-        "gravity",
-        "mass",
-        "force",
-        "moment",
-        "region",
-        "contact.",
-        "contact.between",
-        "contact",
-        "walls",
-        "sheet",
-        "fibres",
-        "fabric",
-        "rigid",
-        "hold",
-    ]
+        "gravity", "mass", "force", "moment", "region", "contact.", "contact.between", "contact", "walls", "sheet", "fibres",
+        "fabric", "rigid", "hold",
+    ]  # fmt: skip
     assert list(COMPONENTS)[: len(own)] == own and len(COMPONENTS) > len(own)
 
 
