@@ -176,7 +176,6 @@ def mesh_text(limits: Sequence[Limit], column: LimitColumn) -> str:
 
 
 ASK_MESH_ERROR = "The mesh error was not estimated: repeat the command with --mesh-error."
-NO_MESH_ERROR = "The mesh error was not estimated: repeat the command with half the cell size (cell_size in the case)."
 KINDS = {"limit": "limit pressure", "bifurcation": "bifurcation", "none": "no limit up to", "lost": "path lost at"}
 
 
@@ -316,10 +315,12 @@ def _report_modes(case: Case, modes: NaturalFrequencies, how: ModesOptions, fold
         return
     shown = [*np.flatnonzero(modes.requested), *([] if modes.requested[-1] else [len(modes.pressure) - 1])]
     for state in shown:
-        values = ", ".join(f"{value:.4g}" for value in modes.frequency[state])
+        errors = [f" +- {half:.2g}" if np.isfinite(half) else "" for half in modes.mesh_error[state]]
+        values = ", ".join(f"{value:.4g}{half}" for value, half in zip(modes.frequency[state], errors, strict=True))
         ratios = ", ".join(f"{value:.3g}" for value in modes.damping[state])
         damped = f", damping ratio {ratios}" if modes.damping.any() else ""
-        processes.say(f"{_pressure_text(modes, state, case.column)}: {values} Hz{damped}")
+        meshed = " (+-: mesh, 95 %)" if any(errors) else ""
+        processes.say(f"{_pressure_text(modes, state, case.column)}: {values} Hz{meshed}{damped}")
     for text in [*modes.unstable, *(f"note: {note}" for note in modes.notes), f"results in {folder.path}"]:
         processes.say(text)
 
@@ -369,12 +370,19 @@ def _modes_page(case: Case, modes: NaturalFrequencies, figure: Figure, place: Pa
             ("Pictures", [pages.Charts([("frequencies.svg", curves.drawing(figure, case.column))]),
                           pages.Picture(files.image_uri(shapes), "The modes of the last state") if shapes.exists() else None]),
             ("Frequencies", [pages.Table(rows, head)]),
-            ("Notes", [pages.Bullets([*modes.notes, NO_MESH_ERROR])]),
+            ("Notes", [pages.Bullets([*modes.notes, _mesh_text(modes)])]),
             ("The case", [pages.Folded("case.toml", [pages.Listing(case.to_toml())])]),
         ],
         commands.Provenance.now(), facts, modes.unstable, silicones.publications(case.material),
         {"modes.csv": files.read_text(place / "modes.csv")}, case.column,
     ).html()  # fmt: skip
+
+
+def _mesh_text(modes: NaturalFrequencies) -> str:
+    """Return a sentence with the mesh errors of the last state of which they are known."""
+    known = [half for half in modes.mesh_error if np.isfinite(half).any()][-1:]
+    halves = ", ".join(f"{value:.2g}" for half in known for value in half)
+    return f"Mesh errors of the last frequencies, as half 95 % intervals: {halves} Hz." if known else ASK_MESH_ERROR
 
 
 def _draw_modes(case: Case, modes: NaturalFrequencies, sealed: bool, place: Path) -> Figure:

@@ -442,6 +442,8 @@ class NaturalFrequencies(cards.ResultCard):
         added_volume: In m3, shape (states,).
         frequency: In Hz, lowest first, nan of unstable modes, shape (states, count).
         damping: Damping ratios, 0 without a memory, nan of unstable modes, shape (states, count).
+        mesh_error: Half widths in Hz of the frequencies' 95 % intervals due to the mesh, of requested states; nan if unknown,
+            shape (states, count).
         requested: Whether a state was asked for, and not only passed, shape (states,).
         modes: The modes of each state.
         points: Undeformed nodes in device coordinates, m, shape (n, 3).
@@ -456,6 +458,7 @@ class NaturalFrequencies(cards.ResultCard):
     added_volume: Array
     frequency: Array
     damping: Array
+    mesh_error: Array
     requested: Array
     modes: tuple[tuple[Mode, ...], ...]
     points: Array
@@ -518,7 +521,24 @@ def case_for_modes(case: Case, pressures: Steps | None = None) -> Case:
 def find_frequencies(case: Case, count: int, sealed: bool, comm: MPI.Comm) -> NaturalFrequencies:
     """Find the natural frequencies at every state of a case's path; all ranks call it. See `case_for_modes` and
     `Model.modes`. CaseError, MeshingError and RunError as for a run."""
-    model, ended, states = Model.of(case, simulation.meshed(case.actuator, comm)), outcomes.Ended(), list[Equilibrium]()
+    found = _frequencies(case, count, sealed, simulation.meshed(case.actuator, comm))
+    if not case.mesh_error:
+        return found
+    finer = mesh_error.FINER[case.actuator.dimension]
+    others = _frequencies(case, count, sealed, simulation.meshed(case.actuator, comm, finer))
+    half = np.full_like(found.frequency, math.nan)
+    for state in np.flatnonzero(found.requested):
+        near = np.isclose(others.pressure, found.pressure[state], rtol=1e-6) & others.requested
+        if case.quantity != PRESSURE:
+            near = np.isclose(others.added_volume, found.added_volume[state], rtol=1e-6) & others.requested
+        for other in np.flatnonzero(near)[:1]:
+            half[state] = mesh_error.half_width(found.frequency[state], others.frequency[other], finer)
+    return dataclasses.replace(found, mesh_error=read_only(half))
+
+
+def _frequencies(case: Case, count: int, sealed: bool, body: Body) -> NaturalFrequencies:
+    """Return the natural frequencies on one mesh."""
+    model, ended, states = Model.of(case, body), outcomes.Ended(), list[Equilibrium]()
     try:
         try:
             path = model.followed(case, case.quantity) if case.steps else [model.solve()]
@@ -531,12 +551,13 @@ def find_frequencies(case: Case, count: int, sealed: bool, comm: MPI.Comm) -> Na
         modes = tuple(tuple(model.modes(state, count, sealed=sealed)[:count]) for state in states)
         grid, shape = model.fields.grid, model.fields.shape
         shapes = [shape(state.state.w) for state in states]
-        points, cells, moved = mpi.on_root(comm, lambda: (grid.points, grid.cells, np.array(shapes)))
+        points, cells, moved = mpi.on_root(body.mesh.comm, lambda: (grid.points, grid.cells, np.array(shapes)))
         return NaturalFrequencies(
             read_only(np.array([state.pressure for state in states])),
             read_only(np.array([state.volume for state in states])),
             read_only(np.array([[mode.frequency for mode in these] for these in modes])),
             read_only(np.array([[mode.damping for mode in these] for these in modes])),
+            read_only(np.full((len(modes), len(modes[0])), math.nan)),
             read_only(np.array([state.requested or state.point is None for state in states])),
             modes,
             read_only(points),

@@ -20,6 +20,7 @@ import numpy as np
 
 from geometries import Actuator
 from softmodels.case.case import Case
+from softmodels.common.arrays import Array
 from softmodels.runs import columns, labels, table
 
 FINER: Mapping[int, float] = {2: 2.0, 3: 1.5}
@@ -36,7 +37,7 @@ LEAST_RISE = 1e-3
 """Rise relative to the device's size below which an error relative to it means nothing."""
 
 
-def half_width(value: float, finer: float, times: float) -> float:
+def half_width[Value: (float, Array)](value: Value, finer: Value, times: float) -> Value:
     """Return half the 95 % interval of a number; ``finer`` is the number with cells so many times smaller."""
     return abs(value - finer) / (1.0 - 1.0 / times)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 
+import numpy as np
 import pytest
 
 import softmodels as sm
@@ -76,6 +77,14 @@ def test_of_the_limit_that_is_searched_for():
     assert abs(limit.pressure - fine.pressure) < limit.mesh_error < 4 * abs(limit.pressure - fine.pressure)
     done = runs.run("-m", "softmodels", "limit", "--variant", "shadow", "--shear-modulus", "20kPa", "--mesh-error")
     assert done.status == 0 and "(mesh)" in done.out
+
+
+def test_of_frequencies():
+    beam = sm.Beam(part="full", cell_size=0.005)
+    modes = sm.modes(beam, sm.NeoHookean(50e3, 0.45), count=2, mesh_error=True)
+    fine = sm.modes(dataclasses.replace(beam, cell_size=0.0025), sm.NeoHookean(50e3, 0.45), count=2)
+    errors = np.abs(modes.frequency - fine.frequency)
+    assert np.all(errors < modes.mesh_error) and np.all(modes.mesh_error < 0.05 * modes.frequency)
 
 
 def test_of_a_limit_point():
