@@ -833,6 +833,7 @@ class RubbingBodyTerm(_BodyTerm[touching.RubbedTouching], assembly.RememberingTe
         super().__init__(part, body, nodes)
         self.rubbing = pressing.Rubbing(part.friction, part.slip / body.actuator.size or ONSET_DEPTH)
         self.anchors = touching.Anchors.of_free(self.plain(nodes.places))
+        self._balanced: tuple[Array, Array] | None = None  # values of the nodes, and the force that was in balance there
 
     def pressed(self, places: Array) -> touching.RubbedTouching:
         return touching.RubbedTouching(self.plain(places), self.rubbing, self.anchors)
@@ -845,6 +846,7 @@ class RubbingBodyTerm(_BodyTerm[touching.RubbedTouching], assembly.RememberingTe
 
     def commit(self, w: Array, reset: bool = False) -> None:
         self._take(w)
+        self._balanced = self._state, self._pressed.force  # with the new anchors, in turned tangent planes, it differs a little
         self.anchors = touching.Anchors.of_free(self._pressed.plain) if reset else self._pressed.kept()
         self.forget_state()  # the following calls use the current history
 
@@ -858,8 +860,10 @@ class RubbingBodyTerm(_BodyTerm[touching.RubbedTouching], assembly.RememberingTe
     def figures(self, equations: component.Equations) -> dict[str, float]:
         self._take(equations.w.x.array)
         pressed, size, label = self._pressed, equations.length_unit, self.part.label
+        known = self._balanced is not None and np.array_equal(self._state, self._balanced[0])
+        force = self._balanced[1] if self._balanced is not None and known else pressed.force
         lost = self.anchors.lost * equations.stress_unit * size**3 * self.actuator.copies
-        return self.body_figures(equations, pressed.plain, pressed.force) | {
+        return self.body_figures(equations, pressed.plain, force) | {
             f"{label}_sliding": pressed.sliding,
             f"{label}_slip_mm": float(self.anchors.slid.max(initial=0.0)) * size * 1e3,
             f"{label}_friction_mJ": lost * 1e3,

@@ -260,6 +260,7 @@ shear_modulus = "30 kPa"
 poisson = 0.45
 [contact.joint]
 between = ["solid_1", "solid_2"]
+friction = 0.5
 [spring.weak]
 on = "solid_2"
 stiffness = "1 N/m"
