@@ -1254,12 +1254,20 @@ def _by_meshio(file: str, format_name: str) -> Any:
 
 def _binary_stl(file: str) -> Array:
     """Return the corners of the triangles of a binary STL file, three of each, shape (3 t, 3); none if it is text. Many begin
-    with "solid" as texts do, so its length decides."""
+    with "solid" as texts do, so zeros among its first bytes decide. Some count their triangles wrongly: as many are taken as
+    there are. GeometryError for a file that ends within one."""
     size = Path(file).stat().st_size
     with Path(file).open("rb") as stream:
-        count = int.from_bytes(stream.read(84)[80:], "little")
-        if size != 84 + 50 * count:
+        head = stream.read(84)
+        count = int.from_bytes(head[80:], "little")
+        if b"\0" not in head + stream.read(50) and size != 84 + 50 * count:
             return np.empty((0, 3))
+        if (size - 84) % 50:
+            raise GeometryError(
+                f"file {file} announces {count} triangles and has the bytes of {(size - 84) / 50:.1f}: it was cut off or "
+                "damaged on its way; copy or export it again"
+            )
+        stream.seek(84)
         facets = np.fromfile(stream, dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
     return facets["corners"].reshape(-1, 3).astype(float)
 

@@ -148,3 +148,25 @@ def test_air_over_a_plate_presses_alike_wherever_the_part_is(tmp_path):
     ]
     there, here = (run.added_volume[-1] for run in runs)
     assert there == pytest.approx(here, rel=2e-3) and here > 1e-9  # of two meshes
+
+
+def binary(corners, count):
+    """A binary STL file that announces a number of triangles, whose header begins as a text does."""
+    facets = np.zeros(len(corners), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    facets["corners"] = corners
+    return b"solid".ljust(80) + count.to_bytes(4, "little") + facets.tobytes()
+
+
+def test_a_wrong_count_of_triangles_is_not_believed(tmp_path):
+    corners = soup(OUTSIDE, INSIDE)
+    (tmp_path / "part.stl").write_bytes(binary(corners, len(corners) - 3))
+    (points, triangles), _ = read_surfaces(str(tmp_path / "part.stl"), 1e-3)
+    volume = np.einsum("ti,ti->", points[triangles[:, 0]], np.cross(points[triangles[:, 1]], points[triangles[:, 2]])) / 6
+    assert abs(volume) * 1e9 == pytest.approx(BODY - AIR, rel=1e-6)
+
+
+def test_a_file_that_was_cut_off_is_named(tmp_path):
+    corners = soup(OUTSIDE, INSIDE)
+    (tmp_path / "part.stl").write_bytes(binary(corners, len(corners))[:-70])
+    with pytest.raises(GeometryError, match=rf"announces {len(corners)} triangles .* cut off"):
+        read_surfaces(str(tmp_path / "part.stl"), 1e-3)
