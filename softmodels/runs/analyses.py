@@ -521,19 +521,19 @@ def case_for_modes(case: Case, pressures: Steps | None = None) -> Case:
 def find_frequencies(case: Case, count: int, sealed: bool, comm: MPI.Comm) -> NaturalFrequencies:
     """Find the natural frequencies at every state of a case's path; all ranks call it. See `case_for_modes` and
     `Model.modes`. CaseError, MeshingError and RunError as for a run."""
-    found = _frequencies(case, count, sealed, simulation.meshed(case.actuator, comm))
+    modes = _frequencies(case, count, sealed, simulation.meshed(case.actuator, comm))
     if not case.mesh_error:
-        return found
+        return modes
     finer = mesh_error.FINER[case.actuator.dimension]
     others = _frequencies(case, count, sealed, simulation.meshed(case.actuator, comm, finer))
-    half = np.full_like(found.frequency, math.nan)
-    for state in np.flatnonzero(found.requested):
-        near = np.isclose(others.pressure, found.pressure[state], rtol=1e-6) & others.requested
+    half = np.full_like(modes.frequency, math.nan)
+    for state in np.flatnonzero(modes.requested):
+        near = np.isclose(others.pressure, modes.pressure[state], rtol=1e-6) & others.requested
         if case.quantity != PRESSURE:
-            near = np.isclose(others.added_volume, found.added_volume[state], rtol=1e-6) & others.requested
+            near = np.isclose(others.added_volume, modes.added_volume[state], rtol=1e-6) & others.requested
         for other in np.flatnonzero(near)[:1]:
-            half[state] = mesh_error.half_width(found.frequency[state], others.frequency[other], finer)
-    return dataclasses.replace(found, mesh_error=read_only(half))
+            half[state] = mesh_error.half_width(modes.frequency[state], others.frequency[other], finer)
+    return dataclasses.replace(modes, mesh_error=read_only(half))
 
 
 def _frequencies(case: Case, count: int, sealed: bool, body: Body) -> NaturalFrequencies:
