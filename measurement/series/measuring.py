@@ -195,7 +195,7 @@ def zero_line(photographs: Sequence[Photograph], setup: Setup, tone: str = AUTO)
         except Unmeasurable as error:
             reasons.append(f"{photo.file.name}: {error}")
         except Exception as error:  # as in `_measure_one`
-            reasons.append(f"{photo.file.name}: {_unexpected_error(error)}")
+            reasons.append(f"{photo.file.name}: {unexpected_error(error)}")
     if doubted:
         return doubted[0]
     raise NoZero(f"no photograph at zero pressure shows the undeformed surface; {'; '.join(reasons)}")
@@ -286,7 +286,8 @@ def _outlines(outcomes: Sequence[Outline | Refusal]) -> dict[int, Outline]:
     return {k: outcome for k, outcome in enumerate(outcomes) if isinstance(outcome, Outline)}
 
 
-def _unexpected_error(error: Exception) -> str:
+def unexpected_error(error: Exception) -> str:
+    """Return the reason of a refusal after an error that no check expects."""
     words = " ".join(str(error).split())  # OpenCV's own have several lines
     return f"it led to an unforeseen failure ({type(error).__name__}: {words})"
 
@@ -313,7 +314,7 @@ def _measure_one(photo: Photograph, name: str, setup: Setup, zero: ZeroLine, ton
     except Unmeasurable as error:
         outcome = Refusal(str(error), photo.file)
     except Exception as error:  # one odd photograph must not take the others with it
-        outcome = Refusal(_unexpected_error(error), photo.file)
+        outcome = Refusal(unexpected_error(error), photo.file)
     if pictures is not None and image is not None:
         drawing.draw_edge(pictures / f"{name}.png", image, setup, traced, outcome, photo.pressure)
     return Result(photo, outcome, name, sample)

@@ -25,7 +25,6 @@ from measurement.screen.setup import Setup, SetupError
 from measurement.series import checks, drawing, measuring
 from measurement.series.photo_list import Photograph
 from measurement.series.witness import Refusal
-from softmodels.common import errors
 from softmodels.common.arrays import Array
 
 
@@ -287,7 +286,7 @@ def _spread(repeats: Array) -> Array:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Reference:
-    """The photograph without pressure: its picture, what is seen in it, and what that shows."""
+    """The photograph without pressure: its pixels, silhouette and measured view."""
 
     image: pictures.Pixels
     seen: silhouette.Silhouette
@@ -420,8 +419,7 @@ def views(
         except pictures.Unmeasurable as error:
             outcome = Refusal(str(error), photo.file)
         except Exception as error:  # one odd photograph must not take the others with it
-            reason = f"it led to an unforeseen failure ({type(error).__name__}: {errors.reason(error)})"
-            outcome = Refusal(reason, photo.file)
+            outcome = Refusal(measuring.unexpected_error(error), photo.file)
         outcomes[k] = outcome
         if pictures_folder is not None and image is not None:
             lines = (

@@ -833,7 +833,7 @@ class RubbingBodyTerm(_BodyTerm[touching.RubbedTouching], assembly.RememberingTe
         super().__init__(part, body, nodes)
         self.rubbing = pressing.Rubbing(part.friction, part.slip / body.actuator.size or ONSET_DEPTH)
         self.anchors = touching.Anchors.of_free(self.plain(nodes.places))
-        self._balanced: tuple[Array, Array] | None = None  # values of the nodes, and the force that was in balance there
+        self._balanced = np.empty(0), np.empty(0)  # values of the nodes, and the force that was in balance there
 
     def pressed(self, places: Array) -> touching.RubbedTouching:
         return touching.RubbedTouching(self.plain(places), self.rubbing, self.anchors)
@@ -860,8 +860,8 @@ class RubbingBodyTerm(_BodyTerm[touching.RubbedTouching], assembly.RememberingTe
     def figures(self, equations: component.Equations) -> dict[str, float]:
         self._take(equations.w.x.array)
         pressed, size, label = self._pressed, equations.length_unit, self.part.label
-        known = self._balanced is not None and np.array_equal(self._state, self._balanced[0])
-        force = self._balanced[1] if self._balanced is not None and known else pressed.force
+        values, balanced = self._balanced
+        force = balanced if np.array_equal(self._state, values) else pressed.force
         lost = self.anchors.lost * equations.stress_unit * size**3 * self.actuator.copies
         return self.body_figures(equations, pressed.plain, force) | {
             f"{label}_sliding": pressed.sliding,

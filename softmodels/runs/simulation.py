@@ -910,7 +910,7 @@ def _aside(simulation: Simulation, material: Material | None = None) -> Simulati
 
 
 def _followed(simulation: Simulation, aside: Simulation, prepare: Callable[[], None], what: str) -> table.PathTable:
-    """Return the rows of another path beside a run's, as far as it goes; the listener is told where it ends early."""
+    """Return the rows of another path beside a run's, as far as it goes; the listener gets the reason of an early end."""
     rows, say = table.PathTable(), simulation.listener.say
     try:
         prepare()

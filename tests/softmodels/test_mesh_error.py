@@ -1,4 +1,4 @@
-"""The mesh error of a run's numbers, against meshes with much smaller cells, and where it is told."""
+"""The mesh error of a run's numbers, against meshes with much smaller cells, and where it is printed."""
 
 from __future__ import annotations
 
