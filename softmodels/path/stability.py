@@ -505,49 +505,6 @@ def product(matrix: PETSc.Mat, v: Array, w: Array) -> float:
     return float(left.dot(image))
 
 
-MAX_ROOT_ITERATIONS = 500
-"""Each at least halves the error: the branches' stiffness changes by less than a quarter of the whole per octave."""
-ROOT_TOLERANCE = 1e-12
-
-
-def damped_roots(values: Array, creeping: Callable[[complex], npt.NDArray[np.complex128]]) -> list[complex]:
-    """Return of each mode the root s in 1/s, with a positive imaginary part, of vibrations that go as exp(s t); of an unstable
-    one the rate at which it grows.
-
-    The equations of motion are taken in the space of the relaxed modes (Rayleigh and Ritz), of unit mass and with the
-    eigenvalues w^2: (s^2 + w^2 + creeping(s)) q = 0. Each root is iterated from the relaxed one; among the modes at its
-    s it is the one closest to the one before.
-
-    Args:
-        values: Squares of the relaxed angular frequencies in 1/s^2, negative of unstable modes, shape (n,).
-        creeping: Stiffness that relaxes, over the mass, of motions as exp(s t), in 1/s^2, shape (n, n), symmetric.
-
-    Raises:
-        NoConvergence: A root was not found.
-    """
-    return [
-        _ringing(values, creeping, k) if values[k] >= 0.0 else _growth_rate(values, creeping, k) for k in range(len(values))
-    ]
-
-
-def _growth_rate(values: Array, creeping: Callable[[complex], npt.NDArray[np.complex128]], k: int) -> complex:
-    def excess(s: float) -> float:
-        return float(s**2 + values[k] + creeping(s)[k, k].real)
-
-    return complex(scipy.optimize.brentq(excess, 0.0, 1.001 * math.sqrt(-values[k]), rtol=ROOT_TOLERANCE))
-
-
-def _ringing(values: Array, creeping: Callable[[complex], npt.NDArray[np.complex128]], k: int) -> complex:
-    s, shape = 1j * math.sqrt(values[k]), np.eye(len(values))[k]
-    for _ in range(MAX_ROOT_ITERATIONS):
-        squares, shapes = np.linalg.eig(np.diag(values) + creeping(s))
-        nearest_one = int(np.argmax(np.abs(shape.conj() @ shapes)))
-        before, s, shape = s, 1j * np.sqrt(squares[nearest_one]), shapes[:, nearest_one]
-        if abs(s - before) <= ROOT_TOLERANCE * abs(s):
-            return complex(s)
-    raise newton.NoConvergence("the damping of a mode did not converge")
-
-
 def spectrum_of(solver: Solver, M: PETSc.Mat) -> Spectrum:
     """Return the eigenvalue solver that suits a device's linear solver."""
     return (Factorised if solver.bordered.inverse.exact else Iterated)(solver, M)
@@ -704,6 +661,53 @@ class Signature:
     negative_eigenvalues: int = 0
     lowest: float = 0.0
     exact: bool = True
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Vibrations of a damped device, from its relaxed modes.
+
+
+MAX_ROOT_ITERATIONS = 500
+"""Each at least halves the error: the branches' stiffness changes by less than a quarter of the whole per octave."""
+ROOT_TOLERANCE = 1e-12
+
+
+def damped_roots(values: Array, creeping: Callable[[complex], npt.NDArray[np.complex128]]) -> list[complex]:
+    """Return of each mode the root s in 1/s, with a positive imaginary part, of vibrations that go as exp(s t); of an unstable
+    one the rate at which it grows.
+
+    The equations of motion are taken in the space of the relaxed modes (Rayleigh and Ritz), of unit mass and with the
+    eigenvalues w^2: (s^2 + w^2 + creeping(s)) q = 0. Each root is iterated from the relaxed one; among the modes at its
+    s it is the one closest to the one before.
+
+    Args:
+        values: Squares of the relaxed angular frequencies in 1/s^2, negative of unstable modes, shape (n,).
+        creeping: Stiffness that relaxes, over the mass, of motions as exp(s t), in 1/s^2, shape (n, n), symmetric.
+
+    Raises:
+        NoConvergence: A root was not found.
+    """
+    return [
+        _ringing(values, creeping, k) if values[k] >= 0.0 else _growth_rate(values, creeping, k) for k in range(len(values))
+    ]
+
+
+def _growth_rate(values: Array, creeping: Callable[[complex], npt.NDArray[np.complex128]], k: int) -> complex:
+    def excess(s: float) -> float:
+        return float(s**2 + values[k] + creeping(s)[k, k].real)
+
+    return complex(scipy.optimize.brentq(excess, 0.0, 1.001 * math.sqrt(-values[k]), rtol=ROOT_TOLERANCE))
+
+
+def _ringing(values: Array, creeping: Callable[[complex], npt.NDArray[np.complex128]], k: int) -> complex:
+    s, shape = 1j * math.sqrt(values[k]), np.eye(len(values))[k]
+    for _ in range(MAX_ROOT_ITERATIONS):
+        squares, shapes = np.linalg.eig(np.diag(values) + creeping(s))
+        nearest_one = int(np.argmax(np.abs(shape.conj() @ shapes)))
+        before, s, shape = s, 1j * np.sqrt(squares[nearest_one]), shapes[:, nearest_one]
+        if abs(s - before) <= ROOT_TOLERANCE * abs(s):
+            return complex(s)
+    raise newton.NoConvergence("the damping of a mode did not converge")
 
 
 # ----------------------------------------------------------------------------------------------------------------------
