@@ -107,6 +107,18 @@ class Revolved(actuator.Wedged):
         return min(self.cell_size, self.thinnest / self.rows)
 
     @property
+    def sharp_edges(self) -> tuple[Place, ...]:
+        """Edges at which cells are `SHARP_EDGE_REFINEMENT` times smaller, because the strain is unbounded there and changes
+        the whole device; a section that has some is not meshed in rows."""
+        return ()
+
+    def size_at(self, radius: float, height: float) -> float:
+        """Return the edge length in m of cells that do not lie in rows."""
+        size = self.wedge_size
+        near = (math.hypot(radius - r, height - z) for r, z in self.sharp_edges)
+        return min(size, *(size / SHARP_EDGE_REFINEMENT + SHARP_EDGE_GROWTH * distance for distance in near), math.inf)
+
+    @property
     def expected_cells(self) -> float:
         if self.dimension == 3:
             return self.solid_volume / self.copies / (TETRAHEDRON_VOLUME * self.wedge_size**3)
@@ -185,6 +197,9 @@ def through_field(default: float = 2.0, more: str = "") -> Any:
 Place = tuple[float, float]
 
 CELL_GROWTH_RATIO = 1.3
+
+SHARP_EDGE_REFINEMENT, SHARP_EDGE_GROWTH = 4.0, 0.3
+"""How many times smaller cells are at a sharp edge, and growth of their size with the distance from it."""
 
 ZERO_LENGTH_TOLERANCE = 1e-9
 
@@ -473,15 +488,18 @@ class Drawing:
 def build_section(device: Revolved) -> None:
     """Fill the current Gmsh model with the axisymmetric profile: x is the radius, y the height (m)."""
     drawing = Drawing(device.panels, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    in_rows = not device.sharp_edges
     gmsh.model.occ.synchronize()
     for region, faces in drawing.faces.items():
         meshing.name_group(2, faces, region)
-        for face in faces:
+        for face in faces if in_rows else ():
             gmsh.model.mesh.setTransfiniteSurface(face)
-    for key, tag in drawing.curves.items():
+    for key, tag in drawing.curves.items() if in_rows else ():
         side = drawing.sides[key]
         cells = meshing.divided(side.cells)
         gmsh.model.mesh.setTransfiniteCurve(tag, cells + 1, "Progression", side.growth ** (side.cells / cells))
+    if not in_rows:
+        gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: device.size_at(x, y))
     meshing.name_groups(1, drawing.roles)
     for role, place in device.anchors.items():
         meshing.name_group(0, [drawing.points[place]], role)
@@ -535,8 +553,7 @@ def build_wedge(device: Revolved) -> None:
     for role, (r, z) in device.anchors.items():
         near = np.linalg.norm([meshing.place_of(tag) - (r, 0.0, z) for _, tag in gmsh.model.getEntities(0)], axis=1)
         meshing.name_group(0, [gmsh.model.getEntities(0)[int(near.argmin())][1]], role)
-    size = device.wedge_size
-    gmsh.model.mesh.setSizeCallback(lambda *_: size)
+    gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: device.size_at(math.hypot(x, y), z))
 
 
 def surface_role(device: actuator.Wedged, tag: int, sides: Sequence[Side]) -> str:

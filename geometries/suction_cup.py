@@ -89,6 +89,11 @@ class SuctionCup(Revolved):
         )  # fmt: skip
 
     @property
+    def sharp_edges(self) -> tuple[revolved.Place, ...]:
+        # Where the lip stands, the cup and its mirror image below the plane make a notch.
+        return ((self.radius, 0.0),)
+
+    @property
     def thinnest(self) -> float:
         return min(self.roof, self.lip)
 
