@@ -161,6 +161,10 @@ class Actuator(Designable, Castable, DeviceLabels, ABC):
         GeometryError: From the constructor, if the parameters make no device.
     """
 
+    finer: float = schema.number_field(
+        1.0, "how many times smaller all cells are than the other settings say", shape=False, last=True
+    )
+
     variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {"default": {}}
     """Named sets of parameters; each maps field names to SI values that replace the defaults."""
 
@@ -195,6 +199,13 @@ class Actuator(Designable, Castable, DeviceLabels, ABC):
 
     def __post_init__(self) -> None:
         schema.settle(self)
+        if not 1.0 / MOST_REFINED <= self.finer <= MOST_REFINED:
+            self.reject(
+                "finer",
+                f"it must be from {1.0 / MOST_REFINED:g} to {MOST_REFINED:g}; for larger or smaller cells change the cell size",
+            )
+        if self.meshed and self.finer != 1.0:
+            self.reject("finer", meshing.NOT_REFINED)
         self.check()
 
     @classmethod
@@ -255,9 +266,10 @@ class Actuator(Designable, Castable, DeviceLabels, ABC):
         Args:
             more: What else decides the number of cells, a clause behind the cell size.
         """
-        if (expected := self.expected_cells) > self.most_cells:
+        if (expected := meshing.expected_cells(self)) > self.most_cells:
+            finer = f" with finer {self.finer:g}" if self.finer != 1.0 else ""
             raise GeometryError(
-                f"cell_size is {schema.shown(getattr(self, 'cell_size', 0.0), 'm')}{more}; about {expected:.2g} cells are "
+                f"cell_size is {schema.shown(getattr(self, 'cell_size', 0.0), 'm')}{more}{finer}; about {expected:.2g} cells are "
                 f"expected, but at most {self.most_cells:,} are allowed; use larger cells"
             )
 
@@ -423,7 +435,7 @@ class Actuator(Designable, Castable, DeviceLabels, ABC):
 
     @property
     def expected_cells(self) -> float:
-        """Estimated number of cells, within a factor of about two; infinite if unknown."""
+        """Estimated number of cells where ``finer`` is 1, within a factor of about two; infinite if unknown."""
         return math.inf
 
     def device_points(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -440,13 +452,17 @@ class Actuator(Designable, Castable, DeviceLabels, ABC):
             return points
         return np.column_stack([points[:, 0], np.zeros(len(points)), points[:, 1]])
 
-    def write(self, path: str | Path, stopped: Callable[[], bool] = bool, finer: float = 1.0) -> Path:
+    def refined(self, times: float) -> Self:
+        """Return the device with all cells a number of times smaller. GeometryError for more cells than are solved for, or a part
+        whose file is a mesh."""
+        return dataclasses.replace(self, finer=self.finer * times)
+
+    def write(self, path: str | Path, stopped: Callable[[], bool] = bool) -> Path:
         """Mesh the device and write it as a Gmsh file (MSH 4.1, m).
 
         Args:
             path: File ending in ``.msh`` in an existing folder; it is replaced only once the new mesh is complete.
             stopped: Asked several times a second while a mesh that takes longer is made; once true, the mesher is killed.
-            finer: How many times smaller all cells are than the device's own.
 
         Returns:
             The path.
@@ -458,7 +474,7 @@ class Actuator(Designable, Castable, DeviceLabels, ABC):
             OSError: The folder is missing or cannot be written.
         """
 
-        return meshing.write_mesh(self, Path(path), stopped, finer)
+        return meshing.write_mesh(self, Path(path), stopped)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -570,6 +586,9 @@ def in_halves(up: Vector, level: float | None, why: str, *inlets: tuple[Vector, 
     pours = Pour(name="upper", up=up, level=level), Pour(name="lower", up=down, level=lower)
     return Recipe(pours=pours, why=why, inlets=inlets)
 
+
+MOST_REFINED = 20.0
+"""Most times that all cells may be smaller, or larger, than a device's other settings say."""
 
 MESH_KEY_VERSION = 3
 """Version in every key: increase it when the same parameters give another mesh, to invalidate cached meshes."""

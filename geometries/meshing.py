@@ -43,6 +43,8 @@ class Meshable(Protocol):
     __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]
 
     @property
+    def finer(self) -> float: ...
+    @property
     def dimension(self) -> int: ...
     @property
     def copies(self) -> int: ...
@@ -177,56 +179,59 @@ def write_step(file: Path) -> None:
 
 
 @one_at_a_time
-def write_mesh(actuator: Meshable, path: Path, stopped: Callable[[], bool] = bool, finer: float = 1.0) -> Path:
+def write_mesh(actuator: Meshable, path: Path, stopped: Callable[[], bool] = bool) -> Path:
     """Mesh a device into a file; see `Actuator.write`, which is the way to call this."""
     if path.suffix != ".msh":
         raise GeometryError(f"path is {str(path)!r}; the name of a mesh file must end in .msh")
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, "a folder, not a mesh file", str(path))
     partial = path.with_name(f".{path.stem}-{os.getpid()}.msh")
-    if finer != 1.0 and actuator.meshed:
-        raise MeshingError(NOT_REFINED)
     # Made before the meshing starts, so that a folder that cannot be written is known within a moment.
     try:
         partial.touch()
     except OSError as error:
         raise OSError(error.errno, f"cannot write in this folder: {error.strerror}", str(path.parent)) from None
     try:
-        kept = load_cached_mesh(actuator, partial, finer) and is_whole(partial)
+        kept = load_cached_mesh(actuator, partial) and is_whole(partial)
         if not kept:
-            _make_curved(actuator, partial, finer, stopped)
+            _make_curved(actuator, partial, stopped)
         if not is_whole(partial):
             raise OSError(errno.ENOSPC, "the mesh file ended early; is the disk full?", str(path))
         if not kept:
-            cache_mesh(actuator, partial, finer)
+            cache_mesh(actuator, partial)
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)
     return path
 
 
+def expected_cells(actuator: Meshable) -> float:
+    """Return a device's estimated number of cells; infinite if unknown."""
+    return actuator.expected_cells * actuator.finer**actuator.dimension
+
+
 class InvalidCellsError(MeshingError):
     """Curved edges spoil cells, and moving nodes in one way does not mend them."""
 
 
-def _make_curved(actuator: Meshable, path: Path, finer: float, stopped: Callable[[], bool]) -> None:
+def _make_curved(actuator: Meshable, path: Path, stopped: Callable[[], bool]) -> None:
     """Mesh a device into a file in the first of `CURVINGS` that makes its cells sound."""
     try:
-        if actuator.expected_cells * finer**actuator.dimension <= MAX_CELLS_IN_PROCESS:
-            return _make(actuator, path, finer, CURVINGS[0])
-        return apart(_make, actuator, path, finer, CURVINGS[0], stopped=stopped)
+        if expected_cells(actuator) <= MAX_CELLS_IN_PROCESS:
+            return _make(actuator, path, CURVINGS[0])
+        return apart(_make, actuator, path, CURVINGS[0], stopped=stopped)
     except InvalidCellsError:
         pass
-    if processes.pickled((_make, (actuator, path, finer, CURVINGS[1]))) is not None:
+    if processes.pickled((_make, (actuator, path, CURVINGS[1]))) is not None:
         with contextlib.suppress(MeshingError):  # spoilt, or its process has ended
-            return apart(_make, actuator, path, finer, CURVINGS[1], stopped=stopped)
-    return apart(_make, actuator, path, finer, CURVINGS[2], stopped=stopped)
+            return apart(_make, actuator, path, CURVINGS[1], stopped=stopped)
+    return apart(_make, actuator, path, CURVINGS[2], stopped=stopped)
 
 
-def _make(actuator: Meshable, path: Path, finer: float, curving: str) -> None:
+def _make(actuator: Meshable, path: Path, curving: str) -> None:
     """Mesh a device into a file with a private model of Gmsh's; `InvalidCellsError` if a way of `CURVINGS` leaves some."""
     with private_model():
-        gmsh.option.setNumber("Mesh.MeshSizeFactor", 1.0 / finer)
+        gmsh.option.setNumber("Mesh.MeshSizeFactor", 1.0 / actuator.finer)
         try:
             actuator.build()
             if not actuator.meshed:
@@ -514,35 +519,35 @@ def folder() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "softmodels" / "meshes"
 
 
-def load_cached_mesh(actuator: Meshable, path: Path, finer: float = 1.0) -> bool:
+def load_cached_mesh(actuator: Meshable, path: Path) -> bool:
     """Copy a device's cached mesh to a file; return whether there was one."""
     with contextlib.suppress(OSError, RuntimeError):  # without a cache, or a home for it, nothing is kept
-        if (kept := _place(actuator, finer)) is not None and kept.exists():
+        if (kept := _place(actuator)) is not None and kept.exists():
             shutil.copyfile(kept, path)
             os.utime(kept)
             return True
     return False
 
 
-def is_mesh_cached(actuator: Meshable, finer: float = 1.0) -> bool:
+def is_mesh_cached(actuator: Meshable) -> bool:
     """Return whether a device's mesh is kept."""
     with contextlib.suppress(OSError, RuntimeError):
-        return (kept := _place(actuator, finer)) is not None and kept.exists()
+        return (kept := _place(actuator)) is not None and kept.exists()
     return False
 
 
-def mesh_label(actuator: Meshable, finer: float = 1.0) -> str:
+def mesh_label(actuator: Meshable) -> str:
     """Return the message before a device is meshed."""
     kind = "solid" if actuator.dimension == 3 else "axisymmetric section"
-    cells = "" if finer == 1.0 else f", cells {finer:g} times smaller"
+    cells = "" if actuator.finer == 1.0 else f", cells {actuator.finer:g} times smaller"
     what = f"{type(actuator).__name__} ({kind}, 1/{actuator.copies}{cells})"
-    return f"{what}: using the cached mesh" if is_mesh_cached(actuator, finer) else f"meshing {what}"
+    return f"{what}: using the cached mesh" if is_mesh_cached(actuator) else f"meshing {what}"
 
 
-def cache_mesh(actuator: Meshable, path: Path, finer: float = 1.0) -> None:
+def cache_mesh(actuator: Meshable, path: Path) -> None:
     """Keep the mesh in a file as a device's."""
     with contextlib.suppress(OSError, RuntimeError):
-        if (kept := _place(actuator, finer)) is not None:
+        if (kept := _place(actuator)) is not None:
             _keep(kept, lambda partial: shutil.copyfile(path, partial))
 
 
@@ -575,14 +580,14 @@ def _keep(kept: Path, write: Callable[[Path], object]) -> None:
     _forget_old(kept.parent)
 
 
-def _place(actuator: Meshable, finer: float) -> Path | None:
+def _place(actuator: Meshable) -> Path | None:
     """Return the file in the cache; None for a device that is not kept."""
     kind = type(actuator)
     if kind.__module__.partition(".")[0] != __name__.partition(".")[0]:
         return None
     fields = [(field.name, getattr(actuator, field.name)) for field in dataclasses.fields(actuator)]
     drawn = actuator.digest() if hasattr(actuator, "digest") else ""
-    key = repr((kind.__qualname__, fields, drawn, _mesher_versions(), *([] if finer == 1.0 else [finer])))
+    key = repr((kind.__qualname__, fields, drawn, _mesher_versions()))
     return folder() / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.msh"
 
 

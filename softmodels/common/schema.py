@@ -33,6 +33,7 @@ class About:
         instead: Name of a list that takes its place once it has entries.
         shape: Whether it decides a device's shape, so that a design may vary it; cell sizes and the like do not.
         usual: Largest number in the field's unit that is likely to be meant.
+        last: Whether it stands behind the others, though a base class declares it.
     """
 
     kind: Kind
@@ -44,6 +45,7 @@ class About:
     instead: str = ""
     shape: bool = True
     usual: float = math.inf
+    last: bool = False
 
     @property
     def text(self) -> str:
@@ -66,7 +68,8 @@ def field_of(kind: Kind, text: str, default: Any = dataclasses.MISSING, **more: 
 
 def about(thing: Any) -> Mapping[str, About]:
     """Return the metadata of the fields of a dataclass or its instance, by name."""
-    return {field.name: field.metadata["about"] for field in dataclasses.fields(thing) if "about" in field.metadata}
+    abouts = {field.name: field.metadata["about"] for field in dataclasses.fields(thing) if "about" in field.metadata}
+    return dict(sorted(abouts.items(), key=lambda item: item[1].last))
 
 
 def doubt_of(thing: Any) -> str:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from geometries import Actuator, GeometryError, MeshingError
+from geometries import GeometryError, MeshingError
 from softmodels.case import entries
 from softmodels.case.case import Case, in_equations, of_shape, value_of, varied
 from softmodels.common import errors, folders
@@ -398,7 +398,7 @@ class DesignModel:
         path."""
         case = self.at(theta)
         if finer != 1.0:
-            case = dataclasses.replace(case, actuator=_finer_device(case.actuator, finer))
+            case = dataclasses.replace(case, actuator=case.actuator.refined(finer))
         values_only = dataclasses.replace(self.question, names=(), shape=(), materials=())
         meshed = MeshedDesign.fresh(case, values_only, self.comm)
         try:
@@ -489,12 +489,6 @@ def _combined_gradient(quantity: targets.CompositeQuantity, parts: Sequence[Eval
     names = parts[0].by_material
     rates = {name: float(weights @ np.array([part.by_material[name] for part in parts])) for name in names}
     return EvaluatedQuantity(value, gradient, rates, squares)
-
-
-def _finer_device(device: Actuator, times: float) -> Actuator:
-    sizes = {field.name for field in dataclasses.fields(device)}
-    changes = {"cell_size": getattr(device, "cell_size", 0.0) / times, "around": getattr(device, "around", 0.0) * times}
-    return dataclasses.replace(device, **{name: value for name, value in changes.items() if name in sizes})
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -118,7 +118,7 @@ def find_limit(case: Case, materials: Sequence[Material], comm: MPI.Comm, hold: 
     if not case.mesh_error:
         return limits
     finer = mesh_error.FINER[case.actuator.dimension]
-    others = _limits(case, simulation.meshed(case.actuator, comm, finer), materials, hold)
+    others = _limits(case, simulation.meshed(case.actuator.refined(finer), comm), materials, hold)
     return [_with_mesh_error(limit, other, finer) for limit, other in zip(limits, others, strict=True)]
 
 
@@ -525,7 +525,7 @@ def find_frequencies(case: Case, count: int, sealed: bool, comm: MPI.Comm) -> Na
     if not case.mesh_error:
         return modes
     finer = mesh_error.FINER[case.actuator.dimension]
-    others = _frequencies(case, count, sealed, simulation.meshed(case.actuator, comm, finer))
+    others = _frequencies(case, count, sealed, simulation.meshed(case.actuator.refined(finer), comm))
     half = np.full_like(modes.frequency, math.nan)
     for state in np.flatnonzero(modes.requested):
         near = np.isclose(others.pressure, modes.pressure[state], rtol=1e-6) & others.requested

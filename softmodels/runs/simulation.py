@@ -11,7 +11,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import NoneType
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -88,14 +88,14 @@ class Simulation:
         self._path: Continuation | None = None
         self._bifurcations: list[stability.Point] = []
 
-    def write_mesh(self, file: Path, finer: float = 1.0) -> None:
-        """Mesh the device into a Gmsh file, on rank 0, with cells a number of times smaller than its own; `CaseError` for a
-        field that there is not, `RunError` if it was stopped, else see `Actuator.write`."""
+    def write_mesh(self, file: Path) -> None:
+        """Mesh the device into a Gmsh file, on rank 0; `CaseError` for a field that there is not, `RunError` if it was stopped,
+        else see `Actuator.write`."""
         check_requested(self.case.fields)
         device = self.case.actuator
-        self.listener.say(meshing.mesh_label(device, finer))
+        self.listener.say(meshing.mesh_label(device))
         try:
-            mpi.on_root(self.comm, lambda: device.write(file, self.stopped, finer))
+            mpi.on_root(self.comm, lambda: device.write(file, self.stopped))
         except MeshingStopped:
             raise RunError("stopped by the user during meshing; nothing was solved", commands.EXIT_STOPPED) from None
 
@@ -337,12 +337,12 @@ def temporary_folder(comm: MPI.Comm) -> Iterator[Path]:
             shutil.rmtree(path, ignore_errors=True)
 
 
-def meshed(device: Actuator, comm: MPI.Comm, finer: float = 1.0) -> Body:
-    """Mesh a device, with cells a number of times smaller than its own, and read its mesh; all ranks call it. `MeshingError` or
-    `MeshFileError` if that fails, `RunError` if nothing can be compiled."""
+def meshed(device: Actuator, comm: MPI.Comm) -> Body:
+    """Mesh a device and read its mesh; all ranks call it. `MeshingError` or `MeshFileError` if that fails, `RunError` if
+    nothing can be compiled."""
     with temporary_folder(comm) as folder:
         path = folder / "device.msh"
-        mpi.on_root(comm, lambda: device.write(path, finer=finer))
+        mpi.on_root(comm, lambda: device.write(path))
         return body_of(device, path, comm)
 
 
@@ -881,7 +881,7 @@ def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, table.PathTab
     others, sources = band.others(case.material), {}
     for number, (name, material) in enumerate(others.items(), 1):
         simulation.listener.say(f"solving with {name}, source {number} of {len(others)} besides the run's own")
-        aside = _aside(simulation, material)
+        aside = _aside(simulation, material=material)
         sources[name] = _followed(simulation, aside, functools.partial(aside.prepare, mesh), f"the path of {name}")
     return {name: rows for name, rows in sources.items() if rows}
 
@@ -892,20 +892,20 @@ def solve_finer(simulation: Simulation) -> table.PathTable:
     case = simulation.case
     if not case.mesh_error:
         return table.PathTable()
-    finer, aside = mesh_error.FINER[case.actuator.dimension], _aside(simulation)
+    finer = mesh_error.FINER[case.actuator.dimension]
+    aside = _aside(simulation, actuator=case.actuator.refined(finer))
     simulation.listener.say(f"solving again with cells {finer:g} times smaller, for the mesh error")
 
     def prepare() -> None:
         with temporary_folder(simulation.comm) as folder:
-            aside.write_mesh(folder / "finer.msh", finer)
+            aside.write_mesh(folder / "finer.msh")
             aside.prepare(folder / "finer.msh")
 
     return _followed(simulation, aside, prepare, "the path with smaller cells")
 
 
-def _aside(simulation: Simulation, material: Material | None = None) -> Simulation:
-    case = simulation.case
-    case = dataclasses.replace(case, material=material or case.material, band=None, mesh_error=False)
+def _aside(simulation: Simulation, **changes: Any) -> Simulation:
+    case = dataclasses.replace(simulation.case, band=None, mesh_error=False, **changes)
     return Simulation(case, simulation.comm, None, simulation.stopped)
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import collections
+import dataclasses
 import tempfile
 from pathlib import Path
 
@@ -53,10 +54,10 @@ def laws(random: np.random.Generator) -> sm.Material:
 
 def solved(case: sm.Case, finer: float) -> table.PathTable:
     """Return the path of a case on a mesh with smaller cells."""
-    simulation = Simulation(case, mpi.start())
+    simulation = Simulation(dataclasses.replace(case, actuator=case.actuator.refined(finer)), mpi.start())
     try:
         with tempfile.TemporaryDirectory() as folder:
-            simulation.write_mesh(mesh := Path(folder) / "mesh.msh", finer)
+            simulation.write_mesh(mesh := Path(folder) / "mesh.msh")
             simulation.prepare(mesh)
             return table.PathTable(step.row for step in simulation.steps())
     finally:

@@ -55,7 +55,7 @@ def test_the_half_width_holds_the_error(name, tmp_path):
     "device", [DISK, sm.Balloon(), sm.Beam(), sm.Membrane(section="wedge"), sm.HollowDisk()], ids=lambda d: type(d).__name__
 )
 def test_all_cells_get_smaller(device, tmp_path):
-    own, finer = (meshing.summarize(device.write(tmp_path / f"{n}.msh", finer=n)) for n in (1, 1.5))
+    own, finer = (meshing.summarize(device.refined(n).write(tmp_path / f"{n}.msh")) for n in (1, 1.5))
     assert 1.5**device.dimension == pytest.approx(finer.cells / own.cells, rel=0.3)
     assert finer.measure == pytest.approx(own.measure, rel=2e-3)
 
