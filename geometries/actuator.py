@@ -269,8 +269,8 @@ class Actuator(Designable, Castable, DeviceLabels, ABC):
         if (expected := meshing.expected_cells(self)) > self.most_cells:
             finer = f" with finer {self.finer:g}" if self.finer != 1.0 else ""
             raise GeometryError(
-                f"cell_size is {schema.shown(getattr(self, 'cell_size', 0.0), 'm')}{more}{finer}; about {expected:.2g} cells are "
-                f"expected, but at most {self.most_cells:,} are allowed; use larger cells"
+                f"cell_size is {schema.shown(getattr(self, 'cell_size', 0.0), 'm')}{more}{finer}; about {expected:.2g} "
+                f"cells are expected, but at most {self.most_cells:,} are allowed; use larger cells"
             )
 
     @property
@@ -453,8 +453,8 @@ class Actuator(Designable, Castable, DeviceLabels, ABC):
         return np.column_stack([points[:, 0], np.zeros(len(points)), points[:, 1]])
 
     def refined(self, times: float) -> Self:
-        """Return the device with all cells a number of times smaller. GeometryError for more cells than are solved for, or a part
-        whose file is a mesh."""
+        """Return the device with all cells a number of times smaller. GeometryError for more cells than are solved for, or a
+        part whose file is a mesh."""
         return dataclasses.replace(self, finer=self.finer * times)
 
     def write(self, path: str | Path, stopped: Callable[[], bool] = bool) -> Path:

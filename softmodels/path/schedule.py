@@ -496,7 +496,7 @@ class PreloadFailure(stability.PathEnd):
             return f"{none}: at {self.share:.3g} of the full load {self.cause.clause}. {self.cause.advice}"
         return (
             f"{self.what[0].upper()}{self.what[1:]} could be applied only up to {self.share:.3g} of the full load ({self}); "
-            "reduce the load, or refine the mesh (--cell-size)"
+            "reduce the load, or refine the mesh (--finer 2)"
         )
 
 

@@ -127,7 +127,7 @@ def _with_mesh_error(limit: Limit, other: Limit, finer: float) -> Limit:
         text = f"with cells {finer:g} times smaller the path ends otherwise ({END_TEXTS[other.kind]}); use smaller cells"
         return dataclasses.replace(limit, notes=(*limit.notes, text))
     half = mesh_error.half_width(limit.pressure, other.pressure, finer)
-    text = f"the mesh error of the pressure is {half / abs(limit.pressure):.1%}; use smaller cells (--cell-size)"
+    text = f"the mesh error of the pressure is {half / abs(limit.pressure):.1%}; use smaller cells (--finer 2)"
     doubts = (errors.spoken(text),) if half > mesh_error.LARGE_ERROR * abs(limit.pressure) else ()
     return dataclasses.replace(limit, mesh_error=half, notes=(*limit.notes, *doubts))
 

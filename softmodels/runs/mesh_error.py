@@ -112,7 +112,7 @@ class MeshErrors:
                 scale = max(abs(row[name]), LEAST_RISE * device.size if name == device.gauge else 0.0)
                 if widths.get(name, 0.0) > LARGE_ERROR * scale > 0.0:
                     what = "limit pressure" if row.get("limit") else columns.term(row.column(name), device).name
-                    yield f"the mesh error of the {what} is {widths[name] / scale:.1%}; use smaller cells (--cell-size)"
+                    yield f"the mesh error of the {what} is {widths[name] / scale:.1%}; use smaller cells (--finer 2)"
         other = self.paired(last)
         for name in PEAKS:
             if other is not None and name in last and other[name] > (1.0 + LARGE_GROWTH) * last[name]:

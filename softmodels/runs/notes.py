@@ -814,7 +814,7 @@ def advice(case: Case, row: table.Row, petsc: bool = False) -> str:
     checked = f"the law is stable at stretch {stretch:.3g} by Drucker's criterion and no cell is inverted (smallest J {J:.3g})"
     return (
         f"No cause was found: {checked}. If the curve was flattening, use --control auto or arc-length, which pass "
-        "limit points; otherwise refine the mesh (--cell-size)"
+        "limit points; otherwise refine the mesh (--finer 2)"
     )
 
 
@@ -946,7 +946,7 @@ def explain_failure(case: Case, failure: Exception, last: table.Row | None, pets
     """Return the same if no state was found at the start or at a limit point, where no step can be shortened, from the
     solver's failure and the last row, if there is one."""
     words = "leave out PETSc's options (what follows --), " if petsc else ""
-    told = f"{words}refine the mesh (--cell-size), or use another --control"
+    told = f"{words}refine the mesh (--finer 2), or use another --control"
     return f"the path could not be followed ({failure})" + (f"; {told}" if last is None else f". {advice(case, last)}")
 
 

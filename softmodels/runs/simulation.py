@@ -11,7 +11,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import NoneType
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -881,7 +881,7 @@ def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, table.PathTab
     others, sources = band.others(case.material), {}
     for number, (name, material) in enumerate(others.items(), 1):
         simulation.listener.say(f"solving with {name}, source {number} of {len(others)} besides the run's own")
-        aside = _aside(simulation, material=material)
+        aside = _aside(simulation, dataclasses.replace(simulation.case, material=material))
         sources[name] = _followed(simulation, aside, functools.partial(aside.prepare, mesh), f"the path of {name}")
     return {name: rows for name, rows in sources.items() if rows}
 
@@ -893,7 +893,7 @@ def solve_finer(simulation: Simulation) -> table.PathTable:
     if not case.mesh_error:
         return table.PathTable()
     finer = mesh_error.FINER[case.actuator.dimension]
-    aside = _aside(simulation, actuator=case.actuator.refined(finer))
+    aside = _aside(simulation, dataclasses.replace(case, actuator=case.actuator.refined(finer)))
     simulation.listener.say(f"solving again with cells {finer:g} times smaller, for the mesh error")
 
     def prepare() -> None:
@@ -904,9 +904,9 @@ def solve_finer(simulation: Simulation) -> table.PathTable:
     return _followed(simulation, aside, prepare, "the path with smaller cells")
 
 
-def _aside(simulation: Simulation, **changes: Any) -> Simulation:
-    case = dataclasses.replace(simulation.case, band=None, mesh_error=False, **changes)
-    return Simulation(case, simulation.comm, None, simulation.stopped)
+def _aside(simulation: Simulation, case: Case) -> Simulation:
+    """Return the simulation of another case beside a run's, without band and mesh error."""
+    return Simulation(dataclasses.replace(case, band=None, mesh_error=False), simulation.comm, None, simulation.stopped)
 
 
 def _followed(simulation: Simulation, aside: Simulation, prepare: Callable[[], None], what: str) -> table.PathTable:

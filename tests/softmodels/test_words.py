@@ -215,4 +215,4 @@ def test_a_limit_of_the_stroke_is_told_in_the_supplys_words(supply, gas, ending)
 def test_what_a_lost_path_is_told():
     case = sm.Case("disk", BALLOONS, LAW, steps=steps_of(pressure_cm=(1.0,)))
     text = explain_failure(case, ValueError("no convergence"), None, petsc=True)
-    assert spoken(text).endswith("(the variable PETSC_OPTIONS), refine the mesh (cell_size), or use another control")
+    assert spoken(text).endswith("(the variable PETSC_OPTIONS), refine the mesh (finer=2), or use another control")
