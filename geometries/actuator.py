@@ -452,10 +452,14 @@ class Actuator(Designable, Castable, DeviceLabels, ABC):
             return points
         return np.column_stack([points[:, 0], np.zeros(len(points)), points[:, 1]])
 
+    def replaced(self, **fields: Any) -> Self:
+        """Return the device with other values of fields; GeometryError if they are invalid."""
+        return dataclasses.replace(self, **fields)
+
     def refined(self, times: float) -> Self:
         """Return the device with all cells a number of times smaller. GeometryError for more cells than are solved for, or a
         part whose file is a mesh."""
-        return dataclasses.replace(self, finer=self.finer * times)
+        return self.replaced(finer=self.finer * times)
 
     def write(self, path: str | Path, stopped: Callable[[], bool] = bool) -> Path:
         """Mesh the device and write it as a Gmsh file (MSH 4.1, m).
@@ -675,7 +679,7 @@ def changed[Device: Actuator](device: Device, values: Mapping[str, float]) -> De
             entries = list(fields.get(field, getattr(device, field)))  # type: ignore[call-overload]
             entries[place] = value
             fields[field] = tuple(entries)
-    return dataclasses.replace(device, **fields)
+    return device.replaced(**fields)
 
 
 def _places(device: Actuator) -> Iterator[tuple[str, str, int | None]]:

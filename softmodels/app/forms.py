@@ -306,7 +306,7 @@ def changed_fields(device: Actuator) -> Mapping[str, object]:
 
 def with_field(device: Actuator, name: str, value: object) -> Actuator:
     """Return a device with one field changed, which may be a text with a unit; errors as of its class."""
-    return type(device)(**{**changed_fields(device), name: value})
+    return device.replaced(**{name: value})
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -750,7 +750,7 @@ def _asked(
         unknown = changes.keys() - {field.name for field in dataclasses.fields(device)}
         if values.get("variant") or unknown:
             raise CaseError(f"{file} already names the device; leave out --variant and options of other devices")
-        device = dataclasses.replace(device, **changes)
+        device = device.replaced(**changes)
         registry.check_meaning(device, changes)
         if not names and not given:
             return device, {default.name: default}
