@@ -27,7 +27,7 @@ from softmodels.path import steps
 from softmodels.runs import analyses, labels, notes, outcomes, recording, states
 from softmodels.runs.analyses import Limit, NaturalFrequencies
 from softmodels.runs.outcomes import RunError
-from softmodels.runs.simulation import AtRest, MemoryStates, Simulation, solve_finer, solve_sources, temporary_folder
+from softmodels.runs.simulation import AtRest, MemoryStates, Simulation, accurate, solve_finer, solve_sources, temporary_folder
 
 if TYPE_CHECKING:
     from softmodels.pictures.comparison import Comparison
@@ -126,6 +126,7 @@ def run(
         if progress is True:
             words, goal = labels.state_labels(case), case.load.told(case.values[-1])
             listener = stack.enter_context(outcomes.Progress(words, not mpi.is_root(comm), case.variable, goal))
+        case = accurate(case, comm, listener)
         if output is None:
             return solve_in_memory(Simulation(case, comm, listener), branch)
         return solve_in_folder(recording.ResultsPlace(output, resume, inputs), case, comm, listener, branch)

@@ -121,6 +121,8 @@ class GaugesEntry(Entry[Probes]):
 
 MODULI = (laws.MIN_SHEAR_MODULUS, 1e9)
 """Accepted shear moduli in Pa, from the softest gels to the hardest elastomers, with a margin."""
+LEAST_ACCURACY = 1e-5
+"""Smallest accuracy relative to the number that cells are chosen for."""
 MOST_APART = 1e6
 """Maximum ratio of a region's shear modulus to the main one's that is solved accurately."""
 
@@ -244,6 +246,11 @@ class Case:
         "estimate the mesh error of the last state and of limit points: the path is solved again with smaller cells", False,
         hidden=True,
     )  # fmt: skip
+    accuracy: float = _value(
+        "solver", schema.Quantity(),
+        "largest mesh error relative to the number, such as 1%, of the last state's main rise and added volume and of limit "
+        "pressures: the cells are made small enough for it; 0 for the cells as they are", 0.0, hidden=True,
+    )  # fmt: skip
     inertia: bool = _value(
         "load", schema.Flag(),
         "let mass count in time (--rate, --hold): the device swings, and is followed through jumps", False, hidden=True,
@@ -273,8 +280,11 @@ class Case:
             if self.band is not None:
                 self.band.check(self.material)
                 self.load.check_band()
-            if self.mesh_error and self.actuator.meshed:
-                raise CaseError(f"--mesh-error needs another mesh, but {meshing.NOT_REFINED}")
+            if not (self.accuracy == 0.0 or LEAST_ACCURACY <= self.accuracy <= 1.0):
+                raise CaseError(f"--accuracy is {self.accuracy:g}; it must be 0 (none), or from {LEAST_ACCURACY:.4%} to 100%")
+            if (self.mesh_error or self.accuracy) and self.actuator.meshed:
+                asks = "--accuracy" if self.accuracy else "--mesh-error"
+                raise CaseError(f"{asks} needs another mesh, but {meshing.NOT_REFINED}")
             self.load.check_size(self.material.shear_modulus_0, self.actuator.cavity_volume)
             specimens.check_rest(self.material)
         except PART_ERRORS as error:
@@ -673,6 +683,7 @@ class SolveOptions(TypedDict, total=False):
     formulation: str
     solver: str
     mesh_error: bool
+    accuracy: float | str
 
 
 class RequestOptions(SolveOptions, total=False):

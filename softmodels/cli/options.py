@@ -426,6 +426,7 @@ def _named(args: list[str]) -> str | None:
               "is solved, and the curves show the band they span.")  # fmt: skip
 @case_option(next(case.entries()["solver"].options()))
 @case_option(next(case.entries()["mesh_error"].options()))
+@case_option(next(case.entries()["accuracy"].options()))
 @set_option
 @commands.options(commands.RunOptions)
 def run(
@@ -433,9 +434,8 @@ def run(
     how: commands.RunOptions,
     material: str | None,
     band: str | None,
-    solver: str | None,
-    mesh_error: bool | None,
     changes: tuple[str, ...],
+    **asked: object,
 ) -> None:
     """Run a case FILE, or a device by its options.
 
@@ -450,4 +450,4 @@ def run(
       softmodels run --device HollowDisk --pressure-cm 0:177 --section axisymmetric
       softmodels run --device HollowDisk --help
     """
-    execute(lambda: case_of_file(file, material, changes, band, solver=solver, mesh_error=mesh_error), how, [file])
+    execute(lambda: case_of_file(file, material, changes, band, **asked), how, [file])

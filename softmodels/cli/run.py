@@ -24,6 +24,7 @@ from softmodels.common.errors import OWN_MODULES, reason, spoken
 from softmodels.common.lazy import MPI, PETSc, consoles, progress
 from softmodels.mechanics import mpi
 from softmodels.runs import fields, labels, mesh_error, notes, outcomes, recording, store
+from softmodels.runs.simulation import accurate
 
 
 def run(
@@ -49,6 +50,9 @@ def run(
     comm = mpi.start(how.petsc)
     quiet, goal = how.quiet or not mpi.is_root(comm), case.load.told(case.values[-1])
     progress = outcomes.Progress(labels.state_labels(case), quiet, case.variable, goal)
+    if case.accuracy:
+        with progress, interrupts() as stopped:
+            case = accurate(case, comm, progress, stopped)
     drawing = drawing or DrawingProcess.of(case, how)
     reporter = Reporter(case, progress, drawing, how)
 

@@ -99,6 +99,21 @@ class MeshErrors:
             f"({columns.FINER_FILE}), as half a 95 % interval: {figures}."
         )
 
+    def shares(self) -> dict[str, float]:
+        """Return the half widths relative to the numbers, by their names: the main rise and the added volume of the last
+        requested state of which they are known, and limit pressures."""
+        device, (last, _), shares = self.case.actuator, self.last, dict[str, float]()
+        if last is None:
+            return shares
+        for row in [last, *self.rows.where("limit")]:
+            widths = self.of(row)
+            for name in ("pressure",) if row.get("limit") else (device.gauge, "added_volume"):
+                scale = max(abs(row[name]), LEAST_RISE * device.size if name == device.gauge else 0.0)
+                if name in widths and scale > 0.0:
+                    what = "limit pressure" if row.get("limit") else columns.term(row.column(name), device).name
+                    shares[what] = max(widths[name] / scale, shares.get(what, 0.0))
+        return shares
+
     def doubts(self) -> Iterator[str]:
         """Yield sentences on numbers that the mesh does not resolve, and how to improve them."""
         device, (last, _) = self.case.actuator, self.last
@@ -106,13 +121,9 @@ class MeshErrors:
             yield "the mesh error is unknown: with smaller cells the path ends before a state under load that both meshes have"
         if last is None:
             return
-        for row in [last, *self.rows.where("limit")]:
-            widths = self.of(row)
-            for name in ("pressure",) if row.get("limit") else (device.gauge, "added_volume"):
-                scale = max(abs(row[name]), LEAST_RISE * device.size if name == device.gauge else 0.0)
-                if widths.get(name, 0.0) > LARGE_ERROR * scale > 0.0:
-                    what = "limit pressure" if row.get("limit") else columns.term(row.column(name), device).name
-                    yield f"the mesh error of the {what} is {widths[name] / scale:.1%}; use smaller cells (--finer 2)"
+        for what, share in self.shares().items():
+            if share > LARGE_ERROR:
+                yield f"the mesh error of the {what} is {share:.1%}; use smaller cells (--finer 2, or --accuracy 2%)"
         other = self.paired(last)
         for name in PEAKS:
             if other is not None and name in last and other[name] > (1.0 + LARGE_GROWTH) * last[name]:

@@ -8,6 +8,7 @@ import functools
 import math
 import shutil
 import tempfile
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import NoneType
@@ -15,7 +16,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from geometries import Actuator, MeshingError, MeshingStopped, meshing
+from geometries import Actuator, GeometryError, MeshingError, MeshingStopped, meshing
 from softmodels.case import load, materials
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
@@ -893,15 +894,62 @@ def solve_finer(simulation: Simulation) -> table.PathTable:
     if not case.mesh_error:
         return table.PathTable()
     finer = mesh_error.FINER[case.actuator.dimension]
-    aside = _aside(simulation, dataclasses.replace(case, actuator=case.actuator.refined(finer)))
     simulation.listener.say(f"solving again with cells {finer:g} times smaller, for the mesh error")
+    return _path_on(simulation, finer)
+
+
+MOST_REFINEMENTS = 6
+"""Times that cells are made smaller for an accuracy."""
+
+
+def accurate(case: Case, comm: MPI.Comm, listener: outcomes.Listener | None = None, stopped: Callable[[], bool] = bool) -> Case:
+    """Return a case with cells small enough for its accuracy, and with the mesh error to tell; itself where it asks for none.
+    All ranks call it. Paths are followed on smaller and smaller cells, until two of them are so close.
+
+    Raises:
+        RunError: The accuracy is not reached, or the user stopped it.
+        MeshingError: No mesh can be made.
+    """
+    if not case.accuracy:
+        return case
+    simulation = Simulation(dataclasses.replace(case, accuracy=0.0, mesh_error=True), comm, listener, stopped)
+    aims, say, times = simulation.case, simulation.listener.say, mesh_error.FINER[case.actuator.dimension]
+    say(f"looking for cells that give an accuracy of {case.accuracy:.2g} of the number")
+    begun, rows = time.monotonic(), _path_on(simulation, 1.0)
+    for number in range(MOST_REFINEMENTS):
+        factor, before = times**number, rows
+        try:
+            rows = _path_on(simulation, factor * times)
+        except GeometryError as error:
+            raise RunError(f"an accuracy of {case.accuracy:.2g} is not reached: {error}; ask for less") from None
+        shares = mesh_error.MeshErrors(aims, before, rows).shares()
+        if not shares:
+            raise RunError(
+                "the mesh error is unknown: the path ends before a state under load that two meshes have; ask for a lower "
+                "load, or leave out --accuracy"
+            )
+        what = max(shares, key=lambda name: shares[name])
+        reached = f"with --finer {factor * case.actuator.finer:g} the mesh error of the {what} is {shares[what]:.2g} of it"
+        say(f"  {reached}")
+        if shares[what] <= case.accuracy:
+            say(f"  these cells are used; found in {time.monotonic() - begun:.0f} s")
+            return dataclasses.replace(aims, actuator=case.actuator.refined(factor))
+    raise RunError(
+        f"an accuracy of {case.accuracy:.2g} is not reached: {reached}; ask for less, or round the corners where the strain "
+        "has no bound"
+    )
+
+
+def _path_on(simulation: Simulation, finer: float) -> table.PathTable:
+    case = simulation.case
+    aside = _aside(simulation, dataclasses.replace(case, actuator=case.actuator.refined(finer)))
 
     def prepare() -> None:
         with temporary_folder(simulation.comm) as folder:
             aside.write_mesh(folder / "finer.msh")
             aside.prepare(folder / "finer.msh")
 
-    return _followed(simulation, aside, prepare, "the path with smaller cells")
+    return _followed(simulation, aside, prepare, "this path")
 
 
 def _aside(simulation: Simulation, case: Case) -> Simulation:
