@@ -450,4 +450,4 @@ def run(
       softmodels run --device HollowDisk --pressure-cm 0:177 --section axisymmetric
       softmodels run --device HollowDisk --help
     """
-    execute(lambda: case_of_file(file, material, changes, band, **asked), how, [file])
+    execute(lambda: case_of_file(file, material, changes, band, Case, **asked), how, [file])
