@@ -160,6 +160,25 @@ def draw_curves(report: comparison.FitReport) -> Figure:
     return figure
 
 
+def draw_oscillations(report: comparison.FitReport) -> Figure:
+    """Plot measured and fitted moduli and tan delta over frequency, one panel per quantity of a test."""
+    shown = [(test, kind) for test in report.oscillations for kind in test.measured]
+    figure, panels = _panels(len(shown), 4.0)
+    for axes, (test, kind) in zip(panels, shown, strict=True):
+        factor = 1.0 if kind == "tan-delta" else 1e-3
+        axes.plot(test.frequency, factor * test.measured[kind], "o", ms=4, mfc="none", mec=style.INK, mew=0.8, label="measured")
+        along = dataclasses.replace(
+            test, frequency=np.geomspace(test.frequency.min(), test.frequency.max(), 200), measured={kind: np.ones(200) * 1e9}
+        )
+        for i, law in enumerate(report.laws):
+            _plot_law(axes, i, along.frequency, factor * along.predicted(law.material)[kind], label=law.choice.name)
+        symbol = {"storage-modulus": "'", "loss-modulus": "''"}.get(kind)
+        name = "tan delta" if symbol is None else f"{'G' if test.shear else 'E'}{symbol} (kPa)"
+        axes.set(xscale="log", title=processes.plain(test.name), xlabel="frequency (Hz)", ylabel=name)
+    panels[0].legend(loc="best")
+    return figure
+
+
 MAX_READINGS_SHOWN = 2000
 
 
@@ -288,6 +307,8 @@ def figures(report: comparison.FitReport) -> dict[str, Figure]:
         figures["measured"] = measured
     if report.curves:
         figures |= {"curves": draw_curves(report), "residuals": draw_residuals(report)}
+    if report.oscillations:
+        figures["oscillations"] = draw_oscillations(report)
     for law, states in report.photographs.items():
         figures[f"outlines-{law}"] = draw_outlines(states, law)
         figures[f"photographs-{law}"] = draw_photographs(states, law)
@@ -331,6 +352,7 @@ CAPTIONS = {
     "measured": "All readings of the files, and what was read of them",
     "curves": "Measured curves and the fitted laws",
     "residuals": "Residuals of the curves (fit - measured)",
+    "oscillations": "Measured moduli and tan delta over frequency, and the fitted laws",
     "outlines": "Outlines, measured and simulated",
     "photographs": "Residuals of the outlines (simulated - measured)",
     "creep": "Heights over the time held",

@@ -458,7 +458,7 @@ def test_lines_of_numbers_are_not_searched_for_a_header(write, monkeypatch):
     """Patterns look at lines of words alone: a raw curve has 37,512 lines of numbers."""
     asked = []
     monkeypatch.setattr(
-        "softmodels.fitting.curves.columns.recognise", lambda text, place: asked.append(text) or recognise(text, place)
+        "softmodels.fitting.curves.columns.recognise", lambda text, *rest: asked.append(text) or recognise(text, *rest)
     )
     rows = "".join(f"{1 + i / 500:.4f},{i}\n" for i in range(1000))
     assert len(read_curve(write("stretch,stress (kPa)\n" + rows)).stretch) == 1000
