@@ -441,7 +441,7 @@ def _closing(report: comparison.FitReport, folder: Path) -> str:
 def _curves_report(how: FitGiven) -> comparison.FitReport:
     if how.heights or how.free or how.untrusted or how.exclude or how.height_datum:
         raise FitError("--heights, --free, --untrusted, --exclude and --height-datum need a device; give its case file first")
-    tests = [*how.read(how.stretch, how.memory), *how.oscillations()]
+    tests: list[TensileCurve | oscillation.Oscillation] = [*how.read(how.stretch, how.memory), *how.oscillations()]
     choices = problem.law_choices(how.laws, how.poisson)
     residuals.StressError.from_text(how.stress_error)
     progress = outcomes.Progress(labels.StateLabels(""), how.quiet or not mpi.speaks())

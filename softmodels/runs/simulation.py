@@ -627,10 +627,9 @@ class Model(cards.ResultCard):
             matrix.destroy()
         stiffnesses = [(modulus * K, own) for K, (_, modulus, own) in zip(products, self._creeping, strict=True)]
 
-        def creeping(s: complex) -> Array:
-            return unit * np.sum([K * own.stiffening(s) for K, own in stiffnesses], axis=0)
-
-        return stability.damped_roots(squares, unit * relaxed, creeping)
+        return stability.damped_roots(
+            squares, unit * relaxed, lambda s: unit * np.sum([K * own.stiffening(s) for K, own in stiffnesses], axis=0)
+        )
 
     @functools.cached_property
     def _creeping(self) -> list[tuple[fem.Form, float, Memory]]:

@@ -11,10 +11,11 @@ import pytest
 
 from softmodels.common.errors import spoken
 from softmodels.fitting.curves.columns import recognise
-from softmodels.fitting.curves.curve import MIN_POINTS_FOR_NOISE, Specimen, TensileError, read_curve, small_modulus
+from softmodels.fitting.curves.curve import MIN_POINTS_FOR_NOISE, Specimen, TensileError, small_modulus
 from softmodels.fitting.curves.residuals import StressError, noise
 from softmodels.materials.laws import NeoHookean
 from softmodels.materials.specimens import balloon_pressure, respond
+from tests.support.tables import read_curve
 
 MU = 20e3
 L = np.linspace(1.0, 3.0, 21)

@@ -259,12 +259,11 @@ class _MemoryTask(_Task):
 
     def _cautions(self, fit: least_squares.LeastSquaresFit) -> list[str]:
         """Return warnings on factors of tests that their errors do not explain: they bend what other tests would show."""
+        tests: list[TensileCurve | oscillation.Oscillation] = [*self.curves, *self.oscillations]
         said = [curve.stiff for curve in self.curves if curve.stiff] + [
             f"{p.name} ({curve.name}) is {fit.values[p.name]:.3g}, beyond {FAR_GAUGE:g} standard errors of such a factor: the "
             "law does not follow the tests together; compare laws (--material all), or fit no factors (--gauge-error none)"
-            for p, curve in zip(
-                [p for p in fit.parameters if p.name.startswith("gauge")], (*self.curves, *self.oscillations), strict=False
-            )
+            for p, curve in zip([p for p in fit.parameters if p.name.startswith("gauge")], tests, strict=False)
             if p.prior and abs(fit.values[p.name] - p.prior.mean) > FAR_GAUGE * p.prior.error
         ]
         if not self.oscillations and not residuals.separates(self.curves):
@@ -381,7 +380,7 @@ def fit_law_to_curves(
             that are to be compared. None takes `spread` of a first fit without it.
     """
     oscillating = [source for source in extra.sources if isinstance(source, oscillation.OscillationResiduals)]
-    spectrum = next((source.spectrum for source in (*sources, *oscillating)), None)
+    spectrum = sources[0].spectrum if sources else oscillating[0].spectrum if oscillating else None
     further = sources[0].further if sources else ()
     known = [*choice.names, *(spectrum.all_names if spectrum else ()), *further, *(p.name for p in extra.parameters)]
     for name in changes:

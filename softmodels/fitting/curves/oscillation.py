@@ -55,9 +55,9 @@ class Oscillation:
             if not (np.isfinite(column) & (np.asarray(column) > 0.0)).all():
                 least = f"{np.min(column):.4g} {QUANTITIES.get(what, 'Hz')}".rstrip()
                 raise TensileError(f"{self.name}: every {what.replace('-', ' ')} must be above 0; the smallest is {least}")
-        if (least := self.start_modulus) < SOFTEST_TEST:
+        if self.start_modulus < SOFTEST_TEST:
             raise TensileError(
-                f"{self.name}: a storage modulus of {least / 1e3:.3g} kPa in shear is below that of any silicone "
+                f"{self.name}: a storage modulus of {self.start_modulus / 1e3:.3g} kPa in shear is below that of any silicone "
                 f"({SOFTEST_TEST / 1e3:g} kPa); check its unit (a factor 1000?)"
             )
         keep_arrays(self)
@@ -183,7 +183,7 @@ def residuals_of(
         if gauge:
             own.append(problem.Parameter(gauge, "", 1.0, 0.2, 5.0, problem.Prior(1.0, gauge_error)))
         for kind, values in oscillation.measured.items():
-            absolute = 0.0 if error.absolute is None or not QUANTITIES[kind] else error.absolute
+            absolute: float | Array = 0.0 if error.absolute is None or not QUANTITIES[kind] else error.absolute
             if not error.stated and kind != "storage-modulus":
                 absolute = LOSS_RESOLUTION * (oscillation.measured.get("storage-modulus", 0.0) if QUANTITIES[kind] else 1.0)
             relative = error.relative or (0.0 if QUANTITIES[kind] else residuals.DEFAULT_RELATIVE_ERROR)
