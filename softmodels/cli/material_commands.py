@@ -23,7 +23,7 @@ from softmodels.common import commands, errors, pages, processes
 from softmodels.common.files import csv_text, read_text, write_text
 from softmodels.common.pages import Page
 from softmodels.common.units import UnitError, brief, exact_text, number, quantity, with_prefix
-from softmodels.fitting import comparison, problem, scoring
+from softmodels.fitting import comparison, problem, scoring, vibration
 from softmodels.fitting.curves import oscillation, residuals
 from softmodels.fitting.curves.curve import EQUILIBRIUM_RATE, Specimen, TensileCurve, TensileError, read_curves
 from softmodels.fitting.curves.fit import fit_curves, prepared
@@ -99,9 +99,9 @@ class CurveFiles:
         curves: list[tuple[str, TensileCurve]] = []
         for text in self.tensile:
             file, test, rate = parts(text)
-            if oscillation.of_test(test):
+            if oscillation.of_test(test) or test.lower() == vibration.TEST:
                 if not history:
-                    raise TensileError(f"{text}: moduli over frequency show a memory only; fit them with --memory")
+                    raise TensileError(f"{text}: moduli over frequency and vibrations show a memory only; add --memory")
                 continue
             pace = rate_of(rate, self.gauge_length)
             curves += [(text, curve) for curve in read_curves(file, test, self.columns, specimen, history=history, rate=pace)]
@@ -112,12 +112,20 @@ class CurveFiles:
         ]
         return prepared(own, stretch_range(stretch) if stretch else None, history)
 
-    def oscillations(self) -> list[oscillation.Oscillation]:
-        """Read the tests of moduli or tan delta over frequency; `TensileError` if one cannot be used."""
-        read = [parts(text) for text in self.tensile]
-        own = [given for given in read if oscillation.of_test(given[1])]
-        columns = "" if len(own) < len(read) and "frequency" not in self.columns else self.columns
-        return [test for file, kind, temperature in own for test in oscillation.read(file, kind.lower(), columns, temperature)]
+    def at_frequencies(self, poisson: float) -> list[oscillation.FrequencyTest]:
+        """Read the tests of moduli or tan delta over frequency, and vibrations; `TensileError` if one cannot be used."""
+        made: list[oscillation.FrequencyTest] = []
+        for file, test, lacking in map(parts, self.tensile):
+            columns = self.columns if "frequency=" in self.columns else ""
+            if oscillation.of_test(test):
+                made += oscillation.read(file, test.lower(), columns, lacking)
+            elif test.lower() == vibration.TEST:
+                if not lacking:
+                    raise TensileError(
+                        f"{file}: a vibration needs its device; add the case file, such as {file.name}:vibration:beam.toml"
+                    )
+                made += vibration.read(file, Path(lacking), poisson=poisson)
+        return made
 
     @property
     def files_read(self) -> list[Path]:
@@ -125,13 +133,14 @@ class CurveFiles:
 
 
 def parts(text: str) -> tuple[Path, str, str]:
-    """Return the parts of ``FILE[:TEST][:RATE]``; an empty rate where none is given; of an oscillation a temperature."""
+    """Return the parts of ``FILE[:TEST][:RATE]``; an empty rate where none is given; of an oscillation a temperature, of a
+    vibration a case file."""
     name, test, rate = text, "uniaxial", ""
     while not Path(name).exists() and ":" in name:
         head, _, tail = name.rpartition(":")
         if not head:
             break
-        if tail.lower() == _RELAXED or re.search(r"\d.*/", tail) or re.fullmatch(r"-?\d[\d.,]* ?(°C|degC|K)", tail):
+        if tail.lower() == _RELAXED or re.search(r"\d.*/", tail) or _LACKING.fullmatch(tail):
             rate = tail
         else:
             test = tail
@@ -139,7 +148,7 @@ def parts(text: str) -> tuple[Path, str, str]:
     return Path(name), test, rate
 
 
-_RELAXED = "equilibrium"
+_RELAXED, _LACKING = "equilibrium", re.compile(r"-?\d[\d.,]* ?(°C|degC|K)|.+\.toml")
 
 
 def rate_of(text: str, length: float | None) -> float | None:
@@ -377,8 +386,9 @@ def fit_material(files: tuple[Path, ...], how: FitGiven) -> None:
 
     TEST is uniaxial (default), planar (pure shear), equibiaxial or balloon (pressure against stretch or radius); with --memory
     also oscillation and shear-oscillation (moduli or tan delta over frequency, of tension or shear; a temperature, such as
-    23°C, may stand in place of a RATE). A file's
-    headers name its columns, such as 'strain (%)' and 'stress (kPa)'; only the loading ramp up to the break is used.
+    23°C, may stand in place of a RATE) and vibration (displacement or acceleration over time of a device that rings in its
+    first mode; its case file stands in place of a RATE). A file's headers name its columns, such as 'strain (%)' and 'stress
+    (kPa)'; only the loading ramp up to the break is used.
     A modulus is valid only in its fit range: choose the stretches of the device with --stretch.
 
     With --memory the whole tests are used: cycles, holds, several rates at once. The law is then that of equilibrium, and
@@ -392,6 +402,7 @@ def fit_material(files: tuple[Path, ...], how: FitGiven) -> None:
       softmodels fit --tensile ut.csv --tensile ps.csv:planar --tensile et.csv:equibiaxial --material all
       softmodels fit --tensile cycle.csv --tensile slow.csv:uniaxial:equilibrium --memory
       softmodels fit --tensile hold.csv --tensile dma.csv:oscillation --memory
+      softmodels fit --tensile hold.csv --tensile decay.csv:vibration:beam.toml --memory
       softmodels fit --tensile pull.csv --columns 'extension=1[mm],force=2[N]' --gauge-length 33mm --cross-section 18mm^2
       softmodels fit results/disk/case.toml outlines/ --material yeoh --fix c3=0Pa
       softmodels fit results/disk/case.toml outlines/ --tensile curve.csv --material neo-hookean,yeoh
@@ -441,7 +452,9 @@ def _closing(report: comparison.FitReport, folder: Path) -> str:
 def _curves_report(how: FitGiven) -> comparison.FitReport:
     if how.heights or how.free or how.untrusted or how.exclude or how.height_datum:
         raise FitError("--heights, --free, --untrusted, --exclude and --height-datum need a device; give its case file first")
-    tests: list[TensileCurve | oscillation.Oscillation] = [*how.read(how.stretch, how.memory), *how.oscillations()]
+    tests: list[TensileCurve | oscillation.FrequencyTest] = [
+        *how.read(how.stretch, how.memory), *how.at_frequencies(how.poisson)
+    ]  # fmt: skip
     choices = problem.law_choices(how.laws, how.poisson)
     residuals.StressError.from_text(how.stress_error)
     progress = outcomes.Progress(labels.StateLabels(""), how.quiet or not mpi.speaks())
@@ -450,8 +463,10 @@ def _curves_report(how: FitGiven) -> comparison.FitReport:
 
 def _device_report(files: Sequence[Path], how: FitGiven) -> comparison.FitReport:
     how.check_given("stretch", "radius", "thickness", "stress_error", "gauge_error")
-    if how.oscillations() or how.branches:
-        raise FitError("outlines are fitted without moduli over frequency and --branches; leave them out, or fit curves alone")
+    if how.branches or any(oscillation.of_test(test) or test == vibration.TEST for _, test, _ in map(parts, how.tensile)):
+        raise FitError(
+            "outlines are fitted without moduli over frequency, vibrations and --branches; leave them out, or fit curves only"
+        )
     curves = how.read(how.stretch, how.memory) if how.tensile else []
     residuals.StressError.from_text(how.stress_error)
     pairs = _devices(files)

@@ -21,7 +21,7 @@ from softmodels.common import cards, errors, files, units
 from softmodels.fitting import least_squares, problem
 from softmodels.fitting.curves import residuals
 from softmodels.fitting.curves.curve import TensileCurve
-from softmodels.fitting.curves.oscillation import Oscillation
+from softmodels.fitting.curves.oscillation import FrequencyTest
 from softmodels.fitting.least_squares import objections
 from softmodels.fitting.problem import FitError
 from softmodels.materials import laws, silicones, specimens
@@ -441,7 +441,7 @@ class FitReport(cards.ResultCard):
         devices: Each device in words; empty for only curves.
         notes: What was left out, and why.
         photographs: By law: each photograph with its fitted state; empty but for outlines.
-        oscillations: Fitted moduli or tan delta over frequency.
+        oscillations: Fitted moduli, tan delta or vibrations at frequencies.
     """
 
     laws: tuple[FittedLaw, ...]
@@ -452,7 +452,7 @@ class FitReport(cards.ResultCard):
     devices: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     photographs: Mapping[str, Sequence[MatchedPhotograph]] = dataclasses.field(default_factory=dict)
-    oscillations: tuple[Oscillation, ...] = ()
+    oscillations: tuple[FrequencyTest, ...] = ()
 
     def _line(self) -> str:
         return self.chosen._line()

@@ -702,7 +702,7 @@ MAX_ROOT_ITERATIONS = 500
 ROOT_TOLERANCE = 1e-12
 
 
-type Stiffening = Callable[[complex], npt.NDArray[np.complex128]]
+type Stiffening = Callable[[complex], npt.NDArray[np.inexact]]
 
 
 def damped_roots(values: Array, relaxed: Array, creeping: Stiffening) -> list[complex]:

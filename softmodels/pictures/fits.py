@@ -19,6 +19,7 @@ from softmodels.common.arrays import Array
 from softmodels.common.pages import Page
 from softmodels.fitting import comparison, least_squares
 from softmodels.fitting.curves.curve import TensileCurve
+from softmodels.fitting.curves.oscillation import Oscillation
 from softmodels.fitting.curves.residuals import predicted
 from softmodels.fitting.outlines import residuals, shapes
 from softmodels.fitting.outlines.shapes import Shape
@@ -162,7 +163,7 @@ def draw_curves(report: comparison.FitReport) -> Figure:
 
 def draw_oscillations(report: comparison.FitReport) -> Figure:
     """Plot measured and fitted moduli and tan delta over frequency, one panel per quantity of a test."""
-    shown = [(test, kind) for test in report.oscillations for kind in test.measured]
+    shown = [(test, kind) for test in report.oscillations if isinstance(test, Oscillation) for kind in test.measured]
     figure, panels = _panels(len(shown), 4.0)
     for axes, (test, kind) in zip(panels, shown, strict=True):
         factor = 1.0 if kind == "tan-delta" else 1e-3
@@ -307,7 +308,7 @@ def figures(report: comparison.FitReport) -> dict[str, Figure]:
         figures["measured"] = measured
     if report.curves:
         figures |= {"curves": draw_curves(report), "residuals": draw_residuals(report)}
-    if report.oscillations:
+    if any(isinstance(test, Oscillation) for test in report.oscillations):
         figures["oscillations"] = draw_oscillations(report)
     for law, states in report.photographs.items():
         figures[f"outlines-{law}"] = draw_outlines(states, law)

@@ -620,16 +620,35 @@ class Model(cards.ResultCard):
         """Return the modes' `Mode.root`, of the squares of their relaxed angular frequencies in 1/s2; in the loaded state."""
         if not self._creeping:
             return [complex(math.sqrt(-square)) if square < 0.0 else 1j * math.sqrt(square) for square in squares]
+        relaxed, stiffnesses = self._stiffnesses(shapes, springs)
+        return stability.damped_roots(
+            squares, relaxed, lambda s: np.sum([K * own.stiffening(s) for K, own in stiffnesses], axis=0)
+        )
+
+    def _stiffnesses(self, shapes: Sequence[Array], springs: stability.Springs) -> tuple[Array, list[tuple[Array, Memory]]]:
+        """Return the relaxed stiffness over the space of `Stability.with_responses`, and that of each silicone with branches of
+        share 1 with its memory, in 1/s2."""
         unit = self.system.stress_unit / self.system.length_unit**2 / self._densities[0]
         matrices = [assembly.sparse_matrix(form, self.system.bcs, 0.0) for form, *_ in self._creeping]
         relaxed, products = self._stability.with_responses(shapes, matrices, springs)
         for matrix in matrices:
             matrix.destroy()
-        stiffnesses = [(modulus * K, own) for K, (_, modulus, own) in zip(products, self._creeping, strict=True)]
+        creeping = [(unit * modulus * K, own) for K, (_, modulus, own) in zip(products, self._creeping, strict=True)]
+        return unit * relaxed, creeping
 
-        return stability.damped_roots(
-            squares, unit * relaxed, lambda s: unit * np.sum([K * own.stiffening(s) for K, own in stiffnesses], axis=0)
-        )
+    def first_mode_stiffness(self) -> tuple[Array, Array]:
+        """Return of the device at rest the relaxed stiffness over a space of unit mass whose first vector is its first mode,
+        and that of branches of share 1 of its silicone, which needs a memory, in 1/s2, shapes (m, m); both are in proportion
+        to its shear modulus. `RunError` as `modes`."""
+        state = self.solve().state
+        self.system.load(state)
+        springs = self._springs(state, False)
+        try:
+            pairs = self._stability.eigenpairs(state, 1 + EXTRA_MODES, springs)
+            relaxed, ((creeping, _),) = self._stiffnesses([w for _, w in pairs], springs)
+        except newton.NoConvergence as failure:
+            raise RunError(f"the first mode was not found ({failure}); use smaller cells") from failure
+        return relaxed, creeping
 
     @functools.cached_property
     def _creeping(self) -> list[tuple[fem.Form, float, Memory]]:

@@ -224,7 +224,7 @@ def test_the_command_fits_moduli_beside_a_hold(ended, tmp_path, moduli):
 @pytest.mark.parametrize(
     ("words", "why"),
     [
-        (["dma.csv:oscillation"], "fit them with --memory"),
+        (["dma.csv:oscillation"], "add --memory"),
         (["dma.csv", "--memory"], "add :oscillation"),
         (["dma.csv:dma", "--memory"], "write oscillation for moduli E'"),
     ],

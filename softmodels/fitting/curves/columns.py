@@ -41,6 +41,7 @@ KINDS = {
     "loss-modulus": "Pa",
     "tan-delta": "",
     "temperature": "K",
+    "acceleration": "m/s^2",
 }
 """Kinds of columns, and the unit of each. Strain and stress without ``true`` are the engineering ones."""
 
@@ -73,6 +74,10 @@ OSCILLATION = Layout(
     ("frequency", "modulus or tan delta"), "'frequency (Hz)' and 'storage modulus (MPa)'",
     "frequency=1[Hz],storage-modulus=2[MPa]",
 )  # fmt: skip
+VIBRATION = Layout(
+    ("time",), ("extension", "acceleration"), (), ("time", "displacement or acceleration"),
+    "'time (s)' and 'displacement (mm)'", "time=1[s],extension=2[mm]",
+)  # fmt: skip
 
 WORDS = {
     "time": ["time", "elapsed", "*zeit", "temps", "tiempo", "tempo", "zaman", "时间", "時間"],
@@ -96,6 +101,7 @@ WORDS = {
     "loss-modulus": ["loss modulus", "*verlustmodul", "module de perte", "modulo de perdida", "modulo di perdita", "损耗模量",
                      "損失弾性率"],
     "tan-delta": ["tan delta", "tandelta", "loss factor", "damping factor", "*verlustfaktor", "facteur de perte"],
+    "acceleration": ["acceleration", "accelerometer", "accel", "*beschleunigung", "aceleracion", "accelerazione"],
     "temperature": ["temperature", "temp", "temperatur", "temperatura", "温度"],
 }  # fmt: skip
 """Words of headers by kind, the first kind with a word of the header being its own; without accents, in small letters. A star
@@ -260,7 +266,7 @@ def _is_part_of_a_name(text: str) -> bool:
 
 def _is_any_unit(text: str) -> bool:
     return any(text and _unit_factor(_unit(text, kind), kind) is not None for kind in ("strain", "extension", "force", "stress",
-               "time", "angular-frequency"))  # fmt: skip
+               "time", "angular-frequency", "acceleration"))  # fmt: skip
 
 
 def _settled(column: CurveColumn) -> CurveColumn:
@@ -275,7 +281,7 @@ def _settled(column: CurveColumn) -> CurveColumn:
 
 def _sign(kind: str, header: str) -> int:
     """Return the sign of a column's positive numbers, see `CurveColumn`, from what stands above it."""
-    if kind in ("time", "pressure", "radius") or kind in OSCILLATION.kinds:
+    if kind in ("time", "pressure", "radius", "acceleration") or kind in OSCILLATION.kinds:
         return 0
     return int(bool(_TENSION.search(header))) - int(bool(_COMPRESSION.search(header)))
 
@@ -283,7 +289,7 @@ def _sign(kind: str, header: str) -> int:
 def _unit(text: str, kind: str) -> str:
     """Return a unit in Pint's spelling: ``lbF`` as lbf, ``kgf/mm2`` as kgf/mm^2, and for a load ``g`` as gf."""
     bare = text.strip().rstrip(".").replace("²", "^2")
-    known = UNITS.get(bare.lower())
+    known = "g_0" if kind == "acceleration" and bare.lower() == "g" else UNITS.get(bare.lower())
     if known or not bare:
         return known or ""
     if re.fullmatch(r"rad(ian)?s?\s*(/\s*s(ec)?|[ ·*]?s\^?-1)", bare):

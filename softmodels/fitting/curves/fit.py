@@ -59,7 +59,7 @@ class _Task:
     choices: Sequence[problem.LawChoice]
     options: FitOptions
     progress: Callable[[str], None]
-    oscillations: Sequence[oscillation.Oscillation] = ()
+    oscillations: Sequence[oscillation.FrequencyTest] = ()
 
     @property
     def error(self) -> residuals.StressError:
@@ -259,7 +259,7 @@ class _MemoryTask(_Task):
 
     def _cautions(self, fit: least_squares.LeastSquaresFit) -> list[str]:
         """Return warnings on factors of tests that their errors do not explain: they bend what other tests would show."""
-        tests: list[TensileCurve | oscillation.Oscillation] = [*self.curves, *self.oscillations]
+        tests: list[TensileCurve | oscillation.FrequencyTest] = [*self.curves, *self.oscillations]
         said = [curve.stiff for curve in self.curves if curve.stiff] + [
             f"{p.name} ({curve.name}) is {fit.values[p.name]:.3g}, beyond {FAR_GAUGE:g} standard errors of such a factor: the "
             "law does not follow the tests together; compare laws (--material all), or fit no factors (--gauge-error none)"
@@ -379,7 +379,7 @@ def fit_law_to_curves(
         scale: Size of the errors, in those of the sources, that a robust loss needs where they are unknown: one for all laws
             that are to be compared. None takes `spread` of a first fit without it.
     """
-    oscillating = [source for source in extra.sources if isinstance(source, oscillation.OscillationResiduals)]
+    oscillating: list[oscillation.FrequencyResiduals] = [source for source in extra.sources if hasattr(source, "scaled")]
     spectrum = sources[0].spectrum if sources else oscillating[0].spectrum if oscillating else None
     further = sources[0].further if sources else ()
     known = [*choice.names, *(spectrum.all_names if spectrum else ()), *further, *(p.name for p in extra.parameters)]
@@ -391,8 +391,7 @@ def fit_law_to_curves(
         if scale is None:
             scale = spread(fit_law_to_curves(choice, sources, extra, changes=changes, errors=errors))
         sources = [dataclasses.replace(s, errors=s.errors * scale) for s in sources]
-        scaled = [dataclasses.replace(s, errors=s.errors * scale) for s in oscillating]
-        extra = dataclasses.replace(extra, sources=[*scaled, *(s for s in extra.sources if s not in oscillating)])
+        extra = dataclasses.replace(extra, sources=[source.scaled(scale) for source in oscillating])
     curves = [source.curve for source in sources]
     more = residuals.further_parameters(_modulus(curves), residuals.largest_strain(curves)) if further else []
     fits = []
@@ -414,9 +413,9 @@ def fit_law_to_curves(
     return least_squares.settled(best) if spectrum else best
 
 
-def _plain_start(choice: problem.LawChoice, oscillating: Sequence[oscillation.OscillationResiduals]) -> dict[str, float]:
+def _plain_start(choice: problem.LawChoice, oscillating: Sequence[oscillation.FrequencyResiduals]) -> dict[str, float]:
     """Return a start without curves: the modulus of the slowest oscillation, if one was measured, and usual weights."""
-    modulus = min((source.oscillation.start_modulus for source in oscillating), default=math.inf)
+    modulus = min((source.test.start_modulus for source in oscillating), default=math.inf)
     weights = dict.fromkeys(oscillating[0].spectrum.names, 0.1) if oscillating else {}
     return {**choice.from_modulus(modulus if math.isfinite(modulus) else START_MODULUS), **weights}
 
@@ -455,8 +454,8 @@ def loop_notes(curves: Sequence[TensileCurve], material: Material) -> list[str]:
 
 type Curves = TensileCurve | Path | str | Sequence[TensileCurve | Path | str]
 """One or several measured curves, or files with uniaxial ones."""
-type Tests = Curves | oscillation.Oscillation | Sequence[TensileCurve | oscillation.Oscillation | Path | str]
-"""The same, and oscillations."""
+type Tests = Curves | oscillation.FrequencyTest | Sequence[TensileCurve | oscillation.FrequencyTest | Path | str]
+"""The same, and tests at frequencies."""
 
 SMALLEST_LOOP = 0.005
 """Smallest area of a loop, as a share of the work, that is reported."""
@@ -522,14 +521,14 @@ def fit_curves(
     """
     names.callback("progress", progress)
     names.one_of("options", options, FitOptions, "how to fit, such as sm.FitOptions(poisson=0.49)")
-    given = names.several("curves", curves, (TensileCurve, oscillation.Oscillation, Path, str), "a curve or its file")
-    oscillations = [test for test in given if isinstance(test, oscillation.Oscillation)]
+    given = names.several("curves", curves, (TensileCurve, oscillation.FrequencyTest, Path, str), "a curve or its file")
+    oscillations = [test for test in given if isinstance(test, oscillation.FrequencyTest)]
     if oscillations and not options.memory:
-        raise FitError("moduli over frequency show a memory; fit it too (--memory), or leave them out")
+        raise FitError("moduli over frequency and vibrations show a memory; fit it too (--memory), or leave them out")
     if options.branches and not options.memory:
         raise FitError("branches are those of a memory; fit it too (--memory), or leave --branches out")
     ready = prepared(
-        [test for test in given if not isinstance(test, oscillation.Oscillation)],
+        [test for test in given if not isinstance(test, oscillation.FrequencyTest)],
         names.span("stretch", stretch),
         options.memory,
     )

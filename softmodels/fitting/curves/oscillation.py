@@ -1,12 +1,14 @@
-"""Oscillations: storage and loss moduli, or tan delta, over frequency; read from tables, and as residuals of a memory."""
+"""Tests of a memory at frequencies: storage and loss moduli, or tan delta; read from tables, and as residuals."""
 
 from __future__ import annotations
 
+import abc
 import dataclasses
 import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
@@ -25,8 +27,48 @@ TESTS = {"oscillation": False, "shear-oscillation": True}
 QUANTITIES = {"storage-modulus": "Pa", "loss-modulus": "Pa", "tan-delta": ""}
 
 
+class FrequencyTest(abc.ABC):
+    """A test that shows a silicone's memory at some frequencies: by the names of its quantities what was ``measured`` at each
+    ``frequency`` in Hz."""
+
+    name: str
+    frequency: Array
+    measured: Mapping[str, Array]
+
+    @property
+    @abc.abstractmethod
+    def start_modulus(self) -> float:
+        """A shear modulus in Pa for a fit to start from, near the relaxed one; infinite where the test shows none."""
+
+    @property
+    @abc.abstractmethod
+    def sentence(self) -> str:
+        """What is fitted, in words."""
+
+    @abc.abstractmethod
+    def predicted(self, material: Material) -> dict[str, Array]:
+        """Return what a material has in place of what was measured."""
+
+    @abc.abstractmethod
+    def sources(
+        self, choice: problem.LawChoice, error: residuals.StressError, spectrum: residuals.Spectrum, gauge: str
+    ) -> list[FrequencyResiduals]:
+        """Return its residuals, with the name of a factor on its moduli, empty for none."""
+
+
+class FrequencyResiduals(problem.Residuals, Protocol):
+    """Residuals of a `FrequencyTest`."""
+
+    @property
+    def test(self) -> FrequencyTest: ...
+    @property
+    def spectrum(self) -> residuals.Spectrum: ...
+    def scaled(self, by: float) -> FrequencyResiduals:
+        """Return them with their errors scaled."""
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
-class Oscillation:
+class Oscillation(FrequencyTest):
     """Oscillations of small amplitude at several frequencies.
 
     Attributes:
@@ -69,12 +111,10 @@ class Oscillation:
 
     @property
     def start_modulus(self) -> float:
-        """The smallest storage modulus in Pa, of shear; infinite where none was measured."""
         return float(np.min(self.measured.get("storage-modulus", math.inf))) / self.factor
 
     @property
     def sentence(self) -> str:
-        """What is fitted, in words."""
         kinds = ", ".join(kind.replace("-", " ") for kind in self.measured)
         low, high = self.frequency.min(), self.frequency.max()
         about = "".join(f"; {remark}" for remark in (*filter(None, [self.source]), *self.remarks))
@@ -84,11 +124,23 @@ class Oscillation:
         )
 
     def predicted(self, material: Material) -> dict[str, Array]:
-        """Return what a material has in place of what was measured."""
         own = material.memory
         added = [own.stiffening(s) if own else 0.0 for s in 2j * math.pi * self.frequency]
         modulus = self.factor * material.shear_modulus_0 * (1.0 + np.array(added))
         return {kind: _part(kind, modulus) for kind in self.measured}
+
+    def sources(
+        self, choice: problem.LawChoice, error: residuals.StressError, spectrum: residuals.Spectrum, gauge: str
+    ) -> list[FrequencyResiduals]:
+        made: list[FrequencyResiduals] = []
+        for kind, values in self.measured.items():
+            absolute: float | Array = 0.0 if error.absolute is None or not QUANTITIES[kind] else error.absolute
+            if not error.stated and kind != "storage-modulus":
+                absolute = LOSS_RESOLUTION * (self.measured.get("storage-modulus", 0.0) if QUANTITIES[kind] else 1.0)
+            relative = error.relative or (0.0 if QUANTITIES[kind] else residuals.DEFAULT_RELATIVE_ERROR)
+            errors = np.hypot(relative * values, absolute)
+            made.append(OscillationResiduals(self, kind, choice, spectrum, errors, gauge if QUANTITIES[kind] else ""))
+        return made
 
 
 def _part(kind: str, modulus: Array) -> Array:
@@ -108,7 +160,7 @@ class OscillationResiduals:
         gauge: Name of the test's own factor on its moduli, or empty.
     """
 
-    oscillation: Oscillation
+    test: Oscillation
     kind: str
     choice: problem.LawChoice
     spectrum: residuals.Spectrum
@@ -117,7 +169,7 @@ class OscillationResiduals:
 
     @property
     def label(self) -> str:
-        return f"{self.oscillation.name} ({self.kind.replace('-', ' ')})"
+        return f"{self.test.name} ({self.kind.replace('-', ' ')})"
 
     @property
     def unit(self) -> str:
@@ -131,6 +183,9 @@ class OscillationResiduals:
         """Return itself: it does not distinguish laws."""
         return self
 
+    def scaled(self, by: float) -> OscillationResiduals:
+        return dataclasses.replace(self, errors=self.errors * by)
+
     def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, list[str]]:
         """See `softmodels.fitting.problem.Residuals`."""
         try:
@@ -139,13 +194,13 @@ class OscillationResiduals:
             raise problem.CannotEvaluate(str(error)) from None
         times = np.array(self.spectrum.times_at(values))
         shares = np.array([values[name] for name in self.spectrum.names])
-        turn = 2j * math.pi * self.oscillation.frequency[:, None]
-        size = self.oscillation.factor * (values[self.gauge] if self.gauge else 1.0)
+        turn = 2j * math.pi * self.test.frequency[:, None]
+        size = self.test.factor * (values[self.gauge] if self.gauge else 1.0)
         branches = turn * times / (1.0 + turn * times)
         relative, modulus = 1.0 + branches @ shares, material.shear_modulus_0
         whole = size * modulus * relative
         labels = [self.label] * len(whole)
-        off = (_part(self.kind, whole) - self.oscillation.measured[self.kind]) / self.errors
+        off = (_part(self.kind, whole) - self.test.measured[self.kind]) / self.errors
         if not derivatives:
             return off, None, labels
         columns = [size * slope * relative for slope in specimens.modulus_slopes(material, self.choice.names)]
@@ -168,27 +223,22 @@ LOSS_RESOLUTION = 0.002
 
 
 def residuals_of(
-    oscillations: Sequence[Oscillation],
+    tests: Sequence[FrequencyTest],
     choice: problem.LawChoice,
     error: residuals.StressError,
     gauge_error: float,
     spectrum: residuals.Spectrum,
     first: int = 1,
 ) -> problem.Extra:
-    """Return the sources for oscillations, each with a factor on its moduli of relative error ``gauge_error``, numbered from
+    """Return the sources for tests, each with a factor on its moduli of relative error ``gauge_error``, numbered from
     ``first``."""
-    sources, own = [], []
-    for number, oscillation in enumerate(oscillations, first):
-        gauge = f"gauge{number}" if gauge_error and set(oscillation.measured) != {"tan-delta"} else ""
+    sources: list[FrequencyResiduals] = []
+    own = []
+    for number, test in enumerate(tests, first):
+        gauge = f"gauge{number}" if gauge_error and set(test.measured) != {"tan-delta"} else ""
         if gauge:
             own.append(problem.Parameter(gauge, "", 1.0, 0.2, 5.0, problem.Prior(1.0, gauge_error)))
-        for kind, values in oscillation.measured.items():
-            absolute: float | Array = 0.0 if error.absolute is None or not QUANTITIES[kind] else error.absolute
-            if not error.stated and kind != "storage-modulus":
-                absolute = LOSS_RESOLUTION * (oscillation.measured.get("storage-modulus", 0.0) if QUANTITIES[kind] else 1.0)
-            relative = error.relative or (0.0 if QUANTITIES[kind] else residuals.DEFAULT_RELATIVE_ERROR)
-            errors = np.hypot(relative * values, absolute)
-            sources.append(OscillationResiduals(oscillation, kind, choice, spectrum, errors, gauge if QUANTITIES[kind] else ""))
+        sources += test.sources(choice, error, spectrum, gauge)
     return problem.Extra(sources, own)
 
 

@@ -330,6 +330,8 @@ def spectrum(
         spectra.append(Spectrum(times, (told[0], told[-1]), why))
     if len(frequencies):
         low, high = (1.0 / (2 * math.pi * end(frequencies)) for end in (max, min))
+        if high < SEVERAL_HOLDS**2 * low:  # what damps most at another frequency damps there too
+            low, high = low / SEVERAL_HOLDS, high * SEVERAL_HOLDS
         decades = range(math.ceil(math.log10(low)), math.floor(math.log10(high)) + 1)
         times = tuple(float(f"1e{k}") for k in decades) or (math.sqrt(low * high),)
         spectra.append(Spectrum(times, (low, high), ("the highest frequency", "the lowest frequency")))
