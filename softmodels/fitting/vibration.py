@@ -170,7 +170,7 @@ class VibrationResiduals:
 
 MIN_PERIODS = 3
 MIN_READINGS_PER_PERIOD = 6
-REST = 1e-9
+NO_GRAVITY = 1e-9
 """Acceleration in m/s2 that stands for none: masses and plates need a gravity."""
 
 
@@ -211,7 +211,7 @@ def stiffness_of(case: Case, poisson: float) -> tuple[Array, Array, tuple[str, .
         raise TensileError(f"{case.name} has regions of other silicones, whose branches a vibration does not tell apart")
     law, unit = NeoHookean(case.material.shear_modulus_0, poisson), 1.0 / case.material.shear_modulus_0
     parts = tuple(
-        dataclasses.replace(part, magnitude=REST) if isinstance(part, loads.Gravity) else part
+        dataclasses.replace(part, magnitude=NO_GRAVITY) if isinstance(part, loads.Gravity) else part
         for part in loads.weighed(case.components, case.material)
     )
     hangs = any(isinstance(part, loads.Gravity) for part in parts)

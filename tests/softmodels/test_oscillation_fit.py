@@ -165,6 +165,28 @@ def test_units_in_a_row_of_their_own_and_a_quotient_that_is_left_out(tmp_path):
     assert "at 23.1 \u00b0C" in read.sentence
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "T=25;Mw=94.9;chem=PDMS\nFreq\tG'\tG\"\tTemp\tStrain\nrad/s\tkPa\tkPa\t\u00b0C\t%\n{:tab}",
+        "Filename\ta.tri\n\n[step]\nAngular frequency\tStorage modulus\tLoss modulus\tTemperature\tTan(delta)\nrad/s\tkPa\tkPa"
+        "\t\u00b0C\t\n{:tab}",
+        "Project:\tsweep\n\nInterval data:\tPoint No.\tAngular Frequency\tStorage Modulus\tLoss Modulus\tTemperature\t"
+        "Loss Factor\n\t\t[rad/s]\t[kPa]\t[kPa]\t[\u00b0C]\t[1]\n{:numbered}",
+    ],
+    ids=["osc", "TRIOS", "RheoCompass"],
+)
+def test_text_files_of_rheometers(tmp_path, text):
+    rows = ["\t".join(f"{v:g}" for v in (f, a, b, 25.0, b / a)) for f, a, b in ROWS]
+    numbered = "\n".join(f"\t{i}\t{row}" for i, row in enumerate(rows, 1))
+    text = text.replace("{:tab}", "\n".join(rows)).replace("{:numbered}", numbered)
+    (tmp_path / "sweep.txt").write_text(text + "\n", encoding="utf-8")
+    (read,) = oscillation.read(tmp_path / "sweep.txt", "shear-oscillation")
+    assert read.frequency == pytest.approx(np.array(ROWS)[:, 0] / (2 * math.pi))
+    assert set(read.measured) == {"storage-modulus", "loss-modulus"} and "at 25 \u00b0C" in read.remarks
+    assert read.measured["loss-modulus"] == pytest.approx(1e3 * np.array(ROWS)[:, 2])
+
+
 def test_one_of_several_temperatures(tmp_path):
     rows = [(T, f, a * (50 - T) / 25, b) for T in (10.0, 25.0, 40.1) for f, a, b in ROWS]
     path = written(tmp_path / "sweep.csv", ["T (\u00b0C)", "Frequency (Hz)", "E' (kPa)", "E'' (kPa)"], rows)

@@ -379,7 +379,7 @@ def fit_law_to_curves(
         scale: Size of the errors, in those of the sources, that a robust loss needs where they are unknown: one for all laws
             that are to be compared. None takes `spread` of a first fit without it.
     """
-    oscillating: list[oscillation.FrequencyResiduals] = [source for source in extra.sources if hasattr(source, "scaled")]
+    oscillating = [source for source in extra.sources if isinstance(source, oscillation.FrequencyResiduals)]
     spectrum = sources[0].spectrum if sources else oscillating[0].spectrum if oscillating else None
     further = sources[0].further if sources else ()
     known = [*choice.names, *(spectrum.all_names if spectrum else ()), *further, *(p.name for p in extra.parameters)]

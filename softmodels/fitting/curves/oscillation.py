@@ -8,7 +8,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -56,6 +56,7 @@ class FrequencyTest(abc.ABC):
         """Return its residuals, with the name of a factor on its moduli, empty for none."""
 
 
+@runtime_checkable
 class FrequencyResiduals(problem.Residuals, Protocol):
     """Residuals of a `FrequencyTest`."""
 
