@@ -90,9 +90,10 @@ class CurveFiles:
                 name = field.name.replace("_", "-")
                 raise TensileError(f"--{name} applies to curves only; give one with --tensile, or leave it out")
 
-    def read(self, stretch: str | None = None, history: bool = False) -> list[TensileCurve]:
+    def read(self, stretch: str | None = None, history: bool = False, beside: bool = False) -> list[TensileCurve]:
         """Read the curves within a range of stretch as typed (None for all), or the whole tests with their times, and average
-        dense ones (see `thinned`); `TensileError` if one cannot be used, or they do not go together."""
+        dense ones (see `thinned`), perhaps beside tests of `at_frequencies`; `TensileError` if one cannot be used, or they do
+        not go together."""
         if not self.tensile:
             raise TensileError("nothing to fit to; give a curve with --tensile FILE")
         specimen = Specimen(self.cross_section, self.gauge_length, self.radius, self.thickness)
@@ -100,8 +101,8 @@ class CurveFiles:
         for text in self.tensile:
             file, test, rate = parts(text)
             if oscillation.of_test(test) or test.lower() == vibration.TEST:
-                if not history:
-                    raise TensileError(f"{text}: moduli over frequency and vibrations show a memory only; add --memory")
+                if not beside:
+                    raise TensileError(f"{text}: moduli over frequency and vibrations are data of softmodels fit --memory only")
                 continue
             pace = rate_of(rate, self.gauge_length)
             curves += [(text, curve) for curve in read_curves(file, test, self.columns, specimen, history=history, rate=pace)]
@@ -453,7 +454,7 @@ def _curves_report(how: FitGiven) -> comparison.FitReport:
     if how.heights or how.free or how.untrusted or how.exclude or how.height_datum:
         raise FitError("--heights, --free, --untrusted, --exclude and --height-datum need a device; give its case file first")
     tests: list[TensileCurve | oscillation.FrequencyTest] = [
-        *how.read(how.stretch, how.memory), *how.at_frequencies(how.poisson)
+        *how.read(how.stretch, how.memory, beside=how.memory), *how.at_frequencies(how.poisson)
     ]  # fmt: skip
     choices = problem.law_choices(how.laws, how.poisson)
     residuals.StressError.from_text(how.stress_error)

@@ -246,7 +246,7 @@ def test_the_command_fits_moduli_beside_a_hold(ended, tmp_path, moduli):
 @pytest.mark.parametrize(
     ("words", "why"),
     [
-        (["dma.csv:oscillation"], "add --memory"),
+        (["dma.csv:oscillation"], "data of softmodels fit --memory only"),
         (["dma.csv", "--memory"], "add :oscillation"),
         (["dma.csv:dma", "--memory"], "write oscillation for moduli E'"),
     ],
@@ -256,6 +256,12 @@ def test_what_the_command_refuses(ended, tmp_path, monkeypatch, words, why):
     written(tmp_path / "dma.csv", ["Frequency (Hz)", "Storage modulus (kPa)"], ROWS)
     status, _, complaints = ended(material_commands.fit_material, "--tensile", *words)
     assert status == 2 and why in complaints
+
+
+def test_a_score_refuses_moduli(ended, tmp_path):
+    path = written(tmp_path / "dma.csv", ["Frequency (Hz)", "Storage modulus (kPa)"], ROWS)
+    status, _, complaints = ended(material_commands.score, "--material", "ecoflex-00-30", "--tensile", f"{path}:oscillation")
+    assert status == 2 and "data of softmodels fit --memory only" in complaints
 
 
 def test_branches_and_moduli_need_a_memory(moduli):
