@@ -172,7 +172,8 @@ def draw_oscillations(report: comparison.FitReport) -> Figure:
             test, frequency=np.geomspace(test.frequency.min(), test.frequency.max(), 200), measured={kind: np.ones(200) * 1e9}
         )
         for i, law in enumerate(report.laws):
-            _plot_law(axes, i, along.frequency, factor * along.predicted(law.material)[kind], label=law.choice.name)
+            size = factor if kind == "tan-delta" else factor * _gauge(law, report, test)
+            _plot_law(axes, i, along.frequency, size * along.predicted(law.material)[kind], label=law.choice.name)
         symbol = {"storage-modulus": "'", "loss-modulus": "''"}.get(kind)
         name = "tan delta" if symbol is None else f"{'G' if test.shear else 'E'}{symbol} (kPa)"
         axes.set(xscale="log", title=processes.plain(test.name), xlabel="frequency (Hz)", ylabel=name)
@@ -231,8 +232,8 @@ def draw_law(report: comparison.FitReport) -> Figure:
     return figure
 
 
-def _gauge(law: comparison.FittedLaw, report: comparison.FitReport, curve: TensileCurve) -> float:
-    number = next(i for i, c in enumerate(report.curves, 1) if c is curve)
+def _gauge(law: comparison.FittedLaw, report: comparison.FitReport, test: TensileCurve | Oscillation) -> float:
+    number = next(i for i, other in enumerate((*report.curves, *report.oscillations), 1) if other is test)
     return law.fit.values.get(f"gauge{number}", 1.0)
 
 

@@ -332,7 +332,8 @@ def spectrum(
         low, high = (1.0 / (2 * math.pi * end(frequencies)) for end in (max, min))
         if high < SEVERAL_HOLDS**2 * low:  # what damps most at another frequency damps there too
             low, high = low / SEVERAL_HOLDS, high * SEVERAL_HOLDS
-        decades = range(math.ceil(math.log10(low)), math.floor(math.log10(high)) + 1)
+        # A branch half a decade beyond an end still has more than half of its largest loss there.
+        decades = range(math.ceil(math.log10(low) - 0.5), math.floor(math.log10(high) + 0.5) + 1)
         times = tuple(float(f"1e{k}") for k in decades) or (math.sqrt(low * high),)
         spectra.append(Spectrum(times, (low, high), ("the highest frequency", "the lowest frequency")))
     if not spectra:
