@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 import scipy.integrate
 
+from geometries import HollowDisk
 from softmodels.cli import material_commands
 from softmodels.fitting.curves import columns, oscillation, residuals
 from softmodels.fitting.curves.curve import TensileCurve, TensileError
 from softmodels.fitting.curves.fit import fit_curves
+from softmodels.fitting.outlines.fit import fit
 from softmodels.fitting.problem import FitError, FitOptions, LawChoice
 from softmodels.materials.laws import Yeoh
 from softmodels.materials.specimens import nominal_stress
@@ -262,6 +264,11 @@ def test_a_score_refuses_moduli(ended, tmp_path):
     path = written(tmp_path / "dma.csv", ["Frequency (Hz)", "Storage modulus (kPa)"], ROWS)
     status, _, complaints = ended(material_commands.score, "--material", "ecoflex-00-30", "--tensile", f"{path}:oscillation")
     assert status == 2 and "data of softmodels fit --memory only" in complaints
+
+
+def test_relaxation_times_are_not_fitted_to_photographs():
+    with pytest.raises(FitError, match="not fitted to photographs"):
+        fit(HollowDisk(), [], options=FitOptions(memory=True, branches=2))
 
 
 def test_branches_and_moduli_need_a_memory(moduli):
