@@ -476,10 +476,10 @@ def _way(values: Sequence[float], what: str) -> int:
 
 
 def _decimal_comma(text: str, what: str) -> str:
-    """Return a sentence on two short numbers with a comma between them, which may be a decimal comma; not after a
-    single zero."""
+    """Return a sentence on two short numbers with a comma between them, which may be a decimal comma; not after a single
+    zero, and not between two tens, such as 10,20, because no one writes the last zero of a decimal."""
     match = SHORT_PAIR.fullmatch(text.strip())
-    if match is None or (match[1] == "0" and len(match[2]) > 1):
+    if match is None or (match[1] == "0" and len(match[2]) > 1) or re.fullmatch(r"\d0,\d0", match[0]):
         return ""
     first, second = match.groups()
     return (

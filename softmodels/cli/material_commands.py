@@ -23,8 +23,8 @@ from softmodels.common import commands, errors, pages, processes
 from softmodels.common.files import csv_text, read_text, write_text
 from softmodels.common.pages import Page
 from softmodels.common.units import UnitError, brief, exact_text, number, quantity, with_prefix
-from softmodels.fitting import comparison, problem, scoring
-from softmodels.fitting.curves import residuals
+from softmodels.fitting import comparison, problem, scoring, vibration
+from softmodels.fitting.curves import oscillation, residuals
 from softmodels.fitting.curves.curve import EQUILIBRIUM_RATE, Specimen, TensileCurve, TensileError, read_curves
 from softmodels.fitting.curves.fit import fit_curves, prepared
 from softmodels.fitting.outlines import fit, shapes
@@ -33,6 +33,7 @@ from softmodels.fitting.problem import FitError, FitOptions
 from softmodels.fitting.scoring import Score
 from softmodels.materials import specimens
 from softmodels.materials.laws import DEFAULT_POISSON_RATIO, Material, MaterialError
+from softmodels.materials.memory import MOST_BRANCHES
 from softmodels.materials.silicones import (
     MAKERS_ELONGATION,
     PRODUCTS,
@@ -89,15 +90,20 @@ class CurveFiles:
                 name = field.name.replace("_", "-")
                 raise TensileError(f"--{name} applies to curves only; give one with --tensile, or leave it out")
 
-    def read(self, stretch: str | None = None, history: bool = False) -> list[TensileCurve]:
+    def read(self, stretch: str | None = None, history: bool = False, beside: bool = False) -> list[TensileCurve]:
         """Read the curves within a range of stretch as typed (None for all), or the whole tests with their times, and average
-        dense ones (see `thinned`); `TensileError` if one cannot be used, or they do not go together."""
+        dense ones (see `thinned`), perhaps beside tests of `at_frequencies`; `TensileError` if one cannot be used, or they do
+        not go together."""
         if not self.tensile:
             raise TensileError("nothing to fit to; give a curve with --tensile FILE")
         specimen = Specimen(self.cross_section, self.gauge_length, self.radius, self.thickness)
         curves: list[tuple[str, TensileCurve]] = []
         for text in self.tensile:
             file, test, rate = parts(text)
+            if oscillation.of_test(test) or test.lower() == vibration.TEST:
+                if not beside:
+                    raise TensileError(f"{text}: moduli over frequency and vibrations are data of softmodels fit --memory only")
+                continue
             pace = rate_of(rate, self.gauge_length)
             curves += [(text, curve) for curve in read_curves(file, test, self.columns, specimen, history=history, rate=pace)]
         names = [curve.name for _, curve in curves]
@@ -107,19 +113,35 @@ class CurveFiles:
         ]
         return prepared(own, stretch_range(stretch) if stretch else None, history)
 
+    def at_frequencies(self, poisson: float) -> list[oscillation.FrequencyTest]:
+        """Read the tests of moduli or tan delta over frequency, and vibrations; `TensileError` if one cannot be used."""
+        made: list[oscillation.FrequencyTest] = []
+        for file, test, lacking in map(parts, self.tensile):
+            columns = self.columns if "frequency=" in self.columns else ""
+            if oscillation.of_test(test):
+                made += oscillation.read(file, test.lower(), columns, lacking)
+            elif test.lower() == vibration.TEST:
+                if not lacking:
+                    raise TensileError(
+                        f"{file}: a vibration needs its device; add the case file, such as {file.name}:vibration:beam.toml"
+                    )
+                made += vibration.read(file, Path(lacking), poisson=poisson)
+        return made
+
     @property
     def files_read(self) -> list[Path]:
         return [parts(text)[0] for text in self.tensile]
 
 
 def parts(text: str) -> tuple[Path, str, str]:
-    """Return the parts of ``FILE[:TEST][:RATE]``; an empty rate where none is given."""
+    """Return the parts of ``FILE[:TEST][:RATE]``; an empty rate where none is given; of an oscillation a temperature, of a
+    vibration a case file."""
     name, test, rate = text, "uniaxial", ""
     while not Path(name).exists() and ":" in name:
         head, _, tail = name.rpartition(":")
         if not head:
             break
-        if tail.lower() == _RELAXED or re.search(r"\d.*/", tail):
+        if tail.lower() == _RELAXED or re.search(r"\d.*/", tail) or _LACKING.fullmatch(tail):
             rate = tail
         else:
             test = tail
@@ -127,7 +149,7 @@ def parts(text: str) -> tuple[Path, str, str]:
     return Path(name), test, rate
 
 
-_RELAXED = "equilibrium"
+_RELAXED, _LACKING = "equilibrium", re.compile(r"-?\d[\d.,]* ?(°C|degC|K)|.+\.toml")
 
 
 def rate_of(text: str, length: float | None) -> float | None:
@@ -211,6 +233,10 @@ class FitGiven(OutlineOptions, CurveFiles):
         "Fit relaxation too, and softening where the data show it, to tests with a column of times, or a RATE such as 0.05/s, "
         "50mm/min or equilibrium."
     )
+    branches: int = commands.option(
+        default=0, type=click.IntRange(0, MOST_BRANCHES), metavar="COUNT",
+        help="With --memory: fit so many branches with their relaxation times.  [default: one per decade that the data show]",
+    )  # fmt: skip
     stretch: str | None = commands.option(metavar="FROM:TO", help="Range of stretch to fit over.  [default: the whole curves]")
     stress_error: str = commands.option(
         default="auto", show_default=True, metavar="ERROR", help="2%+0.5kPa; constant (unweighted); auto weights by 2 % and "
@@ -248,7 +274,7 @@ class FitGiven(OutlineOptions, CurveFiles):
             silicone=self.silicone, stress_error=self.stress_error,
             gauge_error=gauge[self.gauge_error] if self.gauge_error in gauge else quantity(self.gauge_error, ""),
             free=self.free_of_bench, exclude=self.exclude, untrusted=self.untrusted,
-            height_datum=self.height_datum or "", memory=self.memory,
+            height_datum=self.height_datum or "", memory=self.memory, branches=self.branches,
         )  # fmt: skip
 
     @property
@@ -293,7 +319,7 @@ def _changes(
     """Return the changes by parameter; the curves' own ``gauge1``, ``slack1`` and so on are known to all laws, and with
     ``--memory`` the weights of its branches, its softening and what its viscosity depends on."""
     changes: dict[str, problem.Change] = {}
-    remembered = ("share_", *specimens.SOFTENING, *specimens.FLOW) if options.memory else ()
+    remembered = ("share", "time", *specimens.SOFTENING, *specimens.FLOW) if options.memory else ()
     if remembered:
         units = {**units, specimens.SOFTENING[1]: "Pa"}
     of_tests = ("gauge", *residuals.ORIGIN)
@@ -307,7 +333,8 @@ def _changes(
                 raise FitError(unknown(name))
             if value_needed and not equals:
                 raise FitError(f"{text!r} is not NAME=VALUE")
-            unit = units.get(name, "Pa" if name.startswith(residuals.ORIGIN[1]) else "")
+            own = "Pa" if name.startswith(residuals.ORIGIN[1]) else "s" if remembered and name.startswith("time") else ""
+            unit = units.get(name, own)
             try:
                 changes.setdefault(name, {}).update(read(value, unit) if equals or read is not _read_fixed else {"fixed": True})
             except (UnitError, FitError) as error:
@@ -358,8 +385,11 @@ def fit_material(files: tuple[Path, ...], how: FitGiven) -> None:
     errors of the bench are fitted per device: --fix leak applies to all of them, --fix disk.leak to the one whose case is
     named disk. For each device the misfit is reported.
 
-    TEST is uniaxial (default), planar (pure shear), equibiaxial or balloon (pressure against stretch or radius). A file's
-    headers name its columns, such as 'strain (%)' and 'stress (kPa)'; only the loading ramp up to the break is used.
+    TEST is uniaxial (default), planar (pure shear), equibiaxial or balloon (pressure against stretch or radius); with --memory
+    also oscillation and shear-oscillation (moduli or tan delta over frequency, of tension or shear; a temperature, such as
+    23°C, may stand in place of a RATE) and vibration (displacement or acceleration over time of a device that rings in its
+    first mode; its case file stands in place of a RATE). A file's headers name its columns, such as 'strain (%)' and 'stress
+    (kPa)'; only the loading ramp up to the break is used.
     A modulus is valid only in its fit range: choose the stretches of the device with --stretch.
 
     With --memory the whole tests are used: cycles, holds, several rates at once. The law is then that of equilibrium, and
@@ -372,6 +402,8 @@ def fit_material(files: tuple[Path, ...], how: FitGiven) -> None:
       softmodels fit --tensile curve.csv --material yeoh --stretch 1.02:3
       softmodels fit --tensile ut.csv --tensile ps.csv:planar --tensile et.csv:equibiaxial --material all
       softmodels fit --tensile cycle.csv --tensile slow.csv:uniaxial:equilibrium --memory
+      softmodels fit --tensile hold.csv --tensile dma.csv:oscillation --memory
+      softmodels fit --tensile hold.csv --tensile decay.csv:vibration:beam.toml --memory
       softmodels fit --tensile pull.csv --columns 'extension=1[mm],force=2[N]' --gauge-length 33mm --cross-section 18mm^2
       softmodels fit results/disk/case.toml outlines/ --material yeoh --fix c3=0Pa
       softmodels fit results/disk/case.toml outlines/ --tensile curve.csv --material neo-hookean,yeoh
@@ -421,15 +453,21 @@ def _closing(report: comparison.FitReport, folder: Path) -> str:
 def _curves_report(how: FitGiven) -> comparison.FitReport:
     if how.heights or how.free or how.untrusted or how.exclude or how.height_datum:
         raise FitError("--heights, --free, --untrusted, --exclude and --height-datum need a device; give its case file first")
-    curves = how.read(how.stretch, how.memory)
+    tests: list[TensileCurve | oscillation.FrequencyTest] = [
+        *how.read(how.stretch, how.memory, beside=how.memory), *how.at_frequencies(how.poisson)
+    ]  # fmt: skip
     choices = problem.law_choices(how.laws, how.poisson)
     residuals.StressError.from_text(how.stress_error)
     progress = outcomes.Progress(labels.StateLabels(""), how.quiet or not mpi.speaks())
-    return fit_curves(curves, how.laws, how.fit_options(curve_changes(how, choices)), progress=progress.say)
+    return fit_curves(tests, how.laws, how.fit_options(curve_changes(how, choices)), progress=progress.say)
 
 
 def _device_report(files: Sequence[Path], how: FitGiven) -> comparison.FitReport:
     how.check_given("stretch", "radius", "thickness", "stress_error", "gauge_error")
+    if how.branches or any(oscillation.of_test(test) or test == vibration.TEST for _, test, _ in map(parts, how.tensile)):
+        raise FitError(
+            "outlines are fitted without moduli over frequency, vibrations and --branches; leave them out, or fit curves only"
+        )
     curves = how.read(how.stretch, how.memory) if how.tensile else []
     residuals.StressError.from_text(how.stress_error)
     pairs = _devices(files)
@@ -476,13 +514,15 @@ def _write_fit(report: comparison.FitReport, folder: Path, place: Path, how: Fit
     comparison.write_materials(report, place, own)
     (place / "fit.json").write_text(comparison.as_json(report), encoding="utf-8")
     comparison.write_curves(place / "curves.csv", report.laws, report.curves)
+    if report.oscillations:
+        comparison.write_oscillations(place / "oscillations.csv", report)
     if not how.no_pictures:
         from softmodels.pictures import fits, style
 
         drawn = fits.figures(report)
         for name, figure in drawn.items():
             (place / f"{name}.png").write_bytes(style.png(figure))
-        tables = {file.name: read_text(file) for file in [place / "curves.csv"] if file.exists()}
+        tables = {file.name: read_text(file) for file in [place / "curves.csv", place / "oscillations.csv"] if file.exists()}
         (place / "report.html").write_text(fits.page(report, drawn, tables), encoding="utf-8")
     comparison.retire(folder, {file.name for file in place.iterdir()})
 

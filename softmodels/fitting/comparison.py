@@ -21,6 +21,7 @@ from softmodels.common import cards, errors, files, units
 from softmodels.fitting import least_squares, problem
 from softmodels.fitting.curves import residuals
 from softmodels.fitting.curves.curve import TensileCurve
+from softmodels.fitting.curves.oscillation import FrequencyTest
 from softmodels.fitting.least_squares import objections
 from softmodels.fitting.problem import FitError
 from softmodels.materials import laws, silicones, specimens
@@ -440,6 +441,7 @@ class FitReport(cards.ResultCard):
         devices: Each device in words; empty for only curves.
         notes: What was left out, and why.
         photographs: By law: each photograph with its fitted state; empty but for outlines.
+        oscillations: Fitted moduli, tan delta or vibrations at frequencies.
     """
 
     laws: tuple[FittedLaw, ...]
@@ -450,6 +452,7 @@ class FitReport(cards.ResultCard):
     devices: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     photographs: Mapping[str, Sequence[MatchedPhotograph]] = dataclasses.field(default_factory=dict)
+    oscillations: tuple[FrequencyTest, ...] = ()
 
     def _line(self) -> str:
         return self.chosen._line()
@@ -480,7 +483,7 @@ class FitReport(cards.ResultCard):
             + "".join(f"; {remark}" for remark in (*filter(None, [c.source]), *c.remarks))
             for c in self.curves
         ]
-        return [*self.devices, *self.notes, *curves]
+        return [*self.devices, *self.notes, *curves, *(test.sentence for test in self.oscillations)]
 
     @property
     def verdict(self) -> str:
@@ -789,6 +792,18 @@ def write_curves(path: Path, laws: Sequence[FittedLaw], curves: Sequence[Tensile
                 columns.insert(0, np.full_like(curve.stretch, np.nan) if curve.time is None else curve.time)
             for row in np.column_stack(columns):
                 rows.writerow([curve.name, curve.mode, *("" if np.isnan(v) else f"{v:.9g}" for v in row)])
+
+
+def write_oscillations(path: Path, report: FitReport) -> None:
+    """Write measured and fitted moduli in Pa, and tan delta, one row per frequency."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file)
+        rows.writerow(["test", "quantity", "frequency_Hz", "measured", *(law.choice.name for law in report.laws)])
+        for test in report.oscillations:
+            fitted = [test.predicted(law.material) for law in report.laws]
+            for kind, measured in test.measured.items():
+                for row in np.column_stack([test.frequency, measured, *(values[kind] for values in fitted)]):
+                    rows.writerow([test.name, kind, *(f"{value:.9g}" for value in row)])
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import OptimizeResult, least_squares, nnls
 
-from softmodels.common import errors, schema, units
+from softmodels.common import errors, names, schema, units
 from softmodels.common.arrays import Array
 from softmodels.common.names import checked
 from softmodels.materials import laws
@@ -373,6 +373,7 @@ class FitOptions:
             such a top (balloon, bellows) have to state it.
         memory: Whether relaxing branches are fitted too, to outlines and curves with times, and to curves softening; the law
             is then that of equilibrium.
+        branches: How many, with their relaxation times fitted too; 0 for one per decade that the data show, of fixed times.
     """
 
     poisson: float = laws.DEFAULT_POISSON_RATIO
@@ -387,6 +388,7 @@ class FitOptions:
     untrusted: bool = False
     height_datum: str = ""
     memory: bool = False
+    branches: int = 0
 
     def __post_init__(self) -> None:
         texts = schema.Several(schema.Words())
@@ -412,6 +414,7 @@ class FitOptions:
         if self.height_datum not in ("", *HEIGHTS_FROM):
             known = f"{', '.join(HEIGHTS_FROM)}{errors.meant(self.height_datum, HEIGHTS_FROM)}"
             raise FitError(f"height_datum is {self.height_datum!r}; it must be one of {known}")
+        object.__setattr__(self, "branches", names.whole("branches", self.branches, 0))
         if not 0.0 <= self.gauge_error < 1.0:
             raise FitError(f"a gauge error of {self.gauge_error:g} must be between 0 and 100 %")
 

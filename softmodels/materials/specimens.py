@@ -458,6 +458,12 @@ def stress_in_time(
     return stress + size * viscous, slopes + added
 
 
+def modulus_slopes(material: Material, parameters: Sequence[str]) -> Array:
+    """Return the derivatives of the small-strain shear modulus by parameters of the law, shape (m,)."""
+    moved = [nudged(material, name, 1j * _COMPLEX_STEP).shear_modulus_0 for name in parameters]
+    return np.asarray(np.imag(moved) / _COMPLEX_STEP)
+
+
 def _branch_slopes(
     time: npt.ArrayLike, stretch: Array, mode: str, branches: Sequence[memory.Branch], names: Sequence[str]
 ) -> tuple[Array, dict[str, Array]]:

@@ -144,6 +144,38 @@ class Stability:
         pairs = [(value, self._mode(vector)) for value, vector in self.spectrum.pairs(count, springs)]
         return sorted(pairs, key=lambda pair: pair[0])
 
+    def with_responses(
+        self, shapes: Sequence[Array], stiffnesses: Sequence[PETSc.Mat], springs: Springs
+    ) -> tuple[Array, list[Array]]:
+        """Return K and further stiffnesses of the dofs over a space of n modes, each of length 1 in the norm of M and before
+        all others, and of the static responses to the further stiffnesses' forces on them, shapes (m, m).
+
+        K is factorised at the modes' state. What these stiffnesses hold back low modes alone would not show: a beam whose
+        sides are held bends as one that is stiffer.
+        """
+        unknowns = self.solver.system.unknowns
+        pencil, _ = springs.added_to(self.spectrum.pencil())
+        space, force = Space(pencil), self.M.createVecLeft()
+        for shape in shapes:
+            mode = self.M.createVecRight()
+            mode.array_w[:] = unknowns.project(shape)
+            space.add(mode)
+        matrices = [unknowns.projected(matrix) for matrix in stiffnesses]
+        for matrix in matrices:
+            for mode in space.x[: len(shapes)]:
+                matrix.mult(mode, force)
+                response = self.M.createVecRight()
+                pencil.solve(force, response, EIGENVALUE_SOLVE_TOLERANCE)
+                space.add(response)
+        products = []
+        for matrix in matrices:
+            rows = np.empty((len(space.x), len(space.x)))
+            for row, x in zip(rows, space.x, strict=True):
+                matrix.mult(x, force)
+                row[:] = force.mDot(space.x)
+            products.append(rows)
+        return space.K, products
+
     def _mode(self, vector: PETSc.Vec) -> Array:
         function = fem.Function(self.solver.system.space)
         self.solver.system.unknowns.to_dofs(vector.array_r, function.x.array)
@@ -475,6 +507,10 @@ class Spectrum(abc.ABC):
         pencil.solve(image, lifted, OTHER_MODES_TOLERANCE)
         return lifted
 
+    @abc.abstractmethod
+    def pencil(self, refined: bool = True) -> Pencil:
+        """Return K and M at the state where K was factorised, with solves that are refined or not."""
+
     @property
     @abc.abstractmethod
     def negative_eigenvalues(self) -> int:
@@ -496,15 +532,6 @@ class Spectrum(abc.ABC):
         springs, which are added to K, modes of equal eigenvalues are separated. `NoConvergence` if they were not found."""
 
 
-def product(matrix: PETSc.Mat, v: Array, w: Array) -> float:
-    """Return v.A.w of dofs (shape as `State.w`)."""
-    left, right = matrix.createVecLeft(), matrix.createVecRight()
-    left.array_w[:], right.array_w[:] = v[: left.getLocalSize()], w[: right.getLocalSize()]
-    image = matrix.createVecLeft()
-    matrix.mult(right, image)
-    return float(left.dot(image))
-
-
 def spectrum_of(solver: Solver, M: PETSc.Mat) -> Spectrum:
     """Return the eigenvalue solver that suits a device's linear solver."""
     return (Factorised if solver.bordered.inverse.exact else Iterated)(solver, M)
@@ -522,9 +549,8 @@ class Factorised(Spectrum):
     def negative_eigenvalues(self) -> int:
         return self.solver.bordered.negative_eigenvalues() - self.constraints
 
-    def _search(self, tolerances: Sequence[float], refined: bool, springs: Springs | None = None) -> Modes:
-        """Return the modes of the factorised K, by back-substitutions that are refined or not; see `pairs`."""
-        bordered, negatives = self.solver.bordered, self.negative_eigenvalues
+    def pencil(self, refined: bool = True) -> Pencil:
+        bordered = self.solver.bordered
 
         def solve(b: PETSc.Vec, x: PETSc.Vec, tolerance: float) -> None:
             if refined:
@@ -532,7 +558,11 @@ class Factorised(Spectrum):
             else:
                 bordered.solve_roughly(b, x)
 
-        pencil, seeds, most = Pencil(bordered.K.mult, self.M, solve), self.seeds[:1], MAX_SOLVES
+        return Pencil(bordered.K.mult, self.M, solve)
+
+    def _search(self, tolerances: Sequence[float], refined: bool, springs: Springs | None = None) -> Modes:
+        """Return the modes of the factorised K, by back-substitutions that are refined or not; see `pairs`."""
+        negatives, pencil, seeds, most = self.negative_eigenvalues, self.pencil(refined), self.seeds[:1], MAX_SOLVES
         if springs is not None:
             pencil, removed = springs.added_to(pencil)
             negatives, seeds, most = negatives - removed, self.seeds, max(most, SOLVES_PER_MODE * len(tolerances))
@@ -590,7 +620,7 @@ class Iterated(Spectrum):
         self._negative, self._counted, self._modes = modes.negative, self.solver.lagged.updates, modes.vectors
         return modes
 
-    def _pencil(self) -> Pencil:
+    def pencil(self, refined: bool = True) -> Pencil:
         solver = self.solver
 
         def product(x: PETSc.Vec, y: PETSc.Vec) -> None:
@@ -610,7 +640,7 @@ class Iterated(Spectrum):
             for mode in kept:
                 self.solver.bordered.keep_volumes(mode)
             return kept
-        return [self._lifted(self._pencil(), self.seeds[0])]
+        return [self._lifted(self.pencil(), self.seeds[0])]
 
     def lowest(self, modes: Sequence[PETSc.Vec]) -> tuple[float, list[PETSc.Vec]]:
         tolerances = [LOWEST_MODE_TOLERANCE, *[OTHER_MODES_TOLERANCE] * (TRACKED_MODES - 1)]
@@ -618,7 +648,7 @@ class Iterated(Spectrum):
             self._turn = self._turn % (TRACKED_MODES - 1) + 1
             tolerances = [OTHER_MODES_TOLERANCE if k == self._turn else math.inf for k in range(TRACKED_MODES)]
             tolerances[0] = LOWEST_MODE_TOLERANCE
-        lowest = self._take(nearest(self._pencil(), self._start([*modes, *self._before] if modes else ()), tolerances))
+        lowest = self._take(nearest(self.pencil(), self._start([*modes, *self._before] if modes else ()), tolerances))
         self._before = list(modes[:1])
         return float(lowest.values[0]), lowest.vectors
 
@@ -627,9 +657,9 @@ class Iterated(Spectrum):
 
     def pairs(self, count: int, springs: Springs | None = None) -> list[tuple[float, PETSc.Vec]]:
         if springs is None:
-            modes = self._take(nearest(self._pencil(), self._start(()), [BIFURCATION_MODE_TOLERANCE] * count))
+            modes = self._take(nearest(self.pencil(), self._start(()), [BIFURCATION_MODE_TOLERANCE] * count))
         else:
-            pencil, _ = springs.added_to(self._pencil())
+            pencil, _ = springs.added_to(self.pencil())
             most = max(MAX_SOLVES, SOLVES_PER_MODE * count)
             modes = nearest(pencil, [self._lifted(pencil, seed) for seed in self.seeds], natural(count), most)
         return list(zip(map(float, modes.values), modes.vectors, strict=True))
@@ -664,7 +694,7 @@ class Signature:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Vibrations of a damped device, from its relaxed modes.
+# Vibrations of a damped device, from its relaxed modes and the responses to what relaxes.
 
 
 MAX_ROOT_ITERATIONS = 500
@@ -672,39 +702,50 @@ MAX_ROOT_ITERATIONS = 500
 ROOT_TOLERANCE = 1e-12
 
 
-def damped_roots(values: Array, creeping: Callable[[complex], npt.NDArray[np.complex128]]) -> list[complex]:
+type Stiffening = Callable[[complex], npt.NDArray[np.inexact]]
+
+
+def damped_roots(values: Array, relaxed: Array, creeping: Stiffening) -> list[complex]:
     """Return of each mode the root s in 1/s, with a positive imaginary part, of vibrations that go as exp(s t); of an unstable
     one the rate at which it grows.
 
-    The equations of motion are taken in the space of the relaxed modes (Rayleigh and Ritz), of unit mass and with the
-    eigenvalues w^2: (s^2 + w^2 + creeping(s)) q = 0. Each root is iterated from the relaxed one; among the modes at its
-    s it is the one closest to the one before.
+    The equations of motion (s^2 + relaxed + creeping(s)) q = 0 are those of a space (Rayleigh and Ritz). Each root is
+    iterated from the relaxed one; among the modes at its s it is the one closest to the one before.
 
     Args:
-        values: Squares of the relaxed angular frequencies in 1/s^2, negative of unstable modes, shape (n,).
-        creeping: Stiffness that relaxes, over the mass, of motions as exp(s t), in 1/s^2, shape (n, n), symmetric.
+        values: Squares of the relaxed angular frequencies in 1/s^2, rising, negative of unstable modes, shape (n,).
+        relaxed: Relaxed stiffness over mass in a space of unit mass, in 1/s^2, shape (m, m): the n modes, and what else moves.
+        creeping: Stiffness that relaxes, over the mass, of motions as exp(s t), in 1/s^2, shape (m, m), symmetric.
 
     Raises:
         NoConvergence: A root was not found.
     """
+    n, whole = len(values), relaxed.copy()
+    whole[:n], whole[:, :n] = 0.0, 0.0
+    whole[:n, :n] = np.diag(values)
     return [
-        _ringing(values, creeping, k) if values[k] >= 0.0 else _growth_rate(values, creeping, k) for k in range(len(values))
+        _ringing(value, whole, creeping, k) if value > 0.0 else _growth_rate(value, whole, creeping, k)
+        for k, value in enumerate(values)
     ]
 
 
-def _growth_rate(values: Array, creeping: Callable[[complex], npt.NDArray[np.complex128]], k: int) -> complex:
+def _growth_rate(value: float, relaxed: Array, creeping: Stiffening, k: int) -> complex:
+    if value == 0.0:  # a limit point
+        return 0j
+
     def excess(s: float) -> float:
-        return float(s**2 + values[k] + creeping(s)[k, k].real)
+        return float(s**2 + np.linalg.eigvalsh(relaxed + creeping(s).real)[k])
 
-    return complex(scipy.optimize.brentq(excess, 0.0, 1.001 * math.sqrt(-values[k]), rtol=ROOT_TOLERANCE))
+    return complex(scipy.optimize.brentq(excess, 0.0, 1.001 * math.sqrt(-value), rtol=ROOT_TOLERANCE))
 
 
-def _ringing(values: Array, creeping: Callable[[complex], npt.NDArray[np.complex128]], k: int) -> complex:
-    s, shape = 1j * math.sqrt(values[k]), np.eye(len(values))[k]
+def _ringing(value: float, relaxed: Array, creeping: Stiffening, k: int) -> complex:
+    s, shape = 1j * math.sqrt(value), np.eye(len(relaxed))[k]
     for _ in range(MAX_ROOT_ITERATIONS):
-        squares, shapes = np.linalg.eig(np.diag(values) + creeping(s))
+        # Of the inverse, because responses are of hardly any mass: their eigenvalues are millions of times as large.
+        inverses, shapes = np.linalg.eig(np.linalg.inv(relaxed + creeping(s)))
         nearest_one = int(np.argmax(np.abs(shape.conj() @ shapes)))
-        before, s, shape = s, 1j * np.sqrt(squares[nearest_one]), shapes[:, nearest_one]
+        before, s, shape = s, 1j / np.sqrt(inverses[nearest_one]), shapes[:, nearest_one]
         if abs(s - before) <= ROOT_TOLERANCE * abs(s):
             return complex(s)
     raise newton.NoConvergence("the damping of a mode did not converge")

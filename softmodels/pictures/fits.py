@@ -19,6 +19,7 @@ from softmodels.common.arrays import Array
 from softmodels.common.pages import Page
 from softmodels.fitting import comparison, least_squares
 from softmodels.fitting.curves.curve import TensileCurve
+from softmodels.fitting.curves.oscillation import Oscillation
 from softmodels.fitting.curves.residuals import predicted
 from softmodels.fitting.outlines import residuals, shapes
 from softmodels.fitting.outlines.shapes import Shape
@@ -160,6 +161,26 @@ def draw_curves(report: comparison.FitReport) -> Figure:
     return figure
 
 
+def draw_oscillations(report: comparison.FitReport) -> Figure:
+    """Plot measured and fitted moduli and tan delta over frequency, one panel per quantity of a test."""
+    shown = [(test, kind) for test in report.oscillations if isinstance(test, Oscillation) for kind in test.measured]
+    figure, panels = _panels(len(shown), 4.0)
+    for axes, (test, kind) in zip(panels, shown, strict=True):
+        factor = 1.0 if kind == "tan-delta" else 1e-3
+        axes.plot(test.frequency, factor * test.measured[kind], "o", ms=4, mfc="none", mec=style.INK, mew=0.8, label="measured")
+        along = dataclasses.replace(
+            test, frequency=np.geomspace(test.frequency.min(), test.frequency.max(), 200), measured={kind: np.ones(200) * 1e9}
+        )
+        for i, law in enumerate(report.laws):
+            size = factor if kind == "tan-delta" else factor * _gauge(law, report, test)
+            _plot_law(axes, i, along.frequency, size * along.predicted(law.material)[kind], label=law.choice.name)
+        symbol = {"storage-modulus": "'", "loss-modulus": "''"}.get(kind)
+        name = "tan delta" if symbol is None else f"{'G' if test.shear else 'E'}{symbol} (kPa)"
+        axes.set(xscale="log", title=processes.plain(test.name), xlabel="frequency (Hz)", ylabel=name)
+    panels[0].legend(loc="best")
+    return figure
+
+
 MAX_READINGS_SHOWN = 2000
 
 
@@ -211,8 +232,8 @@ def draw_law(report: comparison.FitReport) -> Figure:
     return figure
 
 
-def _gauge(law: comparison.FittedLaw, report: comparison.FitReport, curve: TensileCurve) -> float:
-    number = next(i for i, c in enumerate(report.curves, 1) if c is curve)
+def _gauge(law: comparison.FittedLaw, report: comparison.FitReport, test: TensileCurve | Oscillation) -> float:
+    number = next(i for i, other in enumerate((*report.curves, *report.oscillations), 1) if other is test)
     return law.fit.values.get(f"gauge{number}", 1.0)
 
 
@@ -288,6 +309,8 @@ def figures(report: comparison.FitReport) -> dict[str, Figure]:
         figures["measured"] = measured
     if report.curves:
         figures |= {"curves": draw_curves(report), "residuals": draw_residuals(report)}
+    if any(isinstance(test, Oscillation) for test in report.oscillations):
+        figures["oscillations"] = draw_oscillations(report)
     for law, states in report.photographs.items():
         figures[f"outlines-{law}"] = draw_outlines(states, law)
         figures[f"photographs-{law}"] = draw_photographs(states, law)
@@ -331,6 +354,7 @@ CAPTIONS = {
     "measured": "All readings of the files, and what was read of them",
     "curves": "Measured curves and the fitted laws",
     "residuals": "Residuals of the curves (fit - measured)",
+    "oscillations": "Measured moduli and tan delta over frequency, and the fitted laws",
     "outlines": "Outlines, measured and simulated",
     "photographs": "Residuals of the outlines (simulated - measured)",
     "creep": "Heights over the time held",

@@ -610,27 +610,46 @@ class Model(cards.ResultCard):
             least = ZERO_EIGENVALUE_TOLERANCE * max((abs(value) for value, _ in pairs), default=0.0)
             unit = self.system.stress_unit / self.system.length_unit**2
             values = np.array([value * unit if abs(value) > least else 0.0 for value, _ in pairs])
-            roots = self._roots(values / density, [w for _, w in pairs])
+            roots = self._roots(values / density, [w for _, w in pairs], springs)
         except newton.NoConvergence as failure:
             raise RunError(f"the modes were not found ({failure}); ask for fewer, or use smaller cells") from failure
         return [
             Mode(float(value), density, self._shape(w), root) for value, root, (_, w) in zip(values, roots, pairs, strict=True)
         ]
 
-    def _roots(self, squares: Array, shapes: Sequence[Array]) -> list[complex]:
+    def _roots(self, squares: Array, shapes: Sequence[Array], springs: stability.Springs) -> list[complex]:
         """Return the modes' `Mode.root`, of the squares of their relaxed angular frequencies in 1/s2; in the loaded state."""
         if not self._creeping:
             return [complex(math.sqrt(-square)) if square < 0.0 else 1j * math.sqrt(square) for square in squares]
+        relaxed, stiffnesses = self._stiffnesses(shapes, springs)
+        return stability.damped_roots(
+            squares, relaxed, lambda s: np.sum([K * own.stiffening(s) for K, own in stiffnesses], axis=0)
+        )
+
+    def _stiffnesses(self, shapes: Sequence[Array], springs: stability.Springs) -> tuple[Array, list[tuple[Array, Memory]]]:
+        """Return the relaxed stiffness over the space of `Stability.with_responses`, and that of each silicone with branches of
+        share 1 with its memory, in 1/s2."""
         unit = self.system.stress_unit / self.system.length_unit**2 / self._densities[0]
-        mass = self._stability.mass
-        lengths = np.array([stability.Mode(mass, w).length for w in shapes])
-        stiffnesses = []
-        for form, modulus, silicone_memory in self._creeping:
-            matrix = assembly.sparse_matrix(form, self.system.bcs, 0.0)
-            products = np.array([[stability.product(matrix, v, w) for v in shapes] for w in shapes])
+        matrices = [assembly.sparse_matrix(form, self.system.bcs, 0.0) for form, *_ in self._creeping]
+        relaxed, products = self._stability.with_responses(shapes, matrices, springs)
+        for matrix in matrices:
             matrix.destroy()
-            stiffnesses.append((unit * modulus * products / np.outer(lengths, lengths), silicone_memory))
-        return stability.damped_roots(squares, lambda s: np.sum([K * own.stiffening(s) for K, own in stiffnesses], axis=0))
+        creeping = [(unit * modulus * K, own) for K, (_, modulus, own) in zip(products, self._creeping, strict=True)]
+        return unit * relaxed, creeping
+
+    def first_mode_stiffness(self) -> tuple[Array, Array]:
+        """Return of the device at rest the relaxed stiffness over a space of unit mass whose first vector is its first mode,
+        and that of branches of share 1 of its silicone, which needs a memory, in 1/s2, shapes (m, m); both are in proportion
+        to its shear modulus. `RunError` as `modes`."""
+        state = self.solve().state
+        self.system.load(state)
+        springs = self._springs(state, False)
+        try:
+            pairs = self._stability.eigenpairs(state, 1 + EXTRA_MODES, springs)
+            relaxed, ((creeping, _),) = self._stiffnesses([w for _, w in pairs], springs)
+        except newton.NoConvergence as failure:
+            raise RunError(f"the first mode was not found ({failure}); use smaller cells") from failure
+        return relaxed, creeping
 
     @functools.cached_property
     def _creeping(self) -> list[tuple[fem.Form, float, Memory]]:
@@ -703,7 +722,7 @@ class Model(cards.ResultCard):
 
 
 EXTRA_MODES = 4
-"""Relaxed modes beyond those asked for, of which damped ones are made up too."""
+"""Relaxed modes beyond those asked for, of which damped ones are made up too; with their responses to what relaxes."""
 
 ZERO_EIGENVALUE_TOLERANCE = 1e-9
 """Eigenvalue over the largest of those asked for up to which it is 0, as at a limit point: there its sign is rounding."""

@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 
 from softmodels.__main__ import softmodels as whole_command
 from softmodels.case.case import Case, CaseError
-from softmodels.fitting.curves.curve import Specimen, TensileCurve, noise_of, read_curve, taut, without_jumps
+from softmodels.fitting.curves.curve import Specimen, TensileCurve, noise_of, taut, without_jumps
 from softmodels.fitting.curves.fit import fit_curves
 from softmodels.fitting.curves.residuals import time_weights
 from softmodels.fitting.least_squares import fit_parameters
@@ -24,6 +24,7 @@ from softmodels.materials.laws import NeoHookean
 from softmodels.runs.notes import law_notes
 from softmodels.runs.table import PathTable
 from tests.support.campaigns import sampled
+from tests.support.tables import read_curve
 
 AREA, LENGTH = 18e-6, 33e-3
 SHARES = {1.0: 0.12, 10.0: 0.03, 100.0: 0.025}

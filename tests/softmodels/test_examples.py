@@ -28,11 +28,11 @@ from softmodels.__main__ import softmodels
 from softmodels.case.case import Case
 from softmodels.cli import examples
 from softmodels.common.folders import OwnFolderError
-from softmodels.fitting.curves.curve import read_curve
 from softmodels.fitting.problem import FitOptions, LawChoice
 from softmodels.materials.specimens import nominal_stress
 from softmodels.mechanics.mpi import start
 from tests.support import pages
+from tests.support.tables import read_curve
 
 TOP = Path(__file__).parents[2]
 PAGES = [TOP / "README.md", *sorted((TOP / "docs" / "pages").rglob("*.md"))]

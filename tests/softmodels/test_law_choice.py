@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from softmodels.fitting.comparison import MOST_RATIO, compare, contradictions
-from softmodels.fitting.curves.curve import TensileCurve, read_curve
+from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.fit import fit_law_to_curves, prepared
 from softmodels.fitting.curves.residuals import (
     MOST_POINTS,
@@ -22,6 +22,7 @@ from softmodels.fitting.curves.residuals import (
 from softmodels.fitting.problem import LawChoice
 from softmodels.materials.laws import Gent, NeoHookean, Yeoh
 from softmodels.materials.specimens import respond
+from tests.support.tables import read_curve
 
 READINGS = (37512, 375, 93)
 ERRORS = ("auto", "constant", "2%+0.5kPa")

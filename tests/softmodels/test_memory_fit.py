@@ -17,7 +17,7 @@ from softmodels.__main__ import softmodels as whole_command
 from softmodels.case.materials import material_from
 from softmodels.cli import material_commands
 from softmodels.fitting.curves import residuals as memory
-from softmodels.fitting.curves.curve import EQUILIBRIUM_RATE, TensileCurve, TensileError, corners, loop, read_curve, turns
+from softmodels.fitting.curves.curve import EQUILIBRIUM_RATE, TensileCurve, TensileError, corners, loop, turns
 from softmodels.fitting.curves.fit import fit_curves, fit_law_to_curves
 from softmodels.fitting.curves.residuals import StressError, predicted, residuals_of, thinned
 from softmodels.fitting.problem import FitError, FitOptions, LawChoice
@@ -25,6 +25,7 @@ from softmodels.materials.laws import Gent, Yeoh
 from softmodels.materials.specimens import nominal_stress, stress_in_time
 from tests.softmodels.test_specimens import by_equations
 from tests.support.campaigns import sampled
+from tests.support.tables import read_curve
 
 LAW, SHARES, TAUS = Yeoh(8e3, 90.0, 0.5, 0.5), (0.3, 0.2, 0.15), (1.0, 10.0, 100.0)
 PULL = (np.linspace(0.0, 40.0, 61), 1.0 + 1.5 * (1.0 - np.abs(np.linspace(-1.0, 1.0, 61))))

@@ -11,10 +11,11 @@ import pytest
 
 from softmodels.common.errors import spoken
 from softmodels.fitting.curves.columns import recognise
-from softmodels.fitting.curves.curve import MIN_POINTS_FOR_NOISE, Specimen, TensileError, read_curve, small_modulus
+from softmodels.fitting.curves.curve import MIN_POINTS_FOR_NOISE, Specimen, TensileError, small_modulus
 from softmodels.fitting.curves.residuals import StressError, noise
 from softmodels.materials.laws import NeoHookean
 from softmodels.materials.specimens import balloon_pressure, respond
+from tests.support.tables import read_curve
 
 MU = 20e3
 L = np.linspace(1.0, 3.0, 21)
@@ -458,7 +459,7 @@ def test_lines_of_numbers_are_not_searched_for_a_header(write, monkeypatch):
     """Patterns look at lines of words alone: a raw curve has 37,512 lines of numbers."""
     asked = []
     monkeypatch.setattr(
-        "softmodels.fitting.curves.columns.recognise", lambda text, place: asked.append(text) or recognise(text, place)
+        "softmodels.fitting.curves.columns.recognise", lambda text, *rest: asked.append(text) or recognise(text, *rest)
     )
     rows = "".join(f"{1 + i / 500:.4f},{i}\n" for i in range(1000))
     assert len(read_curve(write("stretch,stress (kPa)\n" + rows)).stretch) == 1000

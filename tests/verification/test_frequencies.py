@@ -183,6 +183,30 @@ def test_a_sphere_with_a_memory_is_damped(stretch, figure):
     figure(SPHERE, f"with two branches, stretch {stretch}: damping ratio", mode.damping * abs(wanted) / -wanted.real - 1, 5e-3)
 
 
+@pytest.mark.parametrize("poisson", [0.0, 0.3])
+def test_a_beam_that_is_compressible_is_damped(poisson, figure):
+    """Branches hold back its shear, its bulk relaxes at once: Young's modulus is E(s) = 9 K G(s)/(3 K + G(s))."""
+    law = sm.NeoHookean(MU, poisson)
+    branches = [(share, 30 * time) for share, time in BRANCHES]  # as slow as the beam
+    bulk = 2 * MU * (1 + poisson) / (3 * (1 - 2 * poisson))
+    relaxed = sm.Model(BEAM, law, (), "displacement").modes(count=1)[0].frequency
+    mode = sm.Model(BEAM, law.with_memory(branches=branches), (), "displacement").modes(count=1)[0]
+    (first, first_time), (second, second_time) = branches
+    whole = np.poly1d([first_time, 1.0]) * np.poly1d([second_time, 1.0])
+    shear = MU * (
+        whole
+        + first * np.poly1d([first_time, 0.0]) * np.poly1d([second_time, 1.0])
+        + second * np.poly1d([second_time, 0.0]) * np.poly1d([first_time, 1.0])
+    )
+    young = 2 * MU * (1 + poisson)
+    square = (2 * math.pi * relaxed) ** 2
+    roots = (np.poly1d([1.0, 0.0, 0.0]) * (3 * bulk * whole + shear) + square / young * 9 * bulk * shear).roots
+    (wanted,) = (root for root in roots if root.imag > 1e-9)
+    name = f"{SLENDER.rpartition(',')[0]}, with two branches, Poisson's ratio {poisson}"
+    figure(name, "frequency", mode.frequency * 2 * math.pi / wanted.imag - 1, 1e-4)
+    figure(name, "damping ratio", mode.damping * abs(wanted) / -wanted.real - 1, 1.5e-3)
+
+
 def test_an_unstable_state_has_no_frequency():
     device = bodies.Sphere(through=2, along=8)
     model = sm.Model(device, LAW)

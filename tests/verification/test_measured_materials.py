@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from softmodels.fitting.comparison import compare
-from softmodels.fitting.curves.curve import read_curve
 from softmodels.fitting.curves.fit import fit_law_to_curves
 from softmodels.fitting.curves.residuals import StressError, largest_strain, residuals_of
 from softmodels.fitting.problem import LawChoice
 from softmodels.materials.laws import Ogden
 from softmodels.materials.silicones import silicone_called
 from softmodels.materials.specimens import judge, respond
+from tests.support.tables import read_curve
 
 MARECHAL = "least squares done elsewhere, Ecoflex 00-30 (Marechal et al. 2021)"
 MODES = {"UT": "uniaxial", "PS": "planar", "ET": "equibiaxial"}

@@ -35,11 +35,49 @@ KINDS = {
     "force": "N",
     "pressure": "Pa",
     "time": "s",
+    "frequency": "Hz",
+    "angular-frequency": "1/s",
+    "storage-modulus": "Pa",
+    "loss-modulus": "Pa",
+    "tan-delta": "",
+    "temperature": "K",
+    "acceleration": "m/s^2",
 }
 """Kinds of columns, and the unit of each. Strain and stress without ``true`` are the engineering ones."""
 
 DEFORMATIONS = ("stretch", "strain", "true-strain", "extension", "radius")  # the first one in a file is used
 LOADS = ("stress", "true-stress", "force", "pressure")
+
+
+@dataclasses.dataclass(frozen=True)
+class Layout:
+    """What a table holds: kinds of columns along which it is read and kinds of what is read, of each of which the first one in
+    a file is used, further kinds, both in words, and as headers and as columns."""
+
+    along: tuple[str, ...]
+    read: tuple[str, ...]
+    further: tuple[str, ...]
+    words: tuple[str, str]
+    headers: str
+    columns: str
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        return (*self.along, *self.read, *self.further)
+
+
+CURVE = Layout(
+    DEFORMATIONS, LOADS, ("time",), ("deformation", "load"), "'strain (%)' and 'stress (MPa)'", "strain=1[%],stress=2[MPa]"
+)
+OSCILLATION = Layout(
+    ("angular-frequency", "frequency"), ("storage-modulus", "loss-modulus", "tan-delta", "temperature"), (),
+    ("frequency", "modulus or tan delta"), "'frequency (Hz)' and 'storage modulus (MPa)'",
+    "frequency=1[Hz],storage-modulus=2[MPa]",
+)  # fmt: skip
+VIBRATION = Layout(
+    ("time",), ("extension", "acceleration"), (), ("time", "displacement or acceleration"),
+    "'time (s)' and 'displacement (mm)'", "time=1[s],extension=2[mm]",
+)  # fmt: skip
 
 WORDS = {
     "time": ["time", "elapsed", "*zeit", "temps", "tiempo", "tempo", "zaman", "时间", "時間"],
@@ -56,6 +94,15 @@ WORDS = {
     "force": ["force", "load", "*kraft", "charge", "fuerza", "carga", "forza", "carico", "kuvvet", "last",
               "载荷", "荷重", "試験力"],
     "pressure": ["pressure", "druck", "uberdruck", "innendruck", "pression", "presion"],
+    "angular-frequency": ["angular frequency", "ang frequency", "kreisfrequenz", "pulsation", "frecuencia angular", "omega"],
+    "frequency": ["frequency", "freq", "*frequenz", "frequence", "frecuencia", "频率", "周波数"],
+    "storage-modulus": ["storage modulus", "storage", "*speichermodul", "module de conservation", "module de stockage",
+                        "modulo de almacenamiento", "modulo di accumulo", "储能模量", "貯蔵弾性率"],
+    "loss-modulus": ["loss modulus", "*verlustmodul", "module de perte", "modulo de perdida", "modulo di perdita", "损耗模量",
+                     "損失弾性率"],
+    "tan-delta": ["tan delta", "tandelta", "loss factor", "damping factor", "*verlustfaktor", "facteur de perte"],
+    "acceleration": ["acceleration", "accelerometer", "accel", "*beschleunigung", "aceleracion", "accelerazione"],
+    "temperature": ["temperature", "temp", "temperatur", "temperatura", "温度"],
 }  # fmt: skip
 """Words of headers by kind, the first kind with a word of the header being its own; without accents, in small letters. A star
 stands for any letters: German joins words."""
@@ -80,11 +127,12 @@ SIZES = {
 }  # fmt: skip
 """Sizes of the specimen above or beside a curve, by their names; a gauge length goes before a length."""
 
-NONE = "dimensionless"
-"""Unit of a column without one."""
+NONE, PER_RADIAN = "dimensionless", "s^-1"
+"""Units of a column without one, and of an angular frequency."""
 UNITS = {
     "%": "percent", "percent": "percent", "pct": "percent", "prozent": "percent", "-": NONE, "1": NONE, "mm/mm": NONE,
     "m/m": NONE, "in/in": NONE, "kp": "kgf", "lbs": "lbf", "kn": "kN", "mpa": "MPa", "kpa": "kPa", "gpa": "GPa", "pa": "Pa",
+    "hz": "Hz", "1/s": PER_RADIAN, "1/sec": PER_RADIAN, "°c": "degC", "c": "degC", "deg c": "degC",
     "sec": "s", "secs": "s", "sek": "s", "seconds": "s", "second": "s", "sekunden": "s", "inch": "in", "inches": "in",
 }  # fmt: skip
 """Units in small letters and without a last point, and what they are in Pint's spelling."""
@@ -106,9 +154,15 @@ _TENSION = re.compile(r"\btens(ile|ion)|\bzug|拉伸|\btra[ck]tion|\btracci[oó]
 """What says in a header that positive numbers are compression, or tension; in the languages of test machines."""
 _CLOCK = re.compile(r"(?:(\d{4}-\d\d-\d\d)[ T])?(?:(\d+):)?(\d+):(\d+(?:[.,]\d+)?)")
 _TAIL = re.compile(
-    r"[ _](%|percent|g?pa|kpa|mpa|psi|ksi|bar|mbar|mn|kn|n|lbf|mm|cm|m|um|s|secs?|seconds?|ms|min|minutes?|h|hours?)$",
+    r"[ _](%|percent|g?pa|kpa|mpa|psi|ksi|bar|mbar|mn|kn|n|lbf|mm|cm|m|um|s|secs?|seconds?|ms|min|minutes?|hours?|h|hz|rad/s)$",
     re.IGNORECASE,
 )
+_SYMBOLS = (
+    (re.compile(r"\btan\s*[(\[]?\s*(?:delta|δ)\s*[)\]]?", re.IGNORECASE), "tan delta "),
+    (re.compile(r"\b([EG]\s?)(?:''|\"|\u2033|\u2019\u2019|\u2032\u2032)"), r"\1 loss modulus "),
+    (re.compile(r"\b([EG]\s?)['\u2032\u2019]"), r"\1 storage modulus "),
+)
+"""Symbols of an oscillation, and the words that they stand for."""
 _BRACKET = re.compile(r"[(\[<]([^)\]>]*)[)\]>]")
 
 
@@ -130,7 +184,8 @@ class CurveColumn:
     @property
     def sentence(self) -> str:
         """What is read from where, such as "strain from column 4 'Tensile strain (Extension)' in mm/mm"."""
-        unit = {"percent": "%", NONE: "mm/mm", "": "" if KINDS[self.kind] else "mm/mm"}.get(self.unit, self.unit)
+        pure = "mm/mm" if self.kind in DEFORMATIONS else ""
+        unit = {"percent": "%", NONE: pure, "": "" if KINDS[self.kind] else pure, PER_RADIAN: "rad/s"}.get(self.unit, self.unit)
         return f"{self.kind} from column {self.place + 1} {self.header!r}{unit and f' in {unit}'}"
 
 
@@ -152,12 +207,16 @@ class CurveTable:
     sizes: Mapping[str, float] = dataclasses.field(default_factory=dict)
 
 
-def recognise(header: str, place: int) -> CurveColumn | None:
-    """Return the kind of a header; None if it is neither deformation, load nor time.
+def recognise(header: str, place: int, layout: Layout = CURVE) -> CurveColumn | None:
+    """Return the kind of a header, one of a layout's; None if it is none of them.
 
     A unit stands in brackets, behind a comma or at the end; a bracket that is no unit belongs to the name.
     """
-    text = header.strip().strip('"').strip()
+    text = header.strip()
+    if layout is OSCILLATION:
+        for symbol, name in _SYMBOLS:
+            text = symbol.sub(name, text)
+    text = text.strip('"').strip()
     brackets = [part.strip() for part in _BRACKET.findall(text)]
     words, unit = _BRACKET.sub(" ", text), ""
     if brackets:
@@ -168,8 +227,8 @@ def recognise(header: str, place: int) -> CurveColumn | None:
         unit, words = tail[1], words[: tail.start()]
     elif "," in words or "/" in words:
         words, unit = re.split(r"[,/]", words, maxsplit=1)
-    kind = _kind_of(_plain(words))
-    if kind is None or re.search(OTHER_QUANTITIES, _plain(text)):
+    kind = _kind_of(_plain(words), layout)
+    if kind is None or (layout is CURVE and re.search(OTHER_QUANTITIES, _plain(text))):
         return None
     if kind in ("strain", "stress") and re.search(TRUE, _plain(text)):
         kind = f"true-{kind}"
@@ -177,11 +236,11 @@ def recognise(header: str, place: int) -> CurveColumn | None:
     return None if kind == "time" and unit and _unit_factor(column.unit, kind) is None else column
 
 
-def _kind_of(words: str) -> str | None:
-    if words == "t":
+def _kind_of(words: str, layout: Layout = CURVE) -> str | None:
+    if words == "t" and "time" in layout.kinds:
         return "time"
-    share = "strain" if re.match(r"[ck]ompression\b", words) else None  # of the height, where no other word follows
-    return next((kind for kind in WORDS if _pattern(kind).search(words)), share)
+    share = "strain" if layout is CURVE and re.match(r"[ck]ompression\b", words) else None  # where no other word follows
+    return next((kind for kind in WORDS if kind in layout.kinds and _pattern(kind).search(words)), share)
 
 
 @functools.cache
@@ -207,11 +266,13 @@ def _is_part_of_a_name(text: str) -> bool:
 
 def _is_any_unit(text: str) -> bool:
     return any(text and _unit_factor(_unit(text, kind), kind) is not None for kind in ("strain", "extension", "force", "stress",
-               "time"))  # fmt: skip
+               "time", "angular-frequency", "acceleration"))  # fmt: skip
 
 
 def _settled(column: CurveColumn) -> CurveColumn:
     """Return a column with the kind that its unit decides: an elongation in mm is a length, a load in MPa a stress."""
+    if column.kind == "frequency" and column.unit == PER_RADIAN:
+        return dataclasses.replace(column, kind="angular-frequency")
     for kind in OTHER_KINDS.get(column.kind, ()) if column.unit else ():
         if _unit_factor(_unit(column.unit, kind), kind) is not None:
             return dataclasses.replace(column, kind=kind, unit=_unit(column.unit, kind))
@@ -220,7 +281,7 @@ def _settled(column: CurveColumn) -> CurveColumn:
 
 def _sign(kind: str, header: str) -> int:
     """Return the sign of a column's positive numbers, see `CurveColumn`, from what stands above it."""
-    if kind in ("time", "pressure", "radius"):
+    if kind in ("time", "pressure", "radius", "acceleration") or kind in OSCILLATION.kinds:
         return 0
     return int(bool(_TENSION.search(header))) - int(bool(_COMPRESSION.search(header)))
 
@@ -228,9 +289,11 @@ def _sign(kind: str, header: str) -> int:
 def _unit(text: str, kind: str) -> str:
     """Return a unit in Pint's spelling: ``lbF`` as lbf, ``kgf/mm2`` as kgf/mm^2, and for a load ``g`` as gf."""
     bare = text.strip().rstrip(".").replace("²", "^2")
-    known = UNITS.get(bare.lower())
+    known = "g_0" if kind == "acceleration" and bare.lower() == "g" else UNITS.get(bare.lower())
     if known or not bare:
         return known or ""
+    if re.fullmatch(r"rad(ian)?s?\s*(/\s*s(ec)?|[ ·*]?s\^?-1)", bare):
+        return PER_RADIAN
     power = re.sub(r"(?<=[a-zA-Z])2\b", "^2", bare)
     parts = []
     for part in power.split("/"):
@@ -243,19 +306,21 @@ def _unit(text: str, kind: str) -> str:
     return "/".join(parts)
 
 
-def columns_of_text(text: str) -> dict[str, tuple[str, str | None]]:
+def columns_of_text(text: str, layout: Layout = CURVE) -> dict[str, tuple[str, str | None]]:
     """Read ``"strain=Engineering Strain[%],stress=5[MPa]"``: by kind, a header or a number from 1, and a unit or None."""
     told: dict[str, tuple[str, str | None]] = {}
     for part in re.findall(r"[^,\[]+(?:\[[^\]]*\])?", text):
         kind, column_name, rest = part.strip().partition("=")
-        if not column_name or kind not in KINDS:
-            raise TensileError(f"columns {text!r}: {part.strip()!r} is not KIND=COLUMN[UNIT] with {', '.join(KINDS)}")
+        if not column_name or kind not in layout.kinds:
+            raise TensileError(f"columns {text!r}: {part.strip()!r} is not KIND=COLUMN[UNIT] with {', '.join(layout.kinds)}")
         name, _, unit = rest.partition("[")
         told[kind] = (name.strip(), unit.rstrip("]").strip() if "[" in rest else None)
-    if len(set(told) & set(DEFORMATIONS)) != 1 or len(set(told) & set(LOADS)) != 1:
+    count = len(set(told) & set(layout.read))
+    if len(set(told) & set(layout.along)) != 1 or not count or (layout is CURVE and count > 1):
+        along, read = layout.words
         raise TensileError(
-            f"columns {text!r} must name one deformation ({', '.join(DEFORMATIONS)}) and one load ({', '.join(LOADS)}), "
-            "and perhaps time"
+            f"columns {text!r} must name one {along} ({', '.join(layout.along)}) and one {read} ({', '.join(layout.read)})"
+            + (", and perhaps time" if layout.further else "")
         )
     return told
 
@@ -281,7 +346,7 @@ class _Block:
     names: Sequence[str] = ()
 
 
-def read_tables(path: Path, told: Mapping[str, tuple[str, str | None]]) -> list[CurveTable]:
+def read_tables(path: Path, told: Mapping[str, tuple[str, str | None]], layout: Layout = CURVE) -> list[CurveTable]:
     """Find the headers, also below other lines, and the numbers of each specimen's columns, and its times, in a text or a
     workbook (see `softmodels.common.tables.read_sheets`); a row of units may stand below a header. ``told`` is of
     `columns_of_text`, empty to go by the headers.
@@ -291,26 +356,23 @@ def read_tables(path: Path, told: Mapping[str, tuple[str, str | None]]) -> list[
     """
     try:
         sheets = tables.read_sheets(path)
-        chosen = tables.find(path, sheets, lambda sheet: _blocks(sheet, told))
-    except OSError as error:
-        raise TensileError(f"the file cannot be read ({errors.reason(error)})") from None
-    if not chosen:
-        raise _no_header(sheets, told)
-    sure = {kind for kind, (_, unit) in told.items() if unit is not None}
-    longest = max(_count(sheet, block) for sheet, blocks in chosen for block in blocks)
-    curves = [
-        (sheet, block) for sheet, blocks in chosen for block in blocks if _count(sheet, block) >= min(LEAST_POINTS, longest)
-    ]
-    if len({_form(block) for _, block in curves}) > 1 and len({sheet.name for sheet, _ in curves}) > 1:
-        try:
+        chosen = tables.find(path, sheets, lambda sheet: _blocks(sheet, told, layout))
+        if not chosen:
+            raise _no_header(sheets, told, layout)
+        longest = max(_count(sheet, block) for sheet, blocks in chosen for block in blocks)
+        curves = [
+            (sheet, block) for sheet, blocks in chosen for block in blocks if _count(sheet, block) >= min(LEAST_POINTS, longest)
+        ]
+        if len({_form(block) for _, block in curves}) > 1 and len({sheet.name for sheet, _ in curves}) > 1:
             tables.only(path, [sheet for sheet, _ in chosen])
-        except files.UserFileError as error:
-            raise TensileError(f"the file cannot be read ({errors.reason(error)})") from None
+    except (OSError, files.UserFileError) as error:
+        raise TensileError(f"the file cannot be read ({errors.reason(error)})") from None
+    sure = {kind for kind, (_, unit) in told.items() if unit is not None}
     several_sheets = len({sheet.name for sheet, _ in curves}) > 1
     made = [
         dataclasses.replace(table, label=" ".join([*([sheet.name] if several_sheets else []), *filter(None, [table.label])]))
         for sheet, block in curves
-        for table in _specimens(sheet, block, sure)
+        for table in _specimens(sheet, block, sure, layout)
     ]
     labels = [table.label for table in made]
     if len(made) > 1 and len(set(labels)) < len(made):
@@ -318,16 +380,21 @@ def read_tables(path: Path, told: Mapping[str, tuple[str, str | None]]) -> list[
     return made if len(made) > 1 else [dataclasses.replace(made[0], label="")]
 
 
-def _no_header(sheets: Sequence[tables.Worksheet], told: Mapping[str, tuple[str, str | None]]) -> TensileError:
+def _no_header(sheets: Sequence[tables.Worksheet], told: Mapping[str, tuple[str, str | None]], layout: Layout) -> TensileError:
     if not any(sheet.rows for sheet in sheets):
         return TensileError("the file is empty")
     where = f"no row of {tables.named(sheets)}" if tables.named(sheets) else "no line"
     if told:
         names = " and ".join(repr(name) for name, _ in told.values())
         return TensileError(f"{where} of the file has the columns {names}")
+    if layout is CURVE and any(_blocks(sheet, {}, OSCILLATION) for sheet in sheets):
+        return TensileError(
+            "it has moduli or tan delta over frequency; add :oscillation (E' of tension) or :shear-oscillation (G') to its name"
+        )
+    along, read = layout.words
     return TensileError(
-        f"{where} names a deformation and a load, such as 'strain (%)' and 'stress (MPa)'{_above_numbers(sheets)}; choose the "
-        "columns with --columns 'strain=1[%],stress=2[MPa]'"
+        f"{where} names a {along} and a {read}, such as {layout.headers}{_above_numbers(sheets)}; choose the columns with "
+        f"--columns '{layout.columns}'"
     )
 
 
@@ -352,17 +419,17 @@ def _count(sheet: tables.Worksheet, block: _Block) -> int:
     return sum(_is_numeric(row, block.known) for _, row in sheet.rows[block.start : block.end])
 
 
-def _blocks(sheet: tables.Worksheet, told: Mapping[str, tuple[str, str | None]]) -> list[_Block] | None:
+def _blocks(sheet: tables.Worksheet, told: Mapping[str, tuple[str, str | None]], layout: Layout = CURVE) -> list[_Block] | None:
     rows = sheet.rows
     if told:
-        heads = _told_headers(rows, told)
+        heads = _told_headers(rows, told, layout)
     else:
         heads = []
         for i, (_, row) in enumerate(rows):
             if len(row) < 2 or any(_is_number(cell) for cell in row):
                 continue  # fast check for most lines of a long file
-            known = [column for place, cell in enumerate(row) if (column := recognise(cell, place))]
-            if _first(known, DEFORMATIONS) and _first(known, LOADS):
+            known = [column for place, cell in enumerate(row) if (column := recognise(cell, place, layout))]
+            if _first(known, layout.along) and _first(known, layout.read) not in (None, "temperature"):
                 heads.append((i + 1, tuple(known)))
     if not heads:
         return None
@@ -426,7 +493,7 @@ def _first(known: Sequence[CurveColumn], kinds: Sequence[str]) -> str | None:
 
 
 def _told_headers(
-    rows: Sequence[tables.Line], told: Mapping[str, tuple[str, str | None]]
+    rows: Sequence[tables.Line], told: Mapping[str, tuple[str, str | None]], layout: Layout
 ) -> list[tuple[int, tuple[CurveColumn, ...]]]:
     """Find the headers of given columns: by name lines with these, by number the first line of numbers."""
     numbers = all(name.isdigit() for name, _ in told.values())
@@ -444,7 +511,7 @@ def _told_headers(
                 place = bare.index(name) if name in bare else -1
             if not 0 <= place < len(row):
                 break
-            said = recognise(row[place], place)
+            said = recognise(row[place], place, layout)
             of_header = said.unit if said else ""
             unit = of_header if unit is None else _unit(unit, kind)
             told_over = [line[place] for _, line in rows[:i] if place < len(line)] if name.isdigit() else [row[place]]
@@ -452,7 +519,7 @@ def _told_headers(
         else:
             if numbers and not all(_is_number(row[column.place]) for kind, column in made.items() if kind != "time"):
                 continue
-            columns = tuple(made[kind] for kind in (*DEFORMATIONS, *LOADS, "time") if kind in made)
+            columns = tuple(made[kind] for kind in layout.kinds if kind in made)
             if not numbers:
                 heads.append((i + 1, columns))
                 continue
@@ -461,13 +528,13 @@ def _told_headers(
     return heads
 
 
-def _specimens(sheet: tables.Worksheet, block: _Block, sure: Collection[str]) -> list[CurveTable]:
+def _specimens(sheet: tables.Worksheet, block: _Block, sure: Collection[str], layout: Layout) -> list[CurveTable]:
     """Return the curves of a block: one for each repetition of its columns, and for each name in a column of specimens."""
     known, start = _with_units(sheet, block, sure)
-    groups = [known] if block.told else _repeated(known)
+    groups = [known] if block.told else _repeated(known, layout)
     made = []
     for group in groups:
-        columns, further = _chosen(group)
+        columns, further = _chosen(group, layout)
         lines = list(sheet.rows[start : block.end])
         if len(groups) > 1:  # a specimen that ended earlier leaves its cells empty
             lines = [(number, row) for number, row in lines if any(_cell(row, column) for column in columns)]
@@ -496,12 +563,12 @@ def _named_rows(sheet: tables.Worksheet, block: _Block, lines: list[tables.Line]
     yield "", lines
 
 
-def _repeated(known: Sequence[CurveColumn]) -> list[list[CurveColumn]]:
+def _repeated(known: Sequence[CurveColumn], layout: Layout) -> list[list[CurveColumn]]:
     """Return the columns of each specimen where headers repeat, alike or with another number; what stands once is all's."""
     stems = [re.sub(r"[\s_.]*\d+(?=\s*(?:[(\[]|$))", "", column.header).casefold() for column in known]
     times = {stem: stems.count(stem) for stem in stems}
-    count = max(times[stem] for stem, column in zip(stems, known, strict=True) if column.kind in LOADS)
-    alike = {column.kind in LOADS for stem, column in zip(stems, known, strict=True) if times[stem] == count}
+    count = max(times[stem] for stem, column in zip(stems, known, strict=True) if column.kind in layout.read)
+    alike = {column.kind in layout.read for stem, column in zip(stems, known, strict=True) if times[stem] == count}
     if count < 2 or True not in alike or any(n not in (1, count) for n in times.values()):
         return [list(known)]
     seen: dict[str, int] = {}
@@ -514,10 +581,10 @@ def _repeated(known: Sequence[CurveColumn]) -> list[list[CurveColumn]]:
     return groups
 
 
-def _chosen(known: Sequence[CurveColumn]) -> tuple[tuple[CurveColumn, ...], list[CurveColumn]]:
+def _chosen(known: Sequence[CurveColumn], layout: Layout) -> tuple[tuple[CurveColumn, ...], list[CurveColumn]]:
     """Return deformation, load and perhaps time, and further loads; `TensileError` where two columns mean the same."""
     chosen = []
-    for group in (DEFORMATIONS, LOADS):
+    for group in (layout.along, layout.read):
         alike = [column for column in known if column.kind == _first(known, group)]
         own = [column for column in alike if not re.search(rf"\b({MACHINE})\b|[(\[]extension", _plain_name(column.header))]
         alike = own if len(own) == 1 else alike
@@ -527,7 +594,7 @@ def _chosen(known: Sequence[CurveColumn]) -> tuple[tuple[CurveColumn, ...], list
         chosen.append(alike[0])
     times = [column for column in known if column.kind == "time"]
     times.sort(key=lambda column: "total" not in column.header.lower())  # beside the time of each cycle
-    return (*chosen, *times[:1]), [column for column in known if column.kind in LOADS and column.kind != chosen[1].kind]
+    return (*chosen, *times[:1]), [column for column in known if column.kind in layout.read and column.kind != chosen[1].kind]
 
 
 def _plain_name(header: str) -> str:
@@ -724,9 +791,10 @@ def in_si(values: Array, column: CurveColumn) -> Array:
     if not column.unit and not wanted:
         return values
     if not column.unit:
+        example = {"Pa": "kPa", "m": "mm", "1/s": "rad/s"}.get(wanted, wanted)
         raise TensileError(
-            f"the column {column.header!r} has no unit; write it into the header, such as '{column.kind} (kPa)', or give "
-            f"it with --columns {column.kind}={column.place + 1}[kPa],..."
+            f"the column {column.header!r} has no unit; write it into the header, such as '{column.kind} ({example})', or give "
+            f"it with --columns {column.kind}={column.place + 1}[{example}],..."
         )
     try:
         return values * quantity(f"1 {column.unit}", wanted)

@@ -216,22 +216,6 @@ def read_curves(
     return [_curve_of(path, table, kind, bool(told), specimen or Specimen(), history, rate) for table in tables]
 
 
-def read_curve(
-    path: Path,
-    test: str = "uniaxial",
-    columns: str = "",
-    specimen: Specimen | None = None,
-    *,
-    history: bool = False,
-    rate: float | None = None,
-) -> TensileCurve:
-    """Return the only curve of a file; see `read_curves`, also for the arguments."""
-    curves = read_curves(path, test, columns, specimen, history=history, rate=rate)
-    if len(curves) > 1:
-        raise TensileError(f"{path}: it has {len(curves)} specimens, not one ({', '.join(curve.name for curve in curves[:5])})")
-    return curves[0]
-
-
 def _curve_of(
     path: Path, table: CurveTable, kind: str, told: bool, given: Specimen, history: bool, rate: float | None
 ) -> TensileCurve:

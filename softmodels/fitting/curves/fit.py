@@ -31,7 +31,7 @@ from softmodels.fitting.comparison import (
     stretch_of,
     with_rubber,
 )
-from softmodels.fitting.curves import residuals, sample
+from softmodels.fitting.curves import oscillation, residuals, sample
 from softmodels.fitting.curves.curve import (
     TensileCurve,
     TensileError,
@@ -59,6 +59,7 @@ class _Task:
     choices: Sequence[problem.LawChoice]
     options: FitOptions
     progress: Callable[[str], None]
+    oscillations: Sequence[oscillation.FrequencyTest] = ()
 
     @property
     def error(self) -> residuals.StressError:
@@ -79,8 +80,9 @@ class _Task:
         comparison = compare(fits, judged)
         laws = self._laws(fits, comparison, known)
         report = FitReport(
-            laws, comparison, tuple(self.curves), _fit_options(self.options, self.is_sample), notes=tuple(self._notes(laws))
-        )
+            laws, comparison, tuple(self.curves), _fit_options(self.options, self.is_sample), notes=tuple(self._notes(laws)),
+            oscillations=tuple(self.oscillations),
+        )  # fmt: skip
         report = self._compared(report, scale)
         return dataclasses.replace(report, curves=tuple(residuals.counted_from(self.curves, report.chosen.fit.values)))
 
@@ -174,7 +176,8 @@ class _MemoryTask(_Task):
 
     @functools.cached_property
     def spectrum(self) -> residuals.Spectrum:
-        return spectrum(self.curves)
+        frequencies = [float(value) for test in self.oscillations for value in test.frequency]
+        return spectrum(self.curves, frequencies=frequencies, count=self.options.branches)
 
     @functools.cached_property
     def softens(self) -> tuple[str, ...]:
@@ -203,7 +206,7 @@ class _MemoryTask(_Task):
         closest = min(fits, key=lambda fit: fit.deviance)
         ends = np.cumsum([len(curve.stretch) for curve in self.curves])
         parts = np.split(closest.residuals[: ends[-1]], ends[:-1])
-        sources: list[residuals.TensileResiduals] = list(closest.problem.sources)  # type: ignore[arg-type]
+        sources: list[residuals.TensileResiduals] = list(closest.problem.sources[: len(ends)])  # type: ignore[arg-type]
         return self._fits([source.part_scales(r) for source, r in zip(sources, parts, strict=True)], loss, scale)
 
     def _fits(self, scales: Sequence[Array], loss: str, scale: float | None) -> list[least_squares.LeastSquaresFit]:
@@ -216,6 +219,10 @@ class _MemoryTask(_Task):
                 self.curves, choice, self.error, self.options.gauge_error, level=True, spectrum=self.spectrum
             )
             sources = [dataclasses.replace(s, errors=s.errors * by) for s, by in zip(sources, scales, strict=True)]
+            more = oscillation.residuals_of(
+                self.oscillations, choice, self.error, self.options.gauge_error, self.spectrum, len(sources) + 1
+            )
+            extra = problem.Extra(more.sources, (*extra.parameters, *more.parameters))
 
             def fitted(
                 changes: problem.Changes, *further: str, choice: problem.LawChoice = choice,
@@ -252,13 +259,14 @@ class _MemoryTask(_Task):
 
     def _cautions(self, fit: least_squares.LeastSquaresFit) -> list[str]:
         """Return warnings on factors of tests that their errors do not explain: they bend what other tests would show."""
+        tests: list[TensileCurve | oscillation.FrequencyTest] = [*self.curves, *self.oscillations]
         said = [curve.stiff for curve in self.curves if curve.stiff] + [
             f"{p.name} ({curve.name}) is {fit.values[p.name]:.3g}, beyond {FAR_GAUGE:g} standard errors of such a factor: the "
             "law does not follow the tests together; compare laws (--material all), or fit no factors (--gauge-error none)"
-            for p, curve in zip([p for p in fit.parameters if p.name.startswith("gauge")], self.curves, strict=False)
+            for p, curve in zip([p for p in fit.parameters if p.name.startswith("gauge")], tests, strict=False)
             if p.prior and abs(fit.values[p.name] - p.prior.mean) > FAR_GAUGE * p.prior.error
         ]
-        if not residuals.separates(self.curves):
+        if not self.oscillations and not residuals.separates(self.curves):
             said.append(
                 "pulls at one rate hardly tell relaxation from the law: add a test that unloads, holds, or has another rate"
             )
@@ -270,7 +278,7 @@ class _MemoryTask(_Task):
 
     def _notes(self, laws: Sequence[FittedLaw]) -> list[str]:
         said = [self.spectrum.sentence]
-        if not self.softens:
+        if not self.softens and self.curves:
             said.append("no softening is fitted: only a second loading, or a hold after an unloading, tells it from relaxation")
         elif not self.stiffer:
             said.append("no softening: relaxation follows the later loadings as well")
@@ -296,7 +304,9 @@ def starts_for(choice: problem.LawChoice, sources: Sequence[residuals.TensileRes
     curves = [source.curve for source in sources]
     target = np.concatenate([s.curve.stress / s.errors for s in sources])
     # Standardised stresses of all branches over their G, shape (n, k).
-    relaxing = [residuals.branch_stresses(s.curve, s.spectrum) / s.errors[:, None] for s in sources if s.spectrum is not None]
+    relaxing = [
+        residuals.branch_stresses(s.curve, s.spectrum.times) / s.errors[:, None] for s in sources if s.spectrum is not None
+    ]
     branches = np.vstack(relaxing) if relaxing else None
     Q = None if branches is None else np.linalg.qr(branches)[0]
 
@@ -369,8 +379,10 @@ def fit_law_to_curves(
         scale: Size of the errors, in those of the sources, that a robust loss needs where they are unknown: one for all laws
             that are to be compared. None takes `spread` of a first fit without it.
     """
-    spectrum, further = (sources[0].spectrum, sources[0].further) if sources else (None, ())
-    known = [*choice.names, *(spectrum.names if spectrum else ()), *further, *(p.name for p in extra.parameters)]
+    oscillating = [source for source in extra.sources if isinstance(source, oscillation.FrequencyResiduals)]
+    spectrum = sources[0].spectrum if sources else oscillating[0].spectrum if oscillating else None
+    further = sources[0].further if sources else ()
+    known = [*choice.names, *(spectrum.all_names if spectrum else ()), *further, *(p.name for p in extra.parameters)]
     for name in changes:
         if name not in known:
             whole = f"{choice.name} with its memory" if spectrum else choice.name
@@ -379,10 +391,11 @@ def fit_law_to_curves(
         if scale is None:
             scale = spread(fit_law_to_curves(choice, sources, extra, changes=changes, errors=errors))
         sources = [dataclasses.replace(s, errors=s.errors * scale) for s in sources]
+        extra = dataclasses.replace(extra, sources=[source.scaled(scale) for source in oscillating])
     curves = [source.curve for source in sources]
     more = residuals.further_parameters(_modulus(curves), residuals.largest_strain(curves)) if further else []
     fits = []
-    guesses = starts_for(choice, sources) if sources else [choice.from_modulus(START_MODULUS)]
+    guesses = starts_for(choice, sources) if sources else [_plain_start(choice, oscillating)]
     for starts in problem.by_bounds(choice, guesses):
         weights = spectrum.parameters(starts[0]) if spectrum else []
         own = (*choice.parameters(starts[0]), *weights, *(p for p in more if p.name in further), *extra.parameters)
@@ -398,6 +411,13 @@ def fit_law_to_curves(
         raise FitError(f"{choice.name}: {trouble}")
     best = min(fits, key=lambda fit: (not fit.converged, fit.deviance))
     return least_squares.settled(best) if spectrum else best
+
+
+def _plain_start(choice: problem.LawChoice, oscillating: Sequence[oscillation.FrequencyResiduals]) -> dict[str, float]:
+    """Return a start without curves: the modulus of the slowest oscillation, if one was measured, and usual weights."""
+    modulus = min((source.test.start_modulus for source in oscillating), default=math.inf)
+    weights = dict.fromkeys(oscillating[0].spectrum.names, 0.1) if oscillating else {}
+    return {**choice.from_modulus(modulus if math.isfinite(modulus) else START_MODULUS), **weights}
 
 
 def spread(fit: least_squares.LeastSquaresFit) -> float:
@@ -434,6 +454,8 @@ def loop_notes(curves: Sequence[TensileCurve], material: Material) -> list[str]:
 
 type Curves = TensileCurve | Path | str | Sequence[TensileCurve | Path | str]
 """One or several measured curves, or files with uniaxial ones."""
+type Tests = Curves | oscillation.FrequencyTest | Sequence[TensileCurve | oscillation.FrequencyTest | Path | str]
+"""The same, and tests at frequencies."""
 
 SMALLEST_LOOP = 0.005
 """Smallest area of a loop, as a share of the work, that is reported."""
@@ -473,7 +495,7 @@ def prepared(curves: Curves, stretch: tuple[float, float] | None = None, history
 @checked
 @one_at_a_time
 def fit_curves(
-    curves: Curves,
+    curves: Tests,
     material: problem.Laws = "yeoh",
     options: FitOptions = problem.DEFAULT_OPTIONS,
     *,
@@ -483,7 +505,8 @@ def fit_curves(
     """Fit every law to all curves together, and to each separately if they contradict each other.
 
     Args:
-        curves: Measured curves, or files with uniaxial ones (see `read_curves` for other tests).
+        curves: Measured curves, or files with uniaxial ones (see `read_curves` for other tests); for a memory also oscillations
+            (see `oscillation.read`).
         material: A law's name or class, or several of them; ``"all"`` compares all.
         options: How.
         stretch: Range of stretch to fit over; None for the whole curves.
@@ -498,15 +521,21 @@ def fit_curves(
     """
     names.callback("progress", progress)
     names.one_of("options", options, FitOptions, "how to fit, such as sm.FitOptions(poisson=0.49)")
+    given = names.several("curves", curves, (TensileCurve, oscillation.FrequencyTest, Path, str), "a curve or its file")
+    oscillations = [test for test in given if isinstance(test, oscillation.FrequencyTest)]
+    if oscillations and not options.memory:
+        raise FitError("moduli over frequency and vibrations show a memory; fit it too (--memory), or leave them out")
+    if options.branches and not options.memory:
+        raise FitError("branches are those of a memory; fit it too (--memory), or leave --branches out")
     ready = prepared(
-        names.several("curves", curves, (TensileCurve, Path, str), "a curve or its file"),
+        [test for test in given if not isinstance(test, oscillation.FrequencyTest)],
         names.span("stretch", stretch),
         options.memory,
     )
-    if not ready:
+    if not ready and not oscillations:
         raise FitError("there are no measurements; give a tensile curve or outlines")
     task = (_MemoryTask if options.memory else _Task)(
-        ready, problem.law_choices(material, options.poisson), options, progress or (lambda name: None)
+        ready, problem.law_choices(material, options.poisson), options, progress or (lambda name: None), oscillations
     )
     return task.report()
 

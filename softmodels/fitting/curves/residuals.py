@@ -92,12 +92,13 @@ class TensileResiduals:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        weights = self.spectrum.names if self.spectrum else ()
+        weights = self.spectrum.all_names if self.spectrum else ()
         return (*self.choice.names, *weights, *self.further, *([self.gauge] if self.gauge else []), *self.origin)
 
     def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, list[str]]:
         """See `softmodels.fitting.problem.Residuals`."""
         curve = self.curve if not self.origin else self.curve.counting_from(*(values[name] for name in self.origin))
+        times = self.spectrum.times_at(values) if self.spectrum else ()
         try:
             material = self.choice.material(values)
             if self.spectrum is not None:
@@ -107,30 +108,36 @@ class TensileResiduals:
         names = self.choice.names if derivatives else ()
         if self.spectrum is not None and derivatives:
             names = (*names, *(f"share{k}" for k, _ in enumerate(self.spectrum.times, 1)), *self.further)
-        stress, by = self._stress(material, curve, names)
+        stress, by = self._stress(material, curve, names, times)
+        if self.spectrum is not None and self.spectrum.fitted and derivatives:
+            weights = material.shear_modulus_0 * np.array([values[name] for name in self.spectrum.names])
+            place = len(self.choice.names) + len(weights)
+            by = np.hstack([by[:, :place], weights * branch_stress_slopes(curve, times), by[:, place:]])
         factor = values[self.gauge] if self.gauge else 1.0
         slopes = None
         if derivatives:
             columns = [factor * by, *([stress[:, None]] if self.gauge else [])]
             if self.origin:
-                columns += [-factor * self._tangent(material, curve)[:, None], np.ones((len(stress), 1))]
+                columns += [-factor * self._tangent(material, curve, times)[:, None], np.ones((len(stress), 1))]
             slopes = np.hstack(columns) / self.errors[:, None]
         return (factor * stress - curve.stress) / self.errors, slopes, [self.label] * len(stress)
 
-    def _stress(self, material: Material, curve: TensileCurve, names: Sequence[str]) -> tuple[Array, Array]:
+    def _stress(
+        self, material: Material, curve: TensileCurve, names: Sequence[str], times: tuple[float, ...]
+    ) -> tuple[Array, Array]:
         """Return the nominal stress in Pa along a curve, and its derivatives by the named parameters."""
         if self.spectrum is None:
             response = specimens.respond(material, curve.stretch, curve.mode, names)
             return response.stress, response.slopes
-        linear = None if specimens.FLOW[0] in self.further else branch_stresses(curve, self.spectrum)
+        linear = None if specimens.FLOW[0] in self.further else branch_stresses(curve, times)
         return specimens.stress_in_time(material, curve.time, curve.stretch, curve.mode, names, linear)
 
-    def _tangent(self, material: Material, curve: TensileCurve) -> Array:
+    def _tangent(self, material: Material, curve: TensileCurve, times: tuple[float, ...]) -> Array:
         """Return the change of the stress in Pa by one of all stretches."""
         if self.spectrum is None:
             return specimens.respond(material, curve.stretch, curve.mode).tangent
         ends = [dataclasses.replace(curve, stretch=curve.stretch + step) for step in (-STRETCH_STEP, STRETCH_STEP)]
-        low, high = (self._stress(material, end, ())[0] for end in ends)
+        low, high = (self._stress(material, end, (), times)[0] for end in ends)
         return (high - low) / (2.0 * STRETCH_STEP)
 
 
@@ -220,9 +227,13 @@ def stretches_of(curves: Sequence[TensileCurve]) -> tuple[float, float] | None:
     return min(float(c.stretch.min()) for c in curves), max(float(c.stretch.max()) for c in curves)
 
 
+SMALL_STRAIN = 1e-3
+"""I1 - 3 of oscillations of small amplitude."""
+
+
 def largest_strain(curves: Sequence[TensileCurve]) -> float:
-    """Return the largest I1 - 3 in the curves."""
-    return max(float(specimens.strain_of(curve.mode, curve.stretch).max()) for curve in curves)
+    """Return the largest I1 - 3 in the curves; without one that of a small strain."""
+    return max((float(specimens.strain_of(curve.mode, curve.stretch).max()) for curve in curves), default=SMALL_STRAIN)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -238,6 +249,10 @@ LEAST_SHARE = 1e-4
 """Weights below it are left out of the material."""
 MOST_DURATIONS = 1.6
 """Longest relaxation time over the longest test's duration, in which such a branch loses nearly half of its stress."""
+TIME_REACH = 10.0
+"""How far beyond what the data see a fitted relaxation time may lie, as a factor."""
+TIME_STEP = 1e-4
+"""Relative step of a relaxation time in a difference."""
 SEVERAL_HOLDS = 2.0
 """Ratio of hold times from which on they differ."""
 SEVERAL_RATES = 2.0
@@ -252,39 +267,59 @@ MIN_AMPLITUDE_RATIO = 1.2
 
 @dataclasses.dataclass(frozen=True)
 class Spectrum:
-    """Relaxation times of a fit in s, rising, from which to which time in s the data see relaxation, and two clauses on
-    what limits them."""
+    """Relaxation times of a fit in s, rising, from which to which time in s the data see relaxation, two clauses on what limits
+    them, and whether the times are fitted too."""
 
     times: tuple[float, ...]
     sees: tuple[float, float]
     why: tuple[str, str]
+    fitted: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the weights."""
-        return tuple(f"share_{time:g}s" for time in self.times)
+        return tuple(f"share{k}" if self.fitted else f"share_{time:g}s" for k, time in enumerate(self.times, 1))
+
+    @property
+    def all_names(self) -> tuple[str, ...]:
+        """Names of the weights, and of the relaxation times that are fitted."""
+        return (*self.names, *(f"time{k}" for k, _ in enumerate(self.times, 1) if self.fitted))
+
+    def times_at(self, values: Mapping[str, float]) -> tuple[float, ...]:
+        """Return the relaxation times in s at a fit's values."""
+        return tuple(values[f"time{k}"] for k, _ in enumerate(self.times, 1)) if self.fitted else self.times
 
     def parameters(self, start: Mapping[str, float]) -> list[problem.Parameter]:
         """Return the weights with their starting values."""
-        return [problem.Parameter(name, "", start[name], 0.0, answers=(0.0,)) for name in self.names]
+        weights = [problem.Parameter(name, "", start[name], 0.0, answers=(0.0,)) for name in self.names]
+        ends = self.sees[0] / TIME_REACH, self.sees[1] * TIME_REACH
+        names = self.all_names[len(weights) :]
+        return weights + [problem.Parameter(name, "s", time, *ends) for name, time in zip(names, self.times, strict=False)]
 
     @property
     def sentence(self) -> str:
         """What the data show, and what not."""
         low, high = self.sees
         times = ", ".join(f"{time:g}" for time in self.times)
+        chosen = f"relaxation times {times} s, one per decade that the data cover"
+        if self.fitted:
+            chosen = f"{len(self.times)} branches, whose relaxation times are fitted to the data"
         return (
-            f"relaxation times {times} s, one per decade that the data cover; they do not see the decades below {low:.2g} s "
+            f"{chosen}; they do not see the decades below {low:.2g} s "
             f"({self.why[0]}), nor above {high:.3g} s ({self.why[1]}): what relaxes later counts as equilibrium"
         )
 
 
-def spectrum(curves: Sequence[TensileCurve], holds: Sequence[float] = ()) -> Spectrum:
+def spectrum(
+    curves: Sequence[TensileCurve], holds: Sequence[float] = (), frequencies: Sequence[float] = (), count: int = 0
+) -> Spectrum:
     """Return the relaxation times that the data can show, one per decade; `TensileError` if no curve has times, and there are
     not two hold times.
 
     Of curves: from the sampling interval to about the duration, as far as the stresses show them. Of a device's photographs:
-    between two hold times in s one, which relaxes most between them.
+    between two hold times in s one, which relaxes most between them. Of oscillations: between the
+    times that belong to the highest and the lowest frequency in Hz, 1 / (2 pi f). With a count so many branches, whose times
+    are fitted from starts evenly among them.
     """
     timed = [curve for curve in curves if curve.time is not None and np.ptp(curve.time) > 0.0]
     spectra = [_spectrum_of_curves(timed)] if timed else []
@@ -293,11 +328,22 @@ def spectrum(curves: Sequence[TensileCurve], holds: Sequence[float] = ()) -> Spe
         times = tuple(sorted({float(f"1e{round(math.log10(time))}") for time in between}))
         why = "the shortest hold of a photograph", "the longest hold of a photograph"
         spectra.append(Spectrum(times, (told[0], told[-1]), why))
+    if len(frequencies):
+        low, high = (1.0 / (2 * math.pi * end(frequencies)) for end in (max, min))
+        if high < SEVERAL_HOLDS**2 * low:  # what damps most at another frequency damps there too
+            low, high = low / SEVERAL_HOLDS, high * SEVERAL_HOLDS
+        # A branch half a decade beyond an end still has more than half of its largest loss there.
+        decades = range(math.ceil(math.log10(low) - 0.5), math.floor(math.log10(high) + 0.5) + 1)
+        times = tuple(float(f"1e{k}") for k in decades) or (math.sqrt(low * high),)
+        spectra.append(Spectrum(times, (low, high), ("the highest frequency", "the lowest frequency")))
     if not spectra:
         raise TensileError("a fit of the memory needs a test with times; all curves are at equilibrium")
-    low, high = min(spectra, key=lambda branch: branch.sees[0]), max(spectra, key=lambda branch: branch.sees[1])
+    first, last = min(spectra, key=lambda branch: branch.sees[0]), max(spectra, key=lambda branch: branch.sees[1])
     times = tuple(sorted({time for branch in spectra for time in branch.times}))
-    return Spectrum(times, (low.sees[0], high.sees[1]), (low.why[0], high.why[1]))
+    if count:
+        steps = (np.arange(count) + 0.5) / count
+        times = tuple((first.sees[0] * (last.sees[1] / first.sees[0]) ** steps).tolist())
+    return Spectrum(times, (first.sees[0], last.sees[1]), (first.why[0], last.why[1]), fitted=bool(count))
 
 
 def _distinct_times(holds: Sequence[float]) -> list[float]:
@@ -352,7 +398,7 @@ def separates(curves: Sequence[TensileCurve]) -> bool:
         if len(turns(curve.stretch)) > 2 or dt[still].sum() > MIN_HOLD_SHARE * dt.sum():
             return True
         speeds.append(float(np.abs(dx).sum() / max(dt.sum(), 1e-300)))
-    return max(speeds) > SEVERAL_RATES * min(speeds)
+    return not speeds or max(speeds) > SEVERAL_RATES * min(speeds)
 
 
 def may_soften(curves: Sequence[TensileCurve]) -> bool:
@@ -392,7 +438,7 @@ def several_amplitudes(curves: Sequence[TensileCurve]) -> bool:
 
 def remembering(material: Material, spectrum: Spectrum, values: Mapping[str, float], least: float = LEAST_SHARE) -> Material:
     """Return a law with its fitted memory, weights below ``least`` left out."""
-    pairs = ((values[name], time) for name, time in zip(spectrum.names, spectrum.times, strict=True))
+    pairs = ((values[name], time) for name, time in zip(spectrum.names, spectrum.times_at(values), strict=True))
     onset, exponent = (values.get(name, getattr(memory.Branch, name)) for name in specimens.FLOW)
     branches = tuple(memory.Branch(share, time, onset, exponent) for share, time in pairs if share >= least)
     softening = None
@@ -403,11 +449,19 @@ def remembering(material: Material, spectrum: Spectrum, values: Mapping[str, flo
     return dataclasses.replace(material, memory=Memory(branches, softening) if branches or softening else None)
 
 
-def branch_stresses(curve: TensileCurve, spectrum: Spectrum) -> Array:
-    """Return the stress of each branch over its G along a curve, shape (n, k); zero at equilibrium."""
+def branch_stresses(curve: TensileCurve, times: tuple[float, ...]) -> Array:
+    """Return the stress of each branch over its G along a curve, of their relaxation times in s, shape (n, k); zero at
+    equilibrium."""
     if curve.time is None:
-        return np.zeros((len(curve.stretch), len(spectrum.times)))
-    return _along(curve.time.tobytes(), curve.stretch.tobytes(), curve.mode, spectrum.times)
+        return np.zeros((len(curve.stretch), len(times)))
+    return _along(curve.time.tobytes(), curve.stretch.tobytes(), curve.mode, times)
+
+
+def branch_stress_slopes(curve: TensileCurve, times: tuple[float, ...]) -> Array:
+    """Return the derivatives of `branch_stresses` by the times, by central differences in the same steps."""
+    ends = [time * (1.0 + step) for step in (TIME_STEP, -TIME_STEP) for time in times]
+    up, down = np.split(branch_stresses(curve, tuple(ends)), 2, axis=1)
+    return np.asarray((up - down) / (2 * TIME_STEP * np.array(times)))
 
 
 @functools.lru_cache(maxsize=64)

@@ -383,8 +383,10 @@ def fit_heights(
 
 
 def _check_how(options: object, comm: object) -> None:
-    """Raise `ArgumentError` for invalid options or communicator."""
+    """Raise `ArgumentError` for invalid options or communicator, `FitError` for options of curves only."""
     one_of("options", options, FitOptions, "how to fit, such as sm.FitOptions(poisson=0.49)")
+    if isinstance(options, FitOptions) and options.branches:
+        raise FitError("relaxation times are not fitted to photographs; leave out branches, or fit curves only")
     if comm is not None and not callable(getattr(comm, "allreduce", None)):
         raise wrong("comm", comm, "a communicator of MPI, or None for all processes")
 
