@@ -316,8 +316,11 @@ TONES: dict[str, npt.NDArray[np.float32]] = {"srgb": LIGHT_OF_SRGB, "linear": _S
 """Known tone curves: a camera's JPEG, and numbers proportional to light (a developed raw file)."""
 
 
-def sample_light(image: Pixels, points: Array, light: npt.NDArray[np.float32] = LIGHT_OF_SRGB) -> Array:
-    """Return the light (..., 3) of stored numbers (h, w, 3) between pixels (..., 2), bilinear; NaN outside of the frame."""
+def sample_light(
+    image: Pixels, points: Array, light: npt.NDArray[np.float32] = LIGHT_OF_SRGB, mix: Array | None = None
+) -> Array:
+    """Return the light (..., 3) of stored numbers (h, w, 3) between pixels (..., 2), bilinear; NaN outside of the frame. With
+    weights (3,) of the channels their sum, shape (...)."""
     height, width = image.shape[:2]
     flat = points.reshape(-1, 2)
     x, y = flat[:, 0], flat[:, 1]
@@ -325,16 +328,19 @@ def sample_light(image: Pixels, points: Array, light: npt.NDArray[np.float32] = 
         inside = (x >= 0.0) & (y >= 0.0) & (x <= width - 1.0) & (y <= height - 1.0)
     x, y = np.where(inside, x, 0.0), np.where(inside, y, 0.0)
     left, top = np.minimum(x.astype(np.int64), width - 2), np.minimum(y.astype(np.int64), height - 2)
-    right_share, low_share = (x - left).astype(np.float32), (y - top).astype(np.float32)
-    rows = image.reshape(-1, 3)
-    first = top * width + left
-    value = np.zeros((len(flat), 3), dtype=np.float32)
-    for offset, share in (
-        (0, (1 - right_share) * (1 - low_share)),
-        (1, right_share * (1 - low_share)),
-        (width, (1 - right_share) * low_share),
-        (width + 1, right_share * low_share),
-    ):
-        value += light[rows[first + offset]] * share[:, None]
-    value[~inside] = np.nan
-    return value.astype(np.float64).reshape(*points.shape[:-1], 3)
+    first, channels = top * width + left, () if mix is not None else (3,)
+    if not len(flat):  # which OpenCV does not take
+        return np.zeros((*points.shape[:-1], *channels))
+
+    def corner(offset: int) -> Array:
+        own = cv2.LUT(image.reshape(-1, 3).take(first + offset, axis=0)[:, None], light)
+        own = own if mix is None else cv2.transform(own, mix[None].astype(np.float32))
+        return own.reshape(-1, *channels).T
+
+    right_share, low_share = x - left, y - top
+    upper, lower = (
+        own + right_share * (beside - own) for own, beside in ((corner(0), corner(1)), (corner(width), corner(width + 1)))
+    )
+    value = upper + low_share * (lower - upper)
+    value[..., ~inside] = np.nan
+    return np.asarray(value.T.reshape(*points.shape[:-1], *channels))

@@ -138,7 +138,9 @@ def _edge_in(profiles: Profiles, shading: Shading | None = None, camera: EdgeSha
         # What ink draws is taken out before the shape is looked for, which would take it for the lamp's or the camera's.
         ink = fit.top * profiles.drawn(shading.drawn, fit.z, fit.width)
         value, drawn = value - ink, fit.centre_shift(ink)
-        fit = fit_profiles(profiles.offsets, value, profiles.weight)
+        inked = ink.any(axis=1)
+        again = fit_profiles(profiles.offsets, value[inked], profiles.weight[inked], before=fit.at(inked))
+        fit = fit.replaced(inked, again)
     if shading is not None:
         good = _clear_stations(profiles, fit, fit.centre_error(fit.variance))
         if good.sum() >= 10:
@@ -146,7 +148,7 @@ def _edge_in(profiles: Profiles, shading: Shading | None = None, camera: EdgeSha
             low, high = float(shading.colour.shadow.mean()), float(shading.colour.lit.mean())
             stored = StoredLight(shading.light.astype(np.float64), low, high, float(np.median(fit.width[good])))
             shape = common_shape(fit.z[good], residual[good], profiles.weight[good] > 0.9, stored, camera)
-            fit = fit_profiles(profiles.offsets, value, profiles.weight, shape)
+            fit = fit_profiles(profiles.offsets, value, profiles.weight, shape, fit)
     # Samples closer than a pixel repeat each other's noise.
     repeat = INTERPOLATION_NOISE * max(1.0, 1.0 / (profiles.offsets[1] - profiles.offsets[0]))
     own, centre = fit.variance, fit.centre
@@ -559,7 +561,7 @@ class Traced:
         x0, y0, x1, y1 = self.view.roi
         size = (max(8, round((x1 - x0) / self.factor)), max(8, round((y1 - y0) / self.factor)))
         reduced = cv2.resize(self.image[y0:y1, x0:x1], size, interpolation=cv2.INTER_AREA)
-        return np.asarray(self.view.light[reduced])
+        return np.asarray(cv2.LUT(reduced, self.view.light))
 
     @functools.cached_property
     def line_px(self) -> float:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import cv2
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import correlate1d, map_coordinates
-from scipy.optimize import least_squares
+from scipy.ndimage import correlate1d
+from scipy.optimize import OptimizeResult, least_squares
 from scipy.special import betainc, chdtr, gammaincinv, ndtr
 from skimage.filters import threshold_otsu
 
@@ -392,15 +392,31 @@ class Ink:
         return cls(look, roi, np.ascontiguousarray(np.nan_to_num(places, nan=1.0), dtype=np.float64))
 
     def __call__(self, points: Array) -> Array:
-        """Share of light (...) that the ink lets through at pixels (..., 2)."""
-        return self.look.transmission(self.places(points))
+        """Share of light (...) that the ink lets through at pixels (..., 2) on straight lines."""
+        lines = points.reshape(-1, *points.shape[-2:])
+        through = np.ones(lines.shape[:-1])
+        # Most profiles have no ink near them, as the places of three of their pixels show.
+        first, middle, last = np.moveaxis(self.places(lines[:, [0, lines.shape[1] // 2, -1]]), 1, 0)
+        length = np.maximum(np.abs(first - middle), np.abs(last - middle))
+        inked = np.zeros(len(lines), dtype=bool)
+        for axis in (0, 1):
+            inked |= np.abs(self.look.off_line(middle[:, axis], axis)) < self.look.ink_reach + 1.2 * length[:, axis]
+        through[inked] = self.look.transmission(self.places(lines[inked]))
+        return through.reshape(points.shape[:-1])
 
     def places(self, points: Array) -> Array:
         """Return the places (..., 2) on the screen in m that pixels (..., 2) show."""
         x0, y0, x1, y1 = self.roi
         cells = ((points - [x0, y0]) / [x1 - 1 - x0, y1 - 1 - y0] * float(TABLE_CELLS)).reshape(-1, 2).T[::-1]
-        at = [map_coordinates(self.table[..., axis], cells, order=1, mode="nearest") for axis in (0, 1)]
-        return np.stack(at, axis=-1).reshape(points.shape)
+        row, column = np.clip(cells, 0.0, float(TABLE_CELLS))
+        top, left = (np.minimum(at.astype(np.intp), TABLE_CELLS - 1) for at in (row, column))
+        low_share, right_share = (row - top)[:, None], (column - left)[:, None]
+        nodes, first = self.table.reshape(-1, 2), top * (TABLE_CELLS + 1) + left
+        upper, lower = (
+            (1.0 - right_share) * nodes.take(first + below, axis=0) + right_share * nodes.take(first + below + 1, axis=0)
+            for below in (0, TABLE_CELLS + 1)
+        )
+        return np.asarray(upper + low_share * (lower - upper)).reshape(points.shape)
 
     def drawn(self, points: Array, z: Array, width: Array) -> Array:
         """Return the rest (n, k), as a share of the edge's rise, that the ink leaves in n profiles across an edge after
@@ -423,7 +439,9 @@ class Ink:
             slope = np.hypot(ahead[near, axis], beside[near, axis])
             correlation = line.blur * ahead[near, axis] / (slope**2 * width[near])
             rest[near] += line.covariance(off[near], z[near], correlation[:, None])
-        return rest / self(points)
+        inked = rest.any(axis=1)
+        rest[inked] /= self(points[inked])
+        return rest
 
 
 HALF_PROFILE_SAMPLES = 30
@@ -454,7 +472,7 @@ class Shading:
     def level(self, points: Array) -> Array:
         """Return the light (...) at pixels (..., 2), its channels mixed as the shadow's colour asks for; NaN outside of the
         picture."""
-        return pictures.sample_light(self.image, points, self.light) @ self.colour.direction
+        return pictures.sample_light(self.image, points, self.light, self.colour.direction)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -536,6 +554,7 @@ class EdgeShape:
         lift: Distance in widths by which blur has drawn half of the light up from a level surface that is deep along the
             light; 0 where nothing shows that.
         hidden: Standard error in widths by a depth that the profile would not show; 0 where the camera is not known.
+        profile: What it was fitted to; None for an error function.
     """
 
     values: Array
@@ -546,23 +565,35 @@ class EdgeShape:
     mask: tuple[float, float] = (0.0, MASK_RADIUS_PX)
     lift: float = 0.0
     hidden: float = 0.0
+    profile: MeanProfile | None = None
 
     @property
     def chi_square(self) -> float:
         """Sum of the squares of which ``misfit`` is the mean; infinite where no shape was fitted."""
         return float("inf") if np.isnan(self.misfit) else (PROFILE_BINS - SHAPE_PARAMETERS) * self.misfit**2
 
+    def chi_square_by(self, light: npt.NDArray[np.float32]) -> float:
+        """Return about what `chi_square` would be if the stored numbers stood for this light (256,) instead; infinite where no
+        shape was fitted."""
+        if self.profile is None:
+            return float("inf")
+        profile = self.profile.stored_as(light)
+        best = min(fit.cost for _, fit in profile.fits(LAMP_EXPONENTS))
+        return float((PROFILE_BINS - SHAPE_PARAMETERS) * 2.0 * best / (len(profile.place) - SHAPE_PARAMETERS))
+
     def with_slope(self, z: Array) -> tuple[Array, Array]:
         """Return the step at distances z (...) in widths, and its derivative there."""
         at = np.clip((z + MAX_SHAPE_DISTANCE) / SHAPE_STEP, 0.0, len(self.values) - 1.0)
         left = np.minimum(at.astype(np.intp), len(self.values) - 2)
         share = at - left
-        values, slopes = ((1.0 - share) * own[left] + share * own[left + 1] for own in (self.values, self._slopes))
+        values, slopes = (own.take(left) + share * rise.take(left) for own, rise in self._table)
         return values, slopes
 
     @functools.cached_property
-    def _slopes(self) -> Array:
-        return np.gradient(self.values, SHAPE_STEP)
+    def _table(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        """Values and slopes at the nodes, each with its rise to the next node."""
+        slopes = np.gradient(self.values, SHAPE_STEP)
+        return (self.values, np.diff(self.values)), (slopes, np.diff(slopes))
 
 
 @functools.cache
@@ -604,6 +635,43 @@ def _numbers(count: int) -> Array:
     return np.linspace(0.0, 1.0, count)
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class MeanProfile:
+    """What the profiles across an edge have in common: light over light and shadow, ``value``, at places in widths, and its
+    standard error by their scatter and by the least that it may have, ``spread``, shape (m,); and how it was stored."""
+
+    place: Array
+    value: Array
+    spread: Array
+    stored: StoredLight
+
+    def stored_as(self, light: npt.NDArray[np.float32]) -> MeanProfile:
+        """Return the profile if the numbers stood for this light (256,)."""
+        other = light.astype(np.float64)
+        # Of all channels the mean goes from one curve to the other, which is right but for their differences.
+        low, high, value = (
+            np.interp(own, self.stored.light, other)
+            for own in (self.stored.low, self.stored.high, self.stored.low + (self.stored.high - self.stored.low) * self.value)
+        )
+        value = (value - low) / (high - low)
+        return MeanProfile(
+            self.place,
+            value,
+            self.spread * np.maximum(np.gradient(value, self.value), 0.1),
+            StoredLight(other, float(low), float(high), self.stored.width),
+        )
+
+    def fits(self, lamps: Sequence[float], camera: EdgeShape | None = None) -> list[tuple[float, OptimizeResult]]:
+        """Return each lamp's exponent with its best fit; the first lamp's are where those of the others begin."""
+        starts, fits = None, []
+        for lamp in lamps:
+            tried = _fitted_profile(self.place, self.value, self.spread, lamp, self.stored, camera, starts)
+            # A share of 0 or 1 tells nothing of a lamp of another shape.
+            starts = starts or [np.r_[fit.x[:2], np.clip(fit.x[2], 0.1, 0.9), fit.x[3:]] for fit in tried]
+            fits.append((lamp, min(tried, key=lambda fit: float(fit.cost))))
+        return fits
+
+
 def common_shape(z: Array, residual: Array, clean: Mask, stored: StoredLight, camera: EdgeShape | None = None) -> EdgeShape:
     """Return the shape that n profiles have in common, from what error functions leave of them over their rise:
     ``residual`` at the distances ``z`` from their middles in widths, where it is clean of ink, shapes (n, k). ``camera``
@@ -616,15 +684,11 @@ def common_shape(z: Array, residual: Array, clean: Mask, stored: StoredLight, ca
         return gaussian(UNKNOWN_SHAPE_ERROR)
     # An edge far out of focus has a grid line in nearly all of its profiles, which leaves more there than e does.
     inked = 1.0 - float(clean.all(axis=1).mean())
-    spread = np.hypot(error, np.hypot(ERROR_FLOOR, INKED_ERROR_FLOOR * inked))
-    fits = [(lamp, _fitted_profile(place, value, spread, lamp, stored)) for lamp in LAMP_EXPONENTS]
-    lamp, best = min(fits, key=lambda pair: float(pair[1].cost))
+    profile = MeanProfile(place, value, np.hypot(error, np.hypot(ERROR_FLOOR, INKED_ERROR_FLOOR * inked)), stored)
+    lamp, best = min(profile.fits(LAMP_EXPONENTS), key=lambda pair: float(pair[1].cost))
     lift = hidden = 0.0
     if camera is not None:
-        fits = [
-            (lamp, _fitted_profile(place, value, spread, lamp, stored, camera)) for lamp in (*LAMP_EXPONENTS, BULB_EXPONENT)
-        ]
-        bent, deep = min(fits, key=lambda pair: float(pair[1].cost))
+        bent, deep = min(profile.fits((*LAMP_EXPONENTS, BULB_EXPONENT), camera), key=lambda pair: float(pair[1].cost))
         lift = float(np.interp(0.5, _penumbra(deep.x, bent), nodes()))
         if 2.0 * (best.cost - deep.cost) >= DECISIVE_CHI_SQUARE * max(1.0, 2.0 * deep.cost / (len(place) - SHAPE_PARAMETERS)):
             lamp, best = bent, deep
@@ -647,6 +711,7 @@ def common_shape(z: Array, residual: Array, clean: Mask, stored: StoredLight, ca
         (float(best.x[4]), float(best.x[5])),
         lift,
         hidden,
+        profile,
     )
 
 
@@ -678,11 +743,20 @@ DIFFERENCE_STEP, MIN_DIFFERENCE_STEP = 1e-4, 1.5e-8
 """Step of its derivatives by differences over the parameter, and the step from 0."""
 
 
-def _fitted_profile(  # type: ignore[no-untyped-def]
-    place: Array, value: Array, spread: Array, lamp: float, stored: StoredLight, camera: EdgeShape | None = None
-):
-    """Parameters: place of the half light, logarithm of the width, the lamp's share of the variance, e, the mask's amount and
-    radius, and what the profiles' own levels and fall of light have taken; with a known camera also q."""
+def _fitted_profile(
+    place: Array,
+    value: Array,
+    spread: Array,
+    lamp: float,
+    stored: StoredLight,
+    camera: EdgeShape | None,
+    starts: list[Array] | None,
+) -> list[OptimizeResult]:
+    """Return a fit from each start, or from the usual ones.
+
+    Parameters: place of the half light, logarithm of the width, the lamp's share of the variance, e, the mask's amount and
+    radius, and what the profiles' own levels and fall of light have taken; with a known camera also q.
+    """
     usual, errors = (0.0, 0.0, MASK_RADIUS_PX), (TONE_DEVIATION, SHARPENING_DEVIATION, MASK_RADIUS_DEVIATION)
     if camera is not None:
         usual, errors = (camera.tone, *camera.mask), CAMERA_DEVIATIONS
@@ -713,17 +787,19 @@ def _fitted_profile(  # type: ignore[no-untyped-def]
         terms[len(place) :, 3:9] = np.diag(1.0 / np.array([*errors, *level_errors]))
         return terms
 
-    start = [0.0, 0.0, 0.5, 0.0, 0.05, MASK_RADIUS_PX, 0.0, 0.0, 0.0]
+    start = np.array([0.0, 0.0, 0.5, 0.0, 0.05, MASK_RADIUS_PX, 0.0, 0.0, 0.0])
     low = [-1.0, -1.0, 0.0, -1.0, 0.0, 0.4, -1.0, -1.0, -1.0]
     high = [1.0, 1.0, 0.98, 1.0, 3.0, 4.0, 1.0, 1.0, 1.0]
     scale = [0.01, 0.1, 0.3, 0.1, 0.3, 0.5, 0.01, 0.01, 0.01]
-    starts = [start]
+    begin = [start]
     if camera is not None:
         low, high, scale = [*low, 0.0], [*high, 0.99], [*scale, 0.2]
         held = np.clip(usual, [-0.99, 0.01, 0.41], [0.99, 2.99, 3.99])
-        starts = [[*start[:3], *held, *start[6:], q] for q in (0.1, 0.7)]
-    fits = [least_squares(missed, start, slopes, bounds=(low, high), x_scale=scale, ftol=1e-4, max_nfev=40) for start in starts]
-    return min(fits, key=lambda fit: float(fit.cost))
+        begin = [np.r_[start[:3], held, start[6:], q] for q in (0.1, 0.7)]
+    return [
+        least_squares(missed, start, slopes, bounds=(low, high), x_scale=scale, ftol=1e-4, max_nfev=40)
+        for start in starts or begin
+    ]
 
 
 def _shape(p: Array, lamp: float, stored: StoredLight) -> Array:
@@ -765,9 +841,12 @@ def _blurred_values(values: Array, width: float) -> Array:
 # Steps of one shape through light profiles, by weighted least squares on all profiles at once.
 
 
-MAX_STEPS, REWEIGHTING_STEPS, SETTLED = 14, (5, 9), 1e-7
-"""Gauss-Newton steps, those before which samples far off their curve are given less weight, and the step in px, or relative
-to light, below which they end."""
+MAX_STEPS, SETTLED = (5, 4, 5), 1e-5
+"""Gauss-Newton steps with equal weights and after each of two times that samples far off their curve are given less weight,
+and the step in px, or relative to light, below which a profile's end."""
+
+LEAST_WIDTH = 0.15
+"""Least width of an edge in px."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -802,6 +881,17 @@ class ProfileFit:
         freedom = np.maximum(self.weight.sum(axis=1) - 5.0, 1.0)
         return (self.weight * self.residual**2).sum(axis=1) / freedom
 
+    def at(self, chosen: Mask) -> ProfileFit:
+        """Return the chosen (n,) of the fits."""
+        return ProfileFit(*(getattr(self, field.name)[chosen] for field in dataclasses.fields(self)))
+
+    def replaced(self, chosen: Mask, other: ProfileFit) -> ProfileFit:
+        """Return the fits with others in place of the chosen (n,)."""
+        values = {field.name: getattr(self, field.name).copy() for field in dataclasses.fields(self)}
+        for name, value in values.items():
+            value[chosen] = getattr(other, name)
+        return ProfileFit(**values)
+
     def centre_error(self, variance: Array) -> Array:
         """Return the standard errors (n,) of the middles in px for samples of these variances (n,)."""
         return np.sqrt(np.maximum(np.linalg.inv(self.matrix)[:, 3, 3], 0.0) * variance)
@@ -812,33 +902,54 @@ class ProfileFit:
         return np.linalg.solve(self.matrix, pull[..., None])[:, 3, 0]
 
 
-def fit_profiles(offsets: Array, profile: Array, weight: Array, shape: EdgeShape | None = None) -> ProfileFit:
+def fit_profiles(
+    offsets: Array, profile: Array, weight: Array, shape: EdgeShape | None = None, before: ProfileFit | None = None
+) -> ProfileFit:
     """Fit a step, an error function unless given, to each profile (n, k) with weights at offsets (k,) in px, rising and
-    symmetric about 0, by Gauss-Newton steps."""
+    symmetric about 0, by Gauss-Newton steps; from a fit ``before`` to profiles that hardly differ."""
     shape = gaussian() if shape is None else shape
-    u, reach = offsets[None, :], offsets[-1]
-    parameters = _first_guess(offsets, profile)
-    robust, terms = np.ones_like(profile), np.empty((len(profile), 5, len(offsets)))
-    for turn in range(MAX_STEPS):
-        low, rise, slope, centre, width = parameters
-        z = (u - centre[:, None]) / width[:, None]
-        phi, bell = shape.with_slope(z)
-        top = rise[:, None] + slope[:, None] * u
-        residual = profile - low[:, None] - top * phi
-        fall = -top * bell
-        terms[:, 0], terms[:, 1], terms[:, 2], terms[:, 3], terms[:, 4] = 1.0, phi, u * phi, fall / width[:, None], fall * z
-        if turn in REWEIGHTING_STEPS:
-            scatter = np.maximum(deviations(residual, 1), 1e-4)
-            robust = np.minimum(1.0, 2.5 * scatter[:, None] / np.maximum(np.abs(residual), 1e-12))
-        weighted = terms * (weight * robust)[:, None]
-        matrix = weighted @ terms.transpose(0, 2, 1)
-        matrix = matrix + 1e-9 * np.trace(matrix, axis1=1, axis2=2)[:, None, None] * np.eye(5)
-        step = np.linalg.solve(matrix, weighted @ residual[..., None])[..., 0]
-        parameters = _stepped_parameters(parameters, np.where(np.isfinite(step), step, 0.0), reach)
-        if turn >= REWEIGHTING_STEPS[-1] and np.abs(step).max() < SETTLED:
-            break
-    low, rise, slope, centre, width = parameters
-    return ProfileFit(low, rise, slope, centre, width, z, top, residual, weight * robust, weighted, matrix)
+    reach, every = offsets[-1], np.arange(len(profile))
+    parameters = np.array(_first_guess(offsets, profile))
+    if before is not None:
+        inner = (np.abs(before.centre) < reach) & (before.width > LEAST_WIDTH) & (before.width < reach)
+        parameters[:, inner] = [getattr(before, name)[inner] for name in ("low", "rise", "slope", "centre", "width")]
+    used = weight
+    for turn, steps in enumerate(MAX_STEPS):
+        moving = every
+        if turn:
+            left = np.abs(profile - _curves(offsets, parameters, shape)[0])
+            scatter = np.maximum(deviations(left, 1), 1e-4)
+            used = weight * np.minimum(1.0, 2.5 * scatter[:, None] / np.maximum(left, 1e-12))
+        for _ in range(steps):
+            fit = _fit_at(offsets, profile[moving], used[moving], parameters[:, moving], shape)
+            step = np.linalg.solve(fit.matrix, fit.terms @ fit.residual[..., None])[..., 0]
+            step = np.where(np.isfinite(step), step, 0.0)
+            parameters[:, moving] = _stepped_parameters(parameters[:, moving], step, reach)
+            moving = moving[np.abs(step).max(axis=1) >= SETTLED]
+            if not len(moving):
+                break
+    return _fit_at(offsets, profile, used, parameters, shape)
+
+
+def _curves(offsets: Array, parameters: Array, shape: EdgeShape) -> tuple[Array, ...]:
+    """Return the curves of these parameters (5, n), the steps in them and their derivatives, the places in widths, and the
+    rises there, shape (n, k) each."""
+    low, rise, slope, centre, width = parameters[..., None]
+    z = (offsets - centre) / width
+    phi, bell = shape.with_slope(z)
+    top = rise + slope * offsets
+    return low + top * phi, phi, bell, z, top
+
+
+def _fit_at(offsets: Array, profile: Array, weight: Array, parameters: Array, shape: EdgeShape) -> ProfileFit:
+    """Return the curves of these parameters (5, n) as a fit to the profiles (n, k)."""
+    value, phi, bell, z, top = _curves(offsets, parameters, shape)
+    fall = top * bell
+    terms = np.stack([np.ones_like(phi), phi, offsets * phi, fall / -parameters[4][:, None], -fall * z], axis=1)
+    weighted = terms * weight[:, None]
+    matrix = weighted @ terms.transpose(0, 2, 1)
+    matrix += 1e-9 * np.trace(matrix, axis1=1, axis2=2)[:, None, None] * np.eye(5)
+    return ProfileFit(*parameters, z, top, profile - value, weight, weighted, matrix)
 
 
 def _first_guess(offsets: Array, profile: Array) -> tuple[Array, ...]:
@@ -850,13 +961,13 @@ def _first_guess(offsets: Array, profile: Array) -> tuple[Array, ...]:
     return low, high - low, np.zeros(len(profile)), centre, np.full(len(profile), 0.25 * reach)
 
 
-def _stepped_parameters(parameters: tuple[Array, ...], step: Array, reach: float) -> tuple[Array, ...]:
-    """Return the parameters after a step (n, 5), which is cut where it would leave the profile."""
+def _stepped_parameters(parameters: Array, step: Array, reach: float) -> tuple[Array, ...]:
+    """Return the parameters (5, n) after a step (n, 5), which is cut where it would leave the profile."""
     low, rise, slope, centre, width = parameters
     return (
         low + step[:, 0],
         rise + step[:, 1],
         slope + step[:, 2],
         np.clip(centre + np.clip(step[:, 3], -0.3 * reach, 0.3 * reach), -reach, reach),
-        np.clip(width * np.exp(np.clip(step[:, 4], -0.5, 0.5)), 0.15, reach),
+        np.clip(width * np.exp(np.clip(step[:, 4], -0.5, 0.5)), LEAST_WIDTH, reach),
     )

@@ -13,6 +13,7 @@ import functools
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import correlate1d
 from scipy.optimize import least_squares
 from scipy.spatial import cKDTree
 from scipy.special import ndtr
@@ -78,6 +79,12 @@ class GridLook:
         return float(np.clip(2.2 * inked.max(initial=0.0) / self.pitch, 0.3 * PROFILE_REACH, PROFILE_REACH))
 
     @functools.cached_property
+    def ink_reach(self) -> float:
+        """Distance in m from a line's middle from which on there is no ink."""
+        ends = self.distance[(np.roll(self.ink, 1, axis=1) < 1.0).any(axis=0)]
+        return float(ends.max(initial=0.0))
+
+    @functools.cached_property
     def lines(self) -> tuple[LineShape | None, LineShape | None]:
         """Width, depth and blur of the lines of constant X and of constant Z; None where none are seen."""
         return LineShape.fitted(self.distance, self.ink)
@@ -118,7 +125,7 @@ def look_at_grid(view: View, pitch: float, is_lit: npt.NDArray[np.bool_], reach:
         number, target = _places_on_lines(view, pitch, reach, axis)
         number, target, points = _profiles_across(view, number, target, across, is_lit, axis)
         expected += len(points)
-        centre, ink, clear = _lines_in(view.sample(points).mean(axis=2), across)
+        centre, ink, clear = _lines_in(view.sample(points, EVERY_CHANNEL), across)
         lines = {int(line): centre[clear & (number == line)] for line in np.unique(number)}
         places.append(target[clear])
         shifts.append(centre[clear])
@@ -176,8 +183,7 @@ def _lines_in(value: Array, across: Array) -> tuple[Array, Array, npt.NDArray[np
     with np.errstate(divide="ignore", invalid="ignore"):
         through = value / base
     noise = robust.deviations(through[:, ends] - 1.0, 1)
-    kernel = np.ones(5) / 5.0
-    smooth = np.apply_along_axis(np.convolve, 1, 1.0 - through, kernel, "same")
+    smooth = correlate1d(1.0 - through, np.full(5, 0.2), axis=1, mode="constant")
     depth = smooth.max(axis=1)
     clear = np.isfinite(depth) & (depth > np.maximum(SEEN_DEPTH, 4.0 * noise / np.sqrt(5.0)))
     weight = np.where(smooth > 0.4 * depth[:, None], smooth - 0.4 * depth[:, None], 0.0)
@@ -191,8 +197,10 @@ def _lines_in(value: Array, across: Array) -> tuple[Array, Array, npt.NDArray[np
     if not clear.any():
         return centre, np.ones(size), clear
     # Of hundreds of profiles each looks at the line from another sub-pixel place; aligned, they show it finely.
-    aligned = [np.interp(across + shift, across, row) for shift, row in zip(centre[clear], through[clear], strict=True)]
-    ink = np.median(aligned, axis=0)
+    at = np.clip(np.arange(size) + centre[clear, None] / (across[1] - across[0]), 0.0, size - 1.0)
+    left = np.minimum(at.astype(np.intp), size - 2)
+    before, after = (np.take_along_axis(through[clear], place, axis=1) for place in (left, left + 1))
+    ink = np.median(before + (at - left) * (after - before), axis=0)
     ink = np.where(1.0 - ink > 0.01, ink, 1.0)
     return centre, np.minimum(ink, 1.0), clear
 
@@ -305,6 +313,9 @@ class LineShape:
 # A region of one photograph as light, and where it lies on the screen.
 
 
+EVERY_CHANNEL = np.full(3, 1.0 / 3.0)
+"""Weights of the channels in their mean."""
+
 VIEW_NODES = 33
 """Places along each side of a region at which its reach on the screen is asked."""
 
@@ -329,9 +340,9 @@ class View:
         middle = np.array([[0.5 * (self.roi[0] + self.roi[2]), 0.5 * (self.roi[1] + self.roi[3])]])
         return float(np.sqrt(np.abs(np.linalg.det(self.setup.jacobian(middle)[0]))))
 
-    def sample(self, points: Array) -> Array:
-        """Return the light (..., 3) at pixels (..., 2); NaN outside of the picture."""
-        return pictures.sample_light(self.image, points, self.light)
+    def sample(self, points: Array, mix: Array | None = None) -> Array:
+        """Return the light (..., 3) at pixels (..., 2), or its mix (...); NaN outside of the picture."""
+        return pictures.sample_light(self.image, points, self.light, mix)
 
     def extent(self) -> tuple[Array, Array]:
         """Return the least and greatest X and Z in m on the screen that the region shows, shapes (2,)."""

@@ -27,6 +27,10 @@ AUTO = "auto"
 LARGEST_TONE = 0.2
 """Departure e of the light from the tone curve beyond which it is no camera's."""
 
+CLEARLY_WORSE = 0.5
+"""Share of the other tone's chi-square, as estimated from the mean profile by the first, that must speak against it; less is
+decided by a trace with that tone."""
+
 TONE_SHIFT, TONE_HARM = 0.4, 5e-6
 """Shift of the edge by a wrong tone in widths of the edge, and the shift in m that would do no harm."""
 
@@ -50,7 +54,7 @@ def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "",
     first = _traced_edges(image, setup, names[0], anyway)
     # Where a shape fits this well, no other tone can be decisively better.
     fits = first.edge.shape.chi_square < profiles.DECISIVE_CHI_SQUARE
-    if likely and fits:
+    if (likely and fits) or _is_clear(first.edge.shape, CLEARLY_WORSE * first.edge.shape.chi_square_by(TONES[names[1]])):
         return first
     traces = [first]
     with contextlib.suppress(Unmeasurable):  # where only one tone shows an edge, the other is wrong
@@ -58,24 +62,31 @@ def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "",
     best, *others = sorted(traces, key=lambda traced: traced.edge.shape.chi_square)
     if not others and fits:
         return first
-    shape = best.edge.shape
-    clear = shape.misfit < profiles.LARGEST_MISFIT and abs(shape.tone) < LARGEST_TONE
-    # A model that misses the profile by more than its error is no better evidence for missing another by as much more.
-    more = others[0].edge.shape.chi_square - shape.chi_square if others else np.inf
-    evidence = more / max(1.0, shape.misfit**2)
+    other = others[0].edge.shape.chi_square if others else np.inf
     moved = float(np.median(best.edge.width)) * best.scale * TONE_SHIFT
-    if moved <= TONE_HARM or (clear and evidence >= profiles.DECISIVE_CHI_SQUARE):
+    if moved <= TONE_HARM or _is_clear(best.edge.shape, other):
         return best
     # Without evidence against it, not even a shape, a photograph has the tone of its series.
     if (
         likely
-        and not (first is not best and evidence >= profiles.DECISIVE_CHI_SQUARE)
+        and not (first is not best and _is_decisive(best.edge.shape, other))
         and not first.edge.shape.misfit >= profiles.LARGEST_MISFIT
     ):
         return first
     best.tone_error = moved
     best.doubts += checks.doubts(checks.ToneEvidence(best))
     return best
+
+
+def _is_clear(shape: profiles.EdgeShape, other: float) -> bool:
+    """Return whether a shape is a camera's and fits so well that its tone is right, the other having this chi-square."""
+    return shape.misfit < profiles.LARGEST_MISFIT and abs(shape.tone) < LARGEST_TONE and _is_decisive(shape, other)
+
+
+def _is_decisive(shape: profiles.EdgeShape, other: float) -> bool:
+    """Return whether the other tone's chi-square rules it out."""
+    # A model that misses the profile by more than its error is no better evidence for missing another by as much more.
+    return other - shape.chi_square >= profiles.DECISIVE_CHI_SQUARE * max(1.0, shape.misfit**2)
 
 
 def _traced_edges(image: Pixels, setup: Setup, tone: str, anyway: bool) -> edge.Traced:

@@ -9,6 +9,7 @@ import contextlib
 import dataclasses
 import functools
 import os
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from pathlib import Path
@@ -173,9 +174,10 @@ def write_vtkhdf(file: h5py.File, heavy: str, shapes: Shapes, stored: Sequence[S
         _put(group, name, np.array([size]))
     group["Points"] = file["mesh/points"] if heavy == SAME_FILE else h5py.ExternalLink(heavy, "/mesh/points")
     _flat(group, "Connectivity", heavy, "/mesh/cells", (cells, corners))
-    small = {"compression": "gzip", "shuffle": True}
-    group.create_dataset("Offsets", data=np.arange(cells + 1) * corners, **small)
-    group.create_dataset("Types", data=np.full(cells, CELL_TYPES[cell_name], dtype=np.uint8), **small)
+    offsets = group.create_dataset("Offsets", (cells + 1,), np.int64, chunks=(cells + 1,), compression="gzip", shuffle=True)
+    offsets.id.write_direct_chunk((0,), _multiples(corners, cells + 1))
+    # The type of all cells is the value of what was not stored.
+    group.create_dataset("Types", (cells,), np.uint8, fillvalue=CELL_TYPES[cell_name])
     steps = group.create_group("Steps")
     steps.attrs["NSteps"] = len(stored)
     _put(steps, "Values", np.array(times_of(stored)))
@@ -208,6 +210,13 @@ def _over_steps(group: h5py.Group, name: str, shape: tuple[int, ...], stored: Se
     h5py.h5d.create(group.id, name.encode(), h5py.h5t.NATIVE_DOUBLE, h5py.h5s.create_simple(size), properties)
     place_of = {id(step): block for block, step in enumerate(having)}
     return np.array([place_of.get(id(step), len(having)) * points for step in stored], dtype=np.int64)
+
+
+@functools.lru_cache(maxsize=4)  # the file is rewritten after each step
+def _multiples(factor: int, count: int) -> bytes:
+    """Return the first multiples of a number as 64-bit integers, shuffled and compressed as HDF5's filters do."""
+    values = factor * np.arange(count, dtype="<i8")
+    return zlib.compress(np.ascontiguousarray(values.view(np.uint8).reshape(count, 8).T).tobytes(), 4)
 
 
 def _put(group: h5py.Group, name: str, values: npt.NDArray[np.int64 | np.float64]) -> None:
