@@ -89,7 +89,7 @@ def test_tables_that_cannot_be_fitted_say_why(rows, table, tmp_path):
     assert notes == ["1.jpg: below the pressure of the room; photograph not used"]
     with pytest.raises(sm.FitError, match="side views carry no times"):
         sm.fit(SHORT, table, options=sm.FitOptions(memory=True))
-    with pytest.raises(OutlineFitError, match="give the case section = solid or wedge"):
+    with pytest.raises(OutlineFitError, match="give its half or all of it"):
         MeasuredDevice.of(Bellows(section="axisymmetric"), views.TipFace).model(LawChoice.from_text("neo-hookean"), mpi.start())
 
 

@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from geometries.actuator import ENDS
 from measurement.outline.outline import History
 from measurement.series.views import VIEW_COLUMNS
 from softmodels.common import tables, units
@@ -180,7 +181,7 @@ def _turned(angle: float) -> float:
 # The tip of a simulated device, as side views show it.
 
 
-TIP, SUPPORT = "tip", "support"
+SUPPORT = "support"
 
 
 class TipFace(shapes.Silhouette):
@@ -201,15 +202,18 @@ class TipFace(shapes.Silhouette):
         self.system = eq = system
         body, actuator = eq.body, eq.body.actuator
         if actuator.dimension != 3:
-            raise OutlineFitError("side views show a body, and the case has a section; give the case section = solid or wedge")
-        for role, what in ((TIP, "at its end, whose place and angle side views show"), (SUPPORT, "at which it is held")):
+            raise OutlineFitError(
+                "side views show how a body bends, and the case has the section of one; give its half or all of it (section)"
+            )
+        tip = next((role for role in ENDS if role in body.entities), ENDS[0])
+        for role, what in ((tip, "at its end, whose place and angle side views show"), (SUPPORT, "at which it is held")):
             if role not in body.entities:
                 raise OutlineFitError(
                     f"the case's device has no face called {role!r} {what}; name it, of an imported part such as surfaces = "
                     '["tip = x = 90 mm"]'
                 )
         grid, own = state_values.Grid(eq), sensitivity.coordinates(body.mesh)[0]
-        facets, held = (np.unique(body.entities[role][1]).astype(np.int32) for role in (TIP, SUPPORT))
+        facets, held = (np.unique(body.entities[role][1]).astype(np.int32) for role in (tip, SUPPORT))
         self._mix, self._space = np.eye(3), grid.space
         self._nodes, self._held = (shapes.nodes_of(eq, grid.space, part, 2)[:, :3] for part in (facets, held))
         self._blocks, self._held_blocks = (shapes.nodes_of(eq, own, part, 2)[:, :3] for part in (facets, held))
