@@ -824,6 +824,10 @@ class MirroredHalf(Halved):
 # A support at one end, and a tip that is free to move or held along the lift, as in a test of blocked force.
 
 
+ENDS = ("tip", "end")
+"""What devices call the face at their free end."""
+
+
 def tip_field(free: str = "tip", held: str = "its face") -> Any:
     """Return a dataclass field for the tip; the texts say what is free to move and the support."""
     return schema.choice_field("free", ("free", "held"), f"{free} free to move, or {held} held along z (blocked force)")

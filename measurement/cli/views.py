@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +18,7 @@ from measurement.screen.setup import Setup, SetupError
 from measurement.series import photo_list, views
 from measurement.series.photo_list import ColumnError, PhotoListError
 from measurement.series.witness import Refusal
-from softmodels.common import commands, errors, processes, units
+from softmodels.common import commands, errors, processes, tables, units
 from softmodels.common.folders import OwnFolderError
 
 
@@ -24,6 +26,8 @@ from softmodels.common.folders import OwnFolderError
 @click.argument("listing", metavar="PHOTOS.csv", type=click.Path(path_type=Path))
 @click.option("--setup", "setup_file", default=Path("setup.toml"), show_default=True, type=click.Path(path_type=Path),
               help="Camera and scale, from softmodels measure setup: a grid, board or tag beside the device.")  # fmt: skip
+@click.option("--device", "case", metavar="CASE.toml", type=click.Path(path_type=Path),
+              help="Case of the device, whose depth and length are taken.")  # fmt: skip
 @click.option("--camera-distance", metavar="LENGTH", help="From the camera to the device's middle plane; 80cm+-1cm.")
 @click.option("--depth", metavar="LENGTH", help="Size of the device along the line of sight; 0 for a round one.")
 @click.option("--ahead", default="0+-1mm", show_default=True, metavar="LENGTH",
@@ -49,11 +53,13 @@ def view(listing: Path, setup_file: Path, output: Path | None, **given: Any) -> 
     try:
         listed = photo_list.read_photos(listing)
         scene = _scene(Setup.from_file(setup_file), given)
-    except (CameraError, ColumnError, PhotoListError, SetupError, units.UnitError) as error:
+    except (CameraError, ColumnError, PhotoListError, SetupError, units.UnitError, errors.GeometryError) as error:
         cli.stop(str(error))
     asked = {"photographs": [photo.file.name for photo in listed], **{k: v for k, v in given.items() if k != "quiet"}}
     try:
-        folder = commands.open_folder(output, Path("views"), "side views", asked, [listing, setup_file])
+        folder = commands.open_folder(
+            output, Path("views"), "side views", asked, [listing, setup_file, *([given["case"]] if given["case"] else [])]
+        )
         with folder.writing() as place:
             edges = None if given["no_pictures"] else place / "edges"
             if edges is not None:
@@ -82,15 +88,18 @@ def view(listing: Path, setup_file: Path, output: Path | None, **given: Any) -> 
 def _scene(setup: Setup, given: dict[str, Any]) -> views.Scene:
     """Return the scene that the options describe. Raises `SetupError` or `UnitError` for a text that is not what it should
     be, and for what is missing."""
+    if given["case"] is not None:
+        depth, length = size_of(given["case"])
+        given = {**given, "depth": given["depth"] or f"{depth!r} m", "length": given["length"] or f"{length!r} m"}
     for name, why in (
         ("camera_distance", "how large its front and rear faces appear depends on it; such as 80cm+-1cm"),
-        ("depth", "the outline is that of its front or rear face; 0 for a round device"),
+        ("depth", "the outline is that of its front or rear face; 0 for a round device (or --device CASE.toml)"),
     ):  # fmt: skip
         if given[name] is None:
             raise SetupError(f"give --{name.replace('_', '-')}: {why}")
     far, far_error = cli.with_error(given["camera_distance"], cli.length)
     ahead = cli.with_error(given["ahead"], lambda text: 0.0 if text.strip() == "0" else cli.length(text))
-    depth = 0.0 if given["depth"].strip() == "0" else cli.length(given["depth"])
+    depth = 0.0 if given["depth"].strip() in ("0", "0.0 m") else cli.length(given["depth"])
     length = None if given["length"] is None else cli.with_error(given["length"], cli.length)
     base = None
     if given["base"] is not None:
@@ -98,6 +107,58 @@ def _scene(setup: Setup, given: dict[str, Any]) -> views.Scene:
         if base.shape != (2, 2):
             raise SetupError("--base needs two pixels, such as 400,210=400,330")
     return views.Scene(setup, (far, far_error), depth, ahead, base, length)
+
+
+ROUND_SHARE = 0.5
+"""Share of a device's width along the line of sight below which an edge of its outline is that of something round."""
+
+SLICES = 12
+"""Pieces between base and tip in which a device's outline is looked at."""
+
+
+def size_of(case: Path) -> tuple[float, float]:
+    """Return the depth of a case's device along the line of sight, 0 of a round one and that of its upper and its lower edge
+    together of one that is round on one side, and its length from the face ``support`` to ``tip``, both in m. Raises
+    `GeometryError` for no such device."""
+    from geometries import actuator, mesh_arrays, registry
+
+    try:
+        tables_of_case = tables.read_toml(case)
+    except tables.TomlError as error:
+        raise errors.GeometryError(f"{case} {error}") from None
+    table = tables_of_case.get("geometry", {})
+    if isinstance(file := table.get("file"), str):
+        table = {**table, "file": str(case.parent / file)}
+    device = registry.from_table(table)
+    if device.dimension != 3:
+        raise errors.GeometryError(f"{case} has the section of a device; give --depth and --length instead")
+    with tempfile.TemporaryDirectory() as folder:
+        device.write(Path(folder) / "device.msh")
+        mesh = mesh_arrays.read_arrays(Path(folder) / "device.msh")
+    ends = ("support", next((role for role in actuator.ENDS if role in mesh.nodes), actuator.ENDS[0]))
+    for role in ends:
+        if role not in mesh.nodes:
+            raise errors.GeometryError(f"the device of {case} has no face {role!r}; give --depth and --length instead")
+    base, tip = (mesh.points[mesh.nodes[role]].mean(axis=0) for role in ends)
+    cuts = device.cut_planes
+    sight = np.array(cuts[0].normal) if len(cuts) == 1 else np.array([0.0, 1.0, 0.0])
+    way = (tip - base) - sight * (sight @ (tip - base))
+    length = float(np.linalg.norm(way))
+    along, across, deep = (
+        mesh.points @ axis for axis in (way / length, np.cross(sight, way / length), sight)
+    )  # fmt: skip
+    whole = 2.0 * float(np.abs(deep).max()) if cuts else float(np.ptp(deep))
+    edges = np.linspace(along.min(), along.max(), SLICES + 1)
+    depths = []
+    for low, high in itertools.pairwise(edges):
+        here = (along >= low) & (along <= high)
+        if not here.any():
+            continue
+        for side in (across[here], -across[here]):
+            outer = deep[here][side > side.max() - 0.02 * np.ptp(across)]
+            depth = 2.0 * float(np.abs(outer).max()) if cuts else float(np.ptp(outer))
+            depths.append(depth if depth > ROUND_SHARE * whole else 0.0)
+    return float(np.mean(depths)), length
 
 
 def _line(made: views.Views, pressure: float, view: views.View) -> str:

@@ -27,8 +27,9 @@ from softmodels.fitting import comparison, problem, scoring, vibration
 from softmodels.fitting.curves import oscillation, residuals
 from softmodels.fitting.curves.curve import EQUILIBRIUM_RATE, Specimen, TensileCurve, TensileError, read_curves
 from softmodels.fitting.curves.fit import fit_curves, prepared
-from softmodels.fitting.outlines import fit, shapes
+from softmodels.fitting.outlines import fit, shapes, views
 from softmodels.fitting.outlines.device import MeasuredDevice
+from softmodels.fitting.outlines.views import SideView
 from softmodels.fitting.problem import FitError, FitOptions
 from softmodels.fitting.scoring import Score
 from softmodels.materials import specimens
@@ -207,7 +208,7 @@ class OutlineOptions:
 # The command ``fit``: read the measurements, fit the laws, write the result files.
 
 
-BENCH_UNITS = {"pressure_offset": "Pa", "zero": "m", "centre": "m"}
+BENCH_UNITS = {"pressure_offset": "Pa", "zero": "m", "centre": "m", problem.TILT: "degree"}
 """Units of the bench corrections that have one."""
 
 
@@ -298,7 +299,7 @@ def curve_changes(options: FitGiven, choices: Sequence[problem.LawChoice]) -> di
 def device_changes(options: FitGiven, lengths: Mapping[str, Sequence[str]]) -> dict[str, problem.Change]:
     """Return the same for devices, with variable lengths by name; ``--fix leak`` keeps its nominal value. Of several devices
     ``leak`` is that of each, and ``NAME.leak`` that of one. `FitError` as of `curve_changes`."""
-    bench = {name: BENCH_UNITS.get(name, "") for name in problem.BENCH}
+    bench = {name: BENCH_UNITS.get(name, "") for name in (*problem.BENCH, problem.TILT)}
     of = {device: {**bench, **dict.fromkeys(names, "m")} for device, names in lengths.items()}
     own = {"poisson": "", **{name: unit for units in of.values() for name, unit in units.items()}}
     known = ", ".join(own)
@@ -375,7 +376,8 @@ def fit_material(files: tuple[Path, ...], how: FitGiven) -> None:
 
     The result is a material file for simulations. With --tensile laws are fitted to curves of test machines. With a CASE (such
     as the case.toml in a folder of results), to outlines of that device at all pressures (files or folders that softmodels
-    measure photos has made), alone or together with curves. Systematic errors of the bench are fitted too, within plausible
+    measure photos has made), or to its side views (the folder of softmodels measure view), alone or together with curves.
+    Systematic errors of the bench are fitted too, within plausible
     bounds: an offset and a unit of pressure, a leak, a unit of length, the zero plane, the axis; and the thickness of the part
     (membrane of a disk), by default to 2 %. --fix leak keeps one of them at its nominal value, --prior 'leak=0+-5%' or --prior
     membrane=6mm+-0.2mm sets an expected error. Gravity, masses and forces of the case are taken as known; they act in every
@@ -407,6 +409,7 @@ def fit_material(files: tuple[Path, ...], how: FitGiven) -> None:
       softmodels fit --tensile pull.csv --columns 'extension=1[mm],force=2[N]' --gauge-length 33mm --cross-section 18mm^2
       softmodels fit results/disk/case.toml outlines/ --material yeoh --fix c3=0Pa
       softmodels fit results/disk/case.toml outlines/ --tensile curve.csv --material neo-hookean,yeoh
+      softmodels fit finger.toml views/ --material neo-hookean
       softmodels fit a/case.toml outlines_a/ b/case.toml outlines_b/ --material yeoh
       softmodels fit results/disk/case.toml --heights outlines/heights.csv --material neo-hookean
       python -m softmodels.disk --material results/fit/fitted.toml
@@ -666,13 +669,13 @@ class ScoreOptions(OutlineOptions, CurveFiles):
 def score(files: tuple[Path, ...], how: ScoreOptions) -> None:
     """Score materials against measurements held out of a fit.
 
-    The measurements are tensile curves, or outlines of a device. The material is not fitted. For each measurement these are
-    reported: the root mean square of predicted minus measured; chi squared per value (1: within the measurement's error; 100: a
-    law that is 10 standard errors off); the parts of it explained by the errors of the measurement and of the material (from a
-    fitted.toml: the 95 % region of its covariance, as in the band of a run); the number of values within the 95 % band of the
-    measurement's error; and the largest deviation. With outlines, systematic errors of the bench (offset of the pressure, leak,
-    zero plane) are fitted too, as in a fit. A material with a memory is followed through the times of the whole test;
-    FILE:TEST:RATE gives a rate if there are none.
+    The measurements are tensile curves, or outlines or side views of a device. The material is not fitted. For each of them
+    these are reported: the root mean square of predicted minus measured; chi squared per value (1: within the measurement's
+    error; 100: a law that is 10 standard errors off); the parts of it explained by the errors of the measurement and of the
+    material (from a fitted.toml: the 95 % region of its covariance, as in the band of a run); the number of values within the
+    95 % band of the measurement's error; and the largest deviation. With outlines, systematic errors of the bench (offset of
+    the pressure, leak, zero plane) are fitted too, as in a fit. A material with a memory is followed through the times of the
+    whole test; FILE:TEST:RATE gives a rate if there are none.
 
     \b
     Examples:
@@ -731,9 +734,10 @@ def _materials(names: tuple[str, ...]) -> dict[str, Material]:
     return {name: material_from(name, {}) for name in names}
 
 
-def _device(files: tuple[Path, ...], how: ScoreOptions) -> tuple[MeasuredDevice, list[Outline]]:
-    device = MeasuredDevice.of(Case.from_file(files[0], changes=how.changes)).counting_from(how.height_datum or "")
-    return device, shapes.read_outlines(files[1:], how.untrusted)
+def _device(files: tuple[Path, ...], how: ScoreOptions) -> tuple[MeasuredDevice, Sequence[Outline | SideView]]:
+    case = Case.from_file(files[0], changes=how.changes)
+    device = MeasuredDevice.of(case, views.seen_in(files[1:])).counting_from(how.height_datum or "")
+    return device, fit.outlines_of(files[1:], how.untrusted)
 
 
 def _errors(names: tuple[str, ...]) -> dict[str, MaterialErrors]:

@@ -333,9 +333,11 @@ errors.call("gauge-error", "FitOptions.gauge_error")
 
 BENCH = ("pressure_offset", "pressure_scale", "leak", "scale", "zero", "centre")
 """Parameters of the bench."""
+TILT = "tilt"
+"""Parameter of side views: the device's turn in the picture, in degrees."""
 LENGTHS = "lengths"
 """Stands for all lengths of a device that a fit may vary (`geometries.Actuator.variable`), whatever they are called."""
-FREE = (*BENCH, LENGTHS)
+FREE = (*BENCH, TILT, LENGTHS)
 """What is fitted of bench and device by default: a cast part differs from its drawing."""
 
 SECTION_ERROR, LOAD_CELL_ERROR = 0.03, 0.01

@@ -26,10 +26,11 @@ from softmodels.common.processes import one_at_a_time
 from softmodels.fitting import problem
 from softmodels.fitting.curves import fit, residuals
 from softmodels.fitting.curves.curve import TensileCurve, TensileError
+from softmodels.fitting.outlines import views
 from softmodels.fitting.outlines.device import MeasuredDevice
-from softmodels.fitting.outlines.fit import fit_law_to_outlines, outlines_of
-from softmodels.fitting.outlines.residuals import READINGS, OutlineResiduals
-from softmodels.fitting.outlines.shapes import prepare
+from softmodels.fitting.outlines.fit import fit_law_to_outlines, outlines_of, source_of
+from softmodels.fitting.outlines.residuals import READINGS
+from softmodels.fitting.outlines.views import SideView
 from softmodels.fitting.problem import FitError
 from softmodels.materials import silicones, specimens
 from softmodels.materials.laws import Material
@@ -154,17 +155,15 @@ def score_outlines(
     name: str,
     material: Material,
     case: Actuator | Case | MeasuredDevice,
-    outlines: Sequence[Outline],
+    outlines: Sequence[Outline | SideView],
     comm: MPI.Comm,
     errors: MaterialErrors | None = None,
 ) -> Score:
     """Score a material, whose errors may be known, against outlines of a device: with fixed law, while the bench
     corrections are fitted. Raises `FitError` where the device has no such states, or cannot be the one in the photographs."""
     choice = problem.LawChoice.of(material)
-    measured = MeasuredDevice.of(case)
-    device = measured.model(choice, comm)
-    shapes, _ = prepare(outlines, measured.actuator, device.silhouette.width)
-    source = OutlineResiduals(device, shapes)
+    measured = MeasuredDevice.of(case, views.seen_in(outlines))
+    source, _ = source_of(measured, measured.model(choice, comm), outlines)
     fixed: problem.Changes = {key: {"start": value, "fixed": True} for key, value in material.parameters.items()}
     fit = fit_law_to_outlines(source, changes=fixed)
     matches = source.matches(fit.values)
@@ -173,13 +172,13 @@ def score_outlines(
     at = int(np.argmax(np.abs(sizes)))
     group = fit.rows.groups[at]
     if group == READINGS:
-        matched = matches[at - (fit.count - len(matches))]
-        told = f"{(matched.pressure - matched.true_pressure) / 1e3:+.3g} kPa of pressure for the outline {matched.shape.source}"
+        matched = matches[source.read[at - (fit.count - len(source.read))]]
+        told = f"{(matched.pressure - matched.true_pressure) / 1e3:+.3g} kPa of pressure for {matched.shape.source}"
     else:
         matched = next(match for match in matches if match.shape.source == group)
         told = f"{matched.distances[np.argmax(np.abs(matched.distances))] * 1e3:+.3g} mm in {group}"
     worst = f"{told} ({sizes[at]:+.2g} standard errors)"
-    label = f"{len(shapes)} outlines of {measured.name}"
+    label = f"{len(source.shapes)} {source.what} of {measured.name}"
     freedom = max(len(fit.residuals) - len(fit.free), 1)
     explained = math.nan
     if errors is not None:
@@ -262,7 +261,7 @@ def write_readings(
 
 
 type Materials = Material | str | Sequence[Material | str] | Mapping[str, Material | str]
-type Outlines = Path | str | Sequence[Outline | Path | str]
+type Outlines = Path | str | Sequence[Outline | SideView | Path | str]
 
 
 @checked
@@ -309,7 +308,7 @@ def score(
     measured = names.several("curves", curves, (TensileCurve, Path, str), "a curve or its file")
     remembers = any(material.memory is not None for material in known.values())
     ready = fit.prepared(measured, names.span("stretch", stretch), remembers) if measured else []
-    given = names.several("outlines", outlines, (Outline, Path, str), "an outline, or a file or folder of outlines")
+    given = names.several("outlines", outlines, (Outline, SideView, Path, str), "an outline, or a file or folder of outlines")
     names.flag("untrusted", untrusted)
     if (device is None) != (not given):
         raise FitError("a device needs its outlines and vice versa; give both, or neither")
@@ -337,7 +336,7 @@ def error_of(text: str) -> residuals.StressError:
 def against_outlines(
     materials: Mapping[str, Material],
     device: Actuator | Case | MeasuredDevice,
-    outlines: Sequence[Outline],
+    outlines: Sequence[Outline | SideView],
     comm: MPI.Comm,
     errors: Mapping[str, MaterialErrors] = MappingProxyType({}),
 ) -> list[Score]:

@@ -21,7 +21,7 @@ from softmodels.fitting import comparison, least_squares
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.oscillation import Oscillation
 from softmodels.fitting.curves.residuals import predicted
-from softmodels.fitting.outlines import residuals, shapes
+from softmodels.fitting.outlines import residuals, shapes, views
 from softmodels.fitting.outlines.shapes import Shape
 from softmodels.materials import specimens
 from softmodels.pictures import curves, style
@@ -298,6 +298,37 @@ def _panels(
     return figure, list(grid[:count])
 
 
+def draw_views(matches: Sequence[views.MatchedView], law: str) -> Figure:
+    """Plot the tips of all side views in the picture, their angles over the readings, and the residuals in standard errors; a
+    colour per photograph."""
+    figure, (there, turned, left) = _panels(3, 3.6, whole=True)
+    readings = np.array([match.shape.pressure / 1e3 for match in matches])
+    measured = 1e3 * np.array([match.shape.points[0] for match in matches])
+    simulated = 1e3 * np.array([match.seen for match in matches])
+    angles = np.degrees(np.unwrap([match.seen_angle for match in matches]))
+    away = np.array([[*match.residuals, match.reading] for match in matches])
+    off = np.degrees([match.distances[2] / match.shape.arm for match in matches])
+    reach = 0.12 * 1e3 * matches[0].shape.arm
+    there.plot(*simulated.T, color=style.FAINT, lw=1.0)
+    turned.plot(readings, angles, color=style.FAINT, lw=1.0)
+    for k, colour in enumerate(style.shades(len(matches))):
+        way = reach * np.array([np.cos(np.radians(angles[k])), np.sin(np.radians(angles[k]))])
+        there.plot(*np.array([simulated[k], simulated[k] + way]).T, color=colour, lw=1.6)
+        there.plot(*measured[k], "x", color=style.INK, ms=6)
+        turned.plot(readings[k], angles[k], "o", color=colour, ms=4)
+        left.plot(np.arange(4) + 0.05 * (k - 0.5 * len(matches)), away[k], "o", color=colour, ms=4)
+    turned.plot(readings, angles - off, "x", color=style.INK, ms=6)
+    there.plot(0.0, 0.0, "s", color=style.FAINT, ms=6)
+    there.set(xlabel="x (mm)", ylabel="z (mm)", title="tips (x measured), from the base")
+    there.set_aspect("equal", adjustable="datalim")
+    turned.set(xlabel="reading (kPa)", ylabel="angle of the tip (deg)")
+    left.axhspan(-2.0, 2.0, color=style.FAINT, alpha=0.25, lw=0)
+    left.set(ylabel="residual (standard errors)\nsimulated - measured", xticks=range(4))
+    left.set_xticklabels(["x", "z", "angle", "pressure"])
+    figure.suptitle(f"{law}: side views, measured and simulated")
+    return figure
+
+
 SMALL_STYLE = {**style.STYLE, "font.size": 10, "axes.titlesize": 11, "legend.fontsize": 9}
 
 
@@ -312,10 +343,13 @@ def figures(report: comparison.FitReport) -> dict[str, Figure]:
     if any(isinstance(test, Oscillation) for test in report.oscillations):
         figures["oscillations"] = draw_oscillations(report)
     for law, states in report.photographs.items():
-        figures[f"outlines-{law}"] = draw_outlines(states, law)
-        figures[f"photographs-{law}"] = draw_photographs(states, law)
-        if all(fit_states.shape.history for fit_states in states):
-            figures[f"creep-{law}"] = draw_creep(states, law)
+        if of_sides := [match for match in states if isinstance(match, views.MatchedView)]:
+            figures[f"views-{law}"] = draw_views(of_sides, law)
+        if outlines := [match for match in states if not isinstance(match, views.MatchedView)]:
+            figures[f"outlines-{law}"] = draw_outlines(outlines, law)
+            figures[f"photographs-{law}"] = draw_photographs(outlines, law)
+            if all(match.shape.history for match in outlines):
+                figures[f"creep-{law}"] = draw_creep(outlines, law)
     for fit_states in report.laws:
         if fit_states.profiles:
             figures[f"profiles-{fit_states.choice.name}"] = draw_profiles(fit_states)
@@ -358,6 +392,7 @@ CAPTIONS = {
     "outlines": "Outlines, measured and simulated",
     "photographs": "Residuals of the outlines (simulated - measured)",
     "creep": "Heights over the time held",
+    "views": "Tips and angles from the side, measured and simulated",
     "profiles": "Profile likelihoods of the parameters",
 }
 """Captions of the pictures, by the beginning of their names."""

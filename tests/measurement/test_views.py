@@ -10,13 +10,15 @@ import pytest
 from click.testing import CliRunner
 from scipy.spatial import cKDTree
 
+from geometries import PneuNet
 from measurement.camera import Camera
 from measurement.cli.setup import setup as setup_command
-from measurement.cli.views import view as view_command
+from measurement.cli.views import size_of, view as view_command
 from measurement.screen.setup import Setup, SetupError, plane_of_scale
 from measurement.series import views
 from measurement.series.photo_list import Photograph
 from measurement.series.witness import Refusal
+from softmodels.common.errors import GeometryError
 from softmodels.design import targets
 from tests.support import side_views
 
@@ -152,6 +154,27 @@ def test_closed_outline_asks_for_the_base(bars):
 def test_camera_too_near_is_rejected():
     with pytest.raises(SetupError, match="--camera-distance"):
         scene(camera_distance=(0.01, 0.0))
+
+
+def test_case_has_depth_and_length(tmp_path):
+    """By the drawing: a beam's breadth, a PneuNet's, and of a bellows that is round above its base the mean of both edges."""
+    case = tmp_path / "finger.toml"
+
+    def size(device):
+        case.write_text(f"[geometry]\n{device}\n")
+        return size_of(case)
+
+    assert size('device = "Beam"\nlength = "60 mm"\nwidth = "11 mm"') == pytest.approx((0.011, 0.06))
+    finger = PneuNet()
+    assert size('device = "PneuNet"') == pytest.approx((2.0 * finger.half_width, finger.length))
+    with pytest.raises(GeometryError, match="the section of a device; give depth and length instead"):
+        size('device = "SuctionCup"')
+    with pytest.raises(GeometryError, match="no face 'support'; give depth and length instead"):
+        size('device = "Membrane"\nsection = "wedge"')
+    assert size('device = "Cylinder"\nsection = "half"') == pytest.approx((0.0, 0.064))
+    case.write_text("[geometry")
+    with pytest.raises(GeometryError, match=r"finger\.toml"):
+        size_of(case)
 
 
 @pytest.mark.campaign

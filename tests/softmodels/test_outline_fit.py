@@ -27,7 +27,6 @@ from softmodels.fitting.outlines.residuals import (
     least_squares_of_heights,
     misfits,
     nuisances,
-    starts,
 )
 from softmodels.fitting.outlines.shapes import Shape, prepare
 from softmodels.fitting.problem import BENCH, CannotEvaluate, Extra, LawChoice, Prior
@@ -94,8 +93,7 @@ def test_derivatives_are_exact(components, height_datum, inflation):
     device = inflation(components=components, height_datum=height_datum)
     source = source_of(device, simulated_outlines(device, HARDENING, PRESSURES, SimulatedCamera(bench=AWAY)))
     free = (*BENCH, "poisson", "membrane")
-    measured = np.array([(s.height, s.pressure, s.pressure_error) for s in source.shapes]).T
-    begin, plain = starts(device, *measured)
+    begin, plain = source.starts({}, ())
     parameters = [
         *device.choice.parameters(begin[0]),
         *nuisances(source, free),

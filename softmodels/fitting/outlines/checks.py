@@ -298,6 +298,10 @@ def _zero(value: float) -> str:
     return f"the zero plane {abs(value) * 1e3:.3g} mm {where}"
 
 
+def _off_base(above: str, below: str) -> Callable[[float], str]:
+    return lambda value: f"the middle of the base {abs(value) * 1e3:.3g} mm {above if value > 0.0 else below} than was measured"
+
+
 def _length(name: str, nominal: float) -> Callable[[float], str]:
     return lambda value: f"{name} {value * 1e3:.4g} mm, not {nominal * 1e3:.4g} mm"
 
@@ -318,6 +322,14 @@ FACTOR_TEXTS: dict[str, tuple[Callable[[float], str], str]] = {
         "check the hose for leaks, and the highest readings",
     ),
 }
+
+
+VIEW_TEXTS: dict[str, tuple[Callable[[float], str], str]] = {
+    "scale": (_share("all lengths in the photographs"), "check the scale and how far the device is before it (--ahead)"),
+    "zero": (_off_base("higher", "lower"), "check the pixels of --base"),
+    "centre": (_off_base("farther right", "farther left"), "check the pixels of --base"),
+}
+"""The same for side views."""
 
 
 def corrections(fit: least_squares.LeastSquaresFit) -> list[str]:
@@ -342,9 +354,11 @@ def unbelievable(fit: least_squares.LeastSquaresFit) -> list[str]:
 def _large_corrections(fit: least_squares.LeastSquaresFit) -> Iterator[tuple[problem.Parameter, float, str, str, str]]:
     """Yield the corrections, with how many standard errors of their prior they are, whose they are, what they say, and the
     advice."""
+    from_the_side = {p.device for p in fit.parameters if p.own_name == problem.TILT}
     for p in fit.free:
-        if (p.own_name in FACTOR_TEXTS or residuals.is_length(p)) and p.prior and math.isfinite(value := fit.values[p.name]):
-            says, advice = FACTOR_TEXTS.get(p.own_name) or (_length(p.own_name, p.prior.mean), "measure it on the cast part")
+        texts = FACTOR_TEXTS | (VIEW_TEXTS if p.device in from_the_side else {})
+        if (p.own_name in texts or residuals.is_length(p)) and p.prior and math.isfinite(value := fit.values[p.name]):
+            says, advice = texts.get(p.own_name) or (_length(p.own_name, p.prior.mean), "measure it on the cast part")
             yield p, (value - p.prior.mean) / p.prior.error, f"{p.device}: " if p.device else "", says(value), advice
 
 
@@ -605,9 +619,10 @@ def _large_misfits(source: residuals.OutlineResiduals, fit: least_squares.LeastS
     if shapes:
         i = max(shapes, key=lambda k: away[k] / limits[k])
         return [
-            f"{len(shapes)} of {len(matches)} outlines do not have the shape of the case's device: {matches[i].shape.source} "
-            f"is {away[i] * 1e3:.3g} mm (root mean square) off the closest state, at a height of "
-            f"{matches[i].shape.height * 1e3:.4g} mm; are they of another device, or is the geometry of the case wrong?"
+            f"{len(shapes)} of {len(matches)} {source.what} do not have the shape of the case's device: "
+            f"{matches[i].shape.source} is {away[i] * 1e3:.3g} mm (root mean square) off the closest state, "
+            f"{source.size_words} {matches[i].shape.height * 1e3:.4g} mm; are they of another device, or is "
+            "the geometry of the case wrong?"
         ]
     off = [match.pressure - match.true_pressure for match in matches]
     share = [
@@ -619,6 +634,6 @@ def _large_misfits(source: residuals.OutlineResiduals, fit: least_squares.LeastS
         return []
     shape = matches[i].shape
     return [
-        f"the pressures do not match the outlines: {shape.source} needs {reading(shape.pressure + off[i])}, its "
+        f"the pressures do not match the {source.what}: {shape.source} needs {reading(shape.pressure + off[i])}, its "
         f"row has {reading(shape.pressure)}, and no single row explains it; check the list of photographs, or try another law"
     ]

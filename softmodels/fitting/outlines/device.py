@@ -53,6 +53,7 @@ class DeviceModel:
         height_datum: What heights count from, see `UnpressurisedShape`.
         modulus: Shear modulus in Pa near to that of the device; matters only under dead loads.
         spectrum: Relaxing branches of the silicone, whose weights are parameters; paths without times leave them relaxed.
+        seen: What of it photographs show.
 
     Attributes:
         paths: How many paths have been followed.
@@ -68,9 +69,10 @@ class DeviceModel:
         height_datum: str = "",
         modulus: float = SHAPE_MODULUS,
         spectrum: residuals.Spectrum | None = None,
+        seen: type[shapes.Silhouette] = shapes.Silhouette,
     ):
         self.solver, self.system, self.choice = solver, solver.system, choice
-        self.silhouette = shapes.Silhouette(solver.system)
+        self.silhouette = seen(solver.system)
         actuator = self.system.body.actuator
         # No derivatives by lengths exist under self-contact.
         variable = () if self.system.assembled.slack else actuator.variable
@@ -308,6 +310,8 @@ class UnpressurisedShape:
         self.silhouette, self.sensitivity = silhouette, sensitivity
         self.solver, self.system = sensitivity.solver, silhouette.system
         self.loaded = bool(self.system.dead.loads)
+        if not silhouette.counts_heights:
+            height_datum = "undeformed"
         if height_datum and not self.loaded and silhouette.flat:
             raise shapes.OutlineFitError(
                 "--height-datum matters only with dead loads or an undeformed top that is not flat; "
@@ -375,7 +379,8 @@ class UnpressurisedShape:
     def told(self, values: Mapping[str, float]) -> str:
         """Return a sentence on the loads and the zero of heights; without loads on a missing weight; see `state`."""
         if not self.loaded:
-            apex = "" if self.silhouette.flat else "the undeformed top is not flat; heights count from its apex"
+            level = self.silhouette.flat or not self.silhouette.counts_heights
+            apex = "" if level else "the undeformed top is not flat; heights count from its apex"
             return "; ".join(filter(None, (apex, self._weightless())))
         dead, level = self.system.dead, self.level(values)
         loads = ", ".join(f"{load.where} ({n:.3g} N)" for load, n in zip(dead.loads, dead.amounts, strict=True))
@@ -386,12 +391,12 @@ class UnpressurisedShape:
             "apex": f"its apex at zero pressure, {away}",
             "undeformed": "the undeformed top",
         }
-        return f"dead loads {loads}, given and not fitted; heights count from {zero[self.height_datum]}"
+        counted = f"; heights count from {zero[self.height_datum]}" if self.silhouette.counts_heights else ""
+        return f"dead loads {loads}, given and not fitted{counted}"
 
     def _weightless(self) -> str:
         """Return a warning if a device without gravity is so soft that its weight matters; else ""."""
-        tall = float(np.ptp(self.silhouette.points @ np.asarray(self.system.body.actuator.lift)))
-        weight = silicones.SILICONE_DENSITY * loads.STANDARD_GRAVITY * tall
+        weight = silicones.SILICONE_DENSITY * loads.STANDARD_GRAVITY * self.silhouette.tall
         share = weight / self.system.stress_unit
         if share < MIN_WEIGHT_RATIO:
             return ""
@@ -461,20 +466,23 @@ class ModelSlopes:
 # Dead loads of a measured device: constant in every photograph, that at zero pressure included.
 
 
-def measured_parts(components: Sequence[Component], actuator: Actuator, material: Material | None) -> tuple[Component, ...]:
+def measured_parts(
+    components: Sequence[Component], actuator: Actuator, material: Material | None, upright: bool = True
+) -> tuple[Component, ...]:
     """Return a case's parts for a fit, with the density of the case's silicone, if that is known, for any fitted law;
-    `FitError` for a load that tilts the outline, or one without a given size."""
+    `FitError` for a load that tilts the outline where it has to be upright, or one without a given size."""
     for load in (part for part in components if isinstance(part, controls.LoadPart)):
-        _check(load, actuator)
+        _check(load, actuator, upright)
     return tuple(components) if material is None else loads.weighed(components, material)
 
 
-def _check(load: controls.LoadPart, actuator: Actuator) -> None:
-    if not (
-        isinstance(load, loads.DirectedLoad)
-        and load.arm == 2
-        and abs(float(np.asarray(load.vector) @ np.asarray(actuator.lift))) > 1 - component.IN_PLANE_TOLERANCE
-    ):
+def _check(load: controls.LoadPart, actuator: Actuator, upright: bool) -> None:
+    if not isinstance(load, loads.DirectedLoad) or load.arm != 2:
+        raise FitError(
+            f"the case has a {load.where} that does not act along a direction; a fit takes gravity and forces, so leave it "
+            "out if it is small"
+        )
+    if upright and not abs(float(np.asarray(load.vector) @ np.asarray(actuator.lift))) > 1 - component.IN_PLANE_TOLERANCE:
         raise FitError(
             f"the case has a {load.where} that does not act along the device's axis; fits assume symmetric "
             "outlines, so photograph the device upright, or leave out the load if it is small"
@@ -505,6 +513,7 @@ class MeasuredDevice:
         formulation, solver: See `softmodels.case.case.Case`.
         components: What else is added to it.
         height_datum: What heights count from where it hangs under loads or its top is not flat, see `UnpressurisedShape`.
+        seen: What of it photographs show.
     """
 
     actuator: Actuator
@@ -514,26 +523,29 @@ class MeasuredDevice:
     components: tuple[Component, ...] = ()
     solver: str = "auto"
     height_datum: str = ""
+    seen: type[shapes.Silhouette] = shapes.Silhouette
 
     @classmethod
-    def of(cls, device: Actuator | Case | MeasuredDevice) -> MeasuredDevice:
-        """Return a device, or that of a case; an axisymmetric one as its section. Raises `FitError` for loads that a fit
-        does not take."""
+    def of(cls, device: Actuator | Case | MeasuredDevice, seen: type[shapes.Silhouette] | None = None) -> MeasuredDevice:
+        """Return a device, or that of a case; an axisymmetric one whose outlines are seen as its section. Raises `FitError` for
+        loads that a fit does not take."""
+        seen = seen or (device.seen if isinstance(device, MeasuredDevice) else shapes.Silhouette)
+        as_seen = as_section if seen.counts_heights else lambda actuator: actuator
         if isinstance(device, MeasuredDevice):
-            section = as_section(device.actuator)
-            components = measured_parts(device.components, section, device.material)
-            return dataclasses.replace(device, actuator=section, components=components)
+            section = as_seen(device.actuator)
+            components = measured_parts(device.components, section, device.material, seen.counts_heights)
+            return dataclasses.replace(device, actuator=section, components=components, seen=seen)
         if isinstance(device, Case):
             if rubbing := [part.where for part in device.components if part.remembers]:
                 raise FitError(
                     f"{rubbing[0]} has friction, whose derivatives by the material are not available; leave it out "
                     "(friction = 0)"
                 )
-            section = as_section(device.actuator)
-            components = measured_parts(device.components, section, device.material)
-            return cls(section, device.name, device.material, device.formulation, components, device.solver)
+            section = as_seen(device.actuator)
+            components = measured_parts(device.components, section, device.material, seen.counts_heights)
+            return cls(section, device.name, device.material, device.formulation, components, device.solver, seen=seen)
         names.one_of("device", device, Actuator, "a device, such as sm.HollowDisk(), or a Case")
-        return cls(as_section(device), device.name)
+        return cls(as_seen(device), device.name, seen=seen)
 
     def counting_from(self, height_datum: str) -> MeasuredDevice:
         """Return the device with another zero of heights; see `height_datum`; empty to keep it."""
@@ -553,7 +565,7 @@ class MeasuredDevice:
                     material = residuals.remembering(material, spectrum, dict.fromkeys(spectrum.names, 0.0), -math.inf)
                 system = System(body, material, self.formulation, self.components, spectrum is not None)
                 modulus = self.material.shear_modulus_0 if self.material and system.dead.loads else SHAPE_MODULUS
-                return DeviceModel(Solver(system, self.solver), choice, self.height_datum, modulus, spectrum)
+                return DeviceModel(Solver(system, self.solver), choice, self.height_datum, modulus, spectrum, self.seen)
         except (BodyError, compiling.CompilingError, ComponentError, MeshingError, GeometryError, OSError) as error:
             raise FitError(str(error)) from error
         finally:

@@ -23,8 +23,8 @@ from softmodels.fitting.curves import residuals
 from softmodels.fitting.curves.curve import TensileCurve, TensileError
 from softmodels.fitting.curves.fit import Curves, loop_notes, loop_objections, prepared
 from softmodels.fitting.least_squares import Judgement, LeastSquaresFit, fit_parameters, profile, settled
-from softmodels.fitting.outlines import checks, creeping
-from softmodels.fitting.outlines.device import MeasuredDevice
+from softmodels.fitting.outlines import checks, creeping, views
+from softmodels.fitting.outlines.device import DeviceModel, MeasuredDevice
 from softmodels.fitting.outlines.residuals import (
     Height,
     HeightResiduals,
@@ -36,9 +36,9 @@ from softmodels.fitting.outlines.residuals import (
     length_words,
     read_heights,
     residuals_by_source,
-    starts,
 )
 from softmodels.fitting.outlines.shapes import OutlineFitError, kept, prepare, read_outlines
+from softmodels.fitting.outlines.views import SideView
 from softmodels.fitting.problem import FitError, FitOptions
 from softmodels.materials import specimens
 from softmodels.mechanics import mpi
@@ -78,7 +78,7 @@ class _Task:
         foreign = problem.all_parameters().keys() - set(choice.names)
         return {name: change for name, change in self.options.changes.items() if name not in foreign}
 
-    def with_outlines(self, outlines: Sequence[Sequence[Outline]], comm: MPI.Comm) -> comparison.FitReport:
+    def with_outlines(self, outlines: Sequence[Sequence[Outline | SideView]], comm: MPI.Comm) -> comparison.FitReport:
         notes, rows = self.notes(), tuple[tuple[checks.HeightRow, ...], ...]()
         notes += [
             f"{own_match.source} is used in spite of doubts: {'; '.join(own_match.reasons)}"
@@ -100,10 +100,9 @@ class _Task:
             devices = []
             for device, own in zip(self.devices, outlines, strict=True):
                 model = device.model(choice, comm, branches)
-                shapes, more = prepare(own, device.actuator, model.silhouette.width)
+                source, more = source_of(device, model, own, device.name if len(self.devices) > 1 else "")
                 notes += [note for note in more if note not in notes]
-                kind = OutlineResiduals if branches is None else creeping.CreepingResiduals
-                devices.append(kind(model, shapes, device=device.name if len(self.devices) > 1 else ""))
+                devices.append(source)
             sources, extra = residuals.residuals_of(self.curves, choice, error, self.options.gauge_error, spectrum=branches)
             extra = dataclasses.replace(extra, sources=sources)
             trial = try_outlines(devices, free, extra, self.changes(choice), self.options.loss, rows)
@@ -113,11 +112,13 @@ class _Task:
         fitted = [p for p in next(iter(trials.values())).fit.free if not p.hidden]
         lengths = [p for p in fitted if is_length(p)]
         named = {problem.LENGTHS, *(name for p in lengths for name in (p.name, p.own_name))}
-        said = [*(name for name in free if name not in named), *map(length_words, lengths)]
+        seen = {what: None for source in next(iter(trials.values())).sources for what in (source.what,)}
+        of_sides = views.ViewResiduals.what in seen
+        said = [*(n for n in free if n not in named and (n != problem.TILT or of_sides)), *map(length_words, lengths)]
         law = "the law" if branches is None else "the law and its memory"
         tests = f"; curves with {self.options.gauge_words.removeprefix(', ')}" if self.curves else ""
         how = (
-            f"outlines and readings, weighted by their stated errors{robust}; free besides {law}: "
+            f"{', '.join(seen)} and readings, weighted by their stated errors{robust}; free besides {law}: "
             f"{', '.join(said) or 'nothing'}{tests}"
         )
         report = self._report(trials, notes, how)
@@ -225,8 +226,25 @@ class _Task:
         )
 
 
+def source_of(
+    device: MeasuredDevice, model: DeviceModel, measured: Sequence[Outline | SideView], name: str = ""
+) -> tuple[OutlineResiduals, list[str]]:
+    """Return the residuals of a device against what photographs show of it, and a sentence on each that is left out.
+    `OutlineFitError` for what cannot be fitted."""
+    of_sides = [view for view in measured if isinstance(view, SideView)]
+    if of_sides:
+        if len(of_sides) < len(measured):
+            raise OutlineFitError("a device is fitted to its outlines or to its side views; give the same case twice for both")
+        prepared, notes = views.prepare(of_sides, model)
+        return views.ViewResiduals(model, prepared, device=name), notes
+    outlines = [part for part in measured if isinstance(part, Outline)]
+    shapes, notes = prepare(outlines, device.actuator, model.silhouette.width)
+    kind = OutlineResiduals if model.spectrum is None else creeping.CreepingResiduals
+    return kind(model, shapes, device=name), notes
+
+
 type Device = Actuator | Case | MeasuredDevice
-type Outlines = Sequence[Outline | Path | str] | Path | str
+type Outlines = Sequence[Outline | SideView | Path | str] | Path | str
 
 
 @checked
@@ -267,7 +285,10 @@ def fit(
     """
     _check_how(options, comm)
     pairs = _pairs(device, outlines)
-    measured = [MeasuredDevice.of(pair_device).counting_from(options.height_datum) for pair_device, _ in pairs]
+    measured = [
+        MeasuredDevice.of(pair_device, views.seen_in(given)).counting_from(options.height_datum) for pair_device, given in pairs
+    ]
+    _check_seen(measured, options)
     names = device_names([pair_device.name for pair_device in measured])
     task = _Task(
         tuple(dataclasses.replace(pair_device, name=name) for pair_device, name in zip(measured, names, strict=True)),
@@ -287,6 +308,16 @@ def fit(
             for (_, given), name, left in zip(pairs, names, without, strict=True)
         ]
     return task.with_outlines(outlines_by_device, comm or mpi.start())
+
+
+def _check_seen(measured: Sequence[MeasuredDevice], options: FitOptions) -> None:
+    """Raise `FitError` for options that side views do not have."""
+    if all(pair_device.seen.counts_heights for pair_device in measured):
+        return
+    if options.memory:
+        raise FitError("side views carry no times, so they show no memory; leave out --memory")
+    if options.height_datum:
+        raise FitError("places of side views count from the device's base; leave out --height-datum")
 
 
 PROFILE_POINTS = 6
@@ -311,11 +342,15 @@ def _pairs(device: object, outlines: Outlines) -> list[tuple[Device, Outlines]]:
     return [(device_model, given) for device_model, given in device]
 
 
-def outlines_of(given: Outlines, untrusted: bool, exclude: Sequence[str] = ()) -> list[Outline]:
-    """Return the outlines that are not excluded, those of files and folders after the others."""
-    outlines = several("outlines", given, (Outline, Path, str), "an outline, or a file or folder of outlines")
-    usable = [outline for outline in outlines if isinstance(outline, Outline)]
-    files = [Path(outline) for outline in outlines if not isinstance(outline, Outline)]
+def outlines_of(given: Outlines, untrusted: bool, exclude: Sequence[str] = ()) -> Sequence[Outline | SideView]:
+    """Return the outlines or side views that are not excluded, those of files and folders after the others."""
+    outlines = several("outlines", given, (Outline, SideView, Path, str), "an outline, or a file or folder of outlines")
+    usable = [outline for outline in outlines if not isinstance(outline, Path | str)]
+    files = [Path(outline) for outline in outlines if isinstance(outline, Path | str)]
+    if of_sides := [file for file in files if views.is_table(file)]:
+        if len(of_sides) < len(files):
+            raise OutlineFitError("a device is fitted to its outlines or to its side views; give the same case twice for both")
+        return [*usable, *(view for file in of_sides for view in views.read_views(file, untrusted, exclude))]
     if files or not usable:
         return [*usable, *read_outlines(files, untrusted, exclude)]
     return [usable[i] for i in kept([(outline.source, None) for outline in usable], exclude)]
@@ -416,7 +451,6 @@ def _largest_stretch(source: OutlineResiduals | HeightResiduals, fit: LeastSquar
 # The fit of one law to outlines, from starts in closed form.
 
 
-IGNORED_ERROR_FACTOR = 1e6
 STARTING_SHARE = 0.1
 """Of each branch."""
 
@@ -457,12 +491,7 @@ def fit_law_to_outlines(
     begins: list[dict[str, float]] = []
     hidden: list[problem.Parameter] = []
     for source in sources:
-        measured = [
-            (shape.height, shape.pressure, shape.pressure_error * (IGNORED_ERROR_FACTOR if shape.source in doubted else 1.0))
-            for shape in source.shapes
-        ]
-        heights, pressures, errors = np.array(measured).T
-        more, plain = starts(source.model, heights, pressures, errors, held)
+        more, plain = source.starts(held, doubted)
         begins += more
         hidden += source.hidden_parameters(plain.volumes, plain.hangs)
     troubles = []
@@ -513,7 +542,12 @@ def try_outlines(
     """
     all_nuisances(sources, free)  # unknown names, before anything is solved
     series = tuple(
-        tuple(heights) for heights in rows or [checks.series_of_shapes(heights.model, heights.shapes) for heights in sources]
+        tuple(heights)
+        for heights in rows
+        or [
+            checks.series_of_shapes(source.model, source.shapes) if source.model.silhouette.counts_heights else ()
+            for source in sources
+        ]
     )
     if sources[0].model.spectrum is not None:  # at one pressure the heights differ with the time
         series = ((),) * len(sources)

@@ -15,7 +15,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
@@ -37,6 +37,8 @@ from softmodels.mechanics.system import State
 from softmodels.path import continuation, stability
 from softmodels.runs import grid
 
+IGNORED_ERROR_FACTOR = 1e6
+
 READINGS = "pressures"
 """Label of the group of pressure residuals."""
 
@@ -51,7 +53,12 @@ class OutlineResiduals:
     Attributes:
         fixed: Parameters whose derivatives nobody needs: their columns stay zero.
         read: Numbers of the photographs whose readings count.
+        bench: Names of the parameters of the bench.
+        what, size_words: What photographs show, and its size, in words.
     """
+
+    bench: tuple[str, ...] = problem.BENCH
+    what, size_words = "outlines", "at a height of"
 
     def __init__(self, model: DeviceModel, shapes: Sequence[Shape], label: str = "outlines", device: str = ""):
         if not model.silhouette.flat and not model.hanging.from_apex:
@@ -62,7 +69,7 @@ class OutlineResiduals:
             )
         self.model, self.shapes, self.label, self.device = model, tuple(shapes), label, device
         self.read, self._own_hidden = self._hidden()
-        self._own_names = (*model.names, *problem.BENCH, *self._own_hidden)
+        self._own_names = (*model.names, *self.bench, *self._own_hidden)
         self.parameters = tuple(map(self.named, self._own_names))
         self.readings = f"{device}/{READINGS}" if device else READINGS
         self.most = max(shape.pressure for shape in shapes)
@@ -82,8 +89,33 @@ class OutlineResiduals:
                 self.named(name), "m^3", start, hangs + 0.05 * (start - hangs), hangs + 4.0 * (start - hangs), hidden=True,
                 title=f"the added volume at {shape.name}", device=self.device,
             )
-            for name, start, shape in zip(self._own_hidden, volumes, self.shapes, strict=True)
+            for name, start, shape in zip(self._own_hidden, volumes, [self.shapes[i] for i in self.read], strict=True)
         ]  # fmt: skip
+
+    def starts(self, held: Mapping[str, float], doubted: Collection[str]) -> tuple[list[dict[str, float]], NeoHookeanDevice]:
+        """Return starting values as `starts`; the pressures of photographs with these names do not count."""
+        measured = [
+            (shape.height, shape.pressure, shape.pressure_error * (IGNORED_ERROR_FACTOR if shape.source in doubted else 1.0))
+            for shape in self.shapes
+        ]
+        heights, pressures, errors = np.array(measured).T
+        return starts(self.model, plain_path(self.model, heights, pressures), pressures, errors, held)
+
+    def bench_parameters(self) -> list[problem.Parameter]:
+        """Return the parameters of the bench, by their own names, with their default priors."""
+        shapes, width = self.shapes, self.model.silhouette.width
+        reading = min(shape.pressure_error for shape in shapes)
+        centre = float(np.median([shape.centre for shape in shapes]))
+        scale = max(shape.scale_error for shape in shapes) or SCALE_ERROR
+        level = max(ZERO_ERROR, *(shape.level_error for shape in shapes))
+        return [
+            problem.Parameter("pressure_offset", "Pa", 0.0, -self.most, self.most, problem.Prior(0.0, reading)),
+            problem.Parameter("pressure_scale", "", 0.0, -0.5, 0.5, problem.Prior(0.0, PRESSURE_SCALE_ERROR)),
+            problem.Parameter("leak", "", 0.0, -0.5, 0.5, problem.Prior(0.0, LEAK_ERROR)),
+            problem.Parameter("scale", "", 0.0, -0.2, 0.2, problem.Prior(0.0, scale)),
+            problem.Parameter("zero", "m", 0.0, -width, width, problem.Prior(0.0, level)),
+            problem.Parameter("centre", "m", centre, centre - width, centre + width),
+        ]
 
     @property
     def count(self) -> int:
@@ -128,12 +160,12 @@ class OutlineResiduals:
             own = self.own(values)
             states = self._states(own)
             self.model.set_parameters(own)
-            made = [
-                MatchedPhotograph(shape, state, self.model.curve(state), self.model.pressure(state), own, self.most)
-                for shape, state in zip(self.shapes, states, strict=True)
-            ]
+            made = [self._matched(shape, state, own) for shape, state in zip(self.shapes, states, strict=True)]
             self._known = key, made
         return self._known[1]
+
+    def _matched(self, shape: Shape, state: State, own: Mapping[str, float]) -> MatchedPhotograph:
+        return MatchedPhotograph(shape, state, self.model.curve(state), self.model.pressure(state), own, self.most)
 
     def _states(self, own: Mapping[str, float]) -> list[State]:
         """Return the state of each photograph at values by their names in this device."""
@@ -176,20 +208,25 @@ class MatchedPhotograph:
         self.shape, self.state, self.curve, self.pressure = shape, state, curve, pressure
         self.values, self.most = values, most
         self.factor = 1.0 + values["scale"]
-        away = shape.points[:, 0] - values["centre"]
-        self.side = np.where(away < 0.0, -1.0, 1.0)
-        self.points = np.column_stack([np.abs(away), shape.points[:, 1] - values["zero"]]) / self.factor
-        self.shadow = shadow_of(curve)
-        self.closest = self.shadow.curve.closest(self.points)
-        self.distances = -self.factor * self.closest.distance
-        self.residuals = shape.mean(self.distances)
         self.true_pressure = (
             shape.pressure * (1.0 - values["pressure_scale"])
             - values["pressure_offset"]
             - values["leak"] * shape.pressure**2 / most
         )
         self.reading = (pressure - self.true_pressure) / shape.pressure_error
+        self._compare()
         keep_arrays(self)
+
+    def _compare(self) -> None:
+        """Compare the outline with the curve."""
+        shape, values = self.shape, self.values
+        away = shape.points[:, 0] - values["centre"]
+        self.side = np.where(away < 0.0, -1.0, 1.0)
+        self.points = np.column_stack([np.abs(away), shape.points[:, 1] - values["zero"]]) / self.factor
+        self.shadow = shadow_of(self.curve)
+        self.closest = self.shadow.curve.closest(self.points)
+        self.distances = -self.factor * self.closest.distance
+        self.residuals = shape.mean(self.distances)
 
     def moved(self, rate: Array) -> Array:
         """Return the derivative of the outline's residuals as the curve's nodes move."""
@@ -198,15 +235,21 @@ class MatchedPhotograph:
     def bench(self) -> dict[str, tuple[Array | float, float]]:
         """Return the derivatives of the outline's residuals and of the reading's by the systematic errors of the bench."""
         error, reading = self.shape.pressure_error, self.shape.pressure
-        normal = self.closest.normal
-        along = (normal * self.points).sum(axis=1)
         return {
             "pressure_offset": (0.0, 1.0 / error),
             "pressure_scale": (0.0, reading / error),
             "leak": (0.0, reading**2 / self.most / error),
-            "scale": (self.shape.mean(along - self.closest.distance), 0.0),
-            "zero": (self.shape.mean(normal[:, 1]), 0.0),
-            "centre": (self.shape.mean(normal[:, 0] * self.side), 0.0),
+            **{name: (slope, 0.0) for name, slope in self._placed().items()},
+        }
+
+    def _placed(self) -> dict[str, Array]:
+        """Return the derivatives of the outline's residuals by where and how large it is in the photograph."""
+        normal = self.closest.normal
+        along = (normal * self.points).sum(axis=1)
+        return {
+            "scale": self.shape.mean(along - self.closest.distance),
+            "zero": self.shape.mean(normal[:, 1]),
+            "centre": self.shape.mean(normal[:, 0] * self.side),
         }
 
 
@@ -260,25 +303,15 @@ def nuisances(source: OutlineResiduals, free: Sequence[str]) -> list[problem.Par
     Free may be ``pressure_offset``, ``pressure_scale``, ``leak``, ``scale``, ``zero``, ``centre``, ``poisson`` and the
     device's own variable lengths, such as ``membrane``, or `LENGTHS` for all of these; `OutlineFitError` for another name.
     """
-    model, shapes = source.model, source.shapes
-    known = (*problem.BENCH, "poisson", *model.lengths)
+    model = source.model
+    known = (*source.bench, "poisson", *model.lengths)
     for name in free:
-        if name not in (*known, problem.LENGTHS):
+        if name not in (*known, problem.TILT, problem.LENGTHS):
             raise OutlineFitError(f"no bench or device parameter is called {name!r}; {known_are(name, known)}")
     if problem.LENGTHS in free:
         free = (*free, *model.lengths)
-    reading = min(shape.pressure_error for shape in shapes)
-    width = model.silhouette.width
-    centre = float(np.median([shape.centre for shape in shapes]))
-    scale = max(shape.scale_error for shape in shapes) or SCALE_ERROR
-    level = max(ZERO_ERROR, *(shape.level_error for shape in shapes))
     made = [
-        problem.Parameter("pressure_offset", "Pa", 0.0, -source.most, source.most, problem.Prior(0.0, reading)),
-        problem.Parameter("pressure_scale", "", 0.0, -0.5, 0.5, problem.Prior(0.0, PRESSURE_SCALE_ERROR)),
-        problem.Parameter("leak", "", 0.0, -0.5, 0.5, problem.Prior(0.0, LEAK_ERROR)),
-        problem.Parameter("scale", "", 0.0, -0.2, 0.2, problem.Prior(0.0, scale)),
-        problem.Parameter("zero", "m", 0.0, -width, width, problem.Prior(0.0, level)),
-        problem.Parameter("centre", "m", centre, centre - width, centre + width),
+        *source.bench_parameters(),
         problem.Parameter("poisson", "", model.choice.poisson, *POISSON_BOUNDS, answers=POISSON_BOUNDS[1:]),
         *length_parameters(model),
     ]
@@ -315,7 +348,7 @@ def all_nuisances(sources: Sequence[OutlineResiduals], free: Sequence[str]) -> l
     """Return the parameters of all devices of a fit; a free one is free for every device, or by its full name for one.
     Raises `OutlineFitError` for a name that no device has."""
     nuisance_by_name: dict[str, problem.Parameter] = {}
-    known = [(*problem.BENCH, "poisson", *source.model.lengths, problem.LENGTHS) for source in sources]
+    known = [(*source.bench, "poisson", *source.model.lengths, problem.TILT, problem.LENGTHS) for source in sources]
     for name in free:
         if not any(name in (own, source.named(own)) for source, names in zip(sources, known, strict=True) for own in names):
             nuisances(sources[0], (name,))
@@ -383,7 +416,8 @@ class NeoHookeanDevice:
 
 def plain_path(model: DeviceModel, heights: Array, pressures: Array) -> NeoHookeanDevice:
     """Follow the device to the measured heights in m; by the readings in Pa the modulus of a loaded device settles. Raises
-    `OutlineFitError` where it cannot reach them, or no stiffness fits its loads."""
+    `OutlineFitError` where it cannot reach them, no stiffness fits its loads, or its shadow at rest is not straight, see
+    `UnpressurisedShape.check`."""
     why = ""
     for _ in range(MAX_MODULUS_ROUNDS):
         try:
@@ -410,7 +444,11 @@ def plain_path(model: DeviceModel, heights: Array, pressures: Array) -> NeoHooke
 
 def _plain_at(model: DeviceModel, heights: Array) -> NeoHookeanDevice:
     values = model.choice.from_modulus(model.modulus)
-    volumes, hangs = volumes_of(model, values, heights)
+    return plain_device(model, values, *volumes_of(model, values, heights))
+
+
+def plain_device(model: DeviceModel, values: dict[str, float], volumes: Array, hangs: float) -> NeoHookeanDevice:
+    """Return the device of a law's numbers at added volumes in m3, and at the one where it hangs without pressure."""
     states = model.states(values, volumes)
     model.set_parameters(values)
     whole = np.array([model.pressure(state) for state in states])
@@ -423,21 +461,21 @@ def _plain_at(model: DeviceModel, heights: Array) -> NeoHookeanDevice:
 
 
 def starts(
-    model: DeviceModel, heights: Array, pressures: Array, errors: Array, held: Mapping[str, float] = MappingProxyType({})
+    model: DeviceModel,
+    states_of_path: NeoHookeanDevice,
+    pressures: Array,
+    errors: Array,
+    held: Mapping[str, float] = MappingProxyType({}),
 ) -> tuple[list[dict[str, float]], NeoHookeanDevice]:
     """Return the starting values of the law, best first, without the numbers that are held, and the path that they come from:
-    heights in m, readings and their standard errors in Pa, or anything in proportion to these.
-
-    Raises `OutlineFitError` as `plain_path`, or where its shadow at rest is not straight, see `UnpressurisedShape.check`.
-    """
-    states_of_path = plain_path(model, heights, pressures)
+    readings and their standard errors in Pa, or anything in proportion to these."""
     plain = states_of_path.values
     target, simulated = (pressures - states_of_path.borne) / errors, states_of_path.elastic / errors
     factor = max(float(simulated @ target / (simulated @ simulated)), 1e-6)
     scaled = {name: value * factor if model.choice.unit(name) == "Pa" else value for name, value in plain.items()}
     scaled |= held
     names, free = model.choice.names, [name for name in model.choice.names if name not in held]
-    if not (model.choice.law.linear and free) or len(heights) < len(plain):
+    if not (model.choice.law.linear and free) or len(pressures) < len(plain):
         return [scaled], states_of_path
     A = np.array([[model.slopes(state, names).pressure[name] for name in names] for state in states_of_path.states])
     A /= errors[:, None]
@@ -654,7 +692,8 @@ def least_squares_of_heights(
     Errors as of `softmodels.fitting.least_squares.fit_parameters`; `OutlineFitError` where the device does not rise so high."""
     model = source.model
     choice = model.choice
-    begins, _ = starts(model, source.measured, source.pressures, np.ones(len(source.measured)))
+    path = plain_path(model, source.measured, source.pressures)
+    begins, _ = starts(model, path, source.pressures, np.ones(len(source.measured)))
     lengths = [p.changed(changes.get(p.name, {})) for p in length_parameters(model)]
     considered = {p.name: p.prior for p in lengths if p.prior and not p.fixed}
     source.considered = tuple(considered)

@@ -12,7 +12,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -229,7 +229,21 @@ def _shape(outline: Outline, part: slice, run: float) -> Shape:
     )  # fmt: skip
 
 
-def _check_pressures(outlines: Sequence[Outline]) -> None:
+class Reading(Protocol):
+    """A measured pressure in Pa, with its standard error, and the photograph of it."""
+
+    @property
+    def source(self) -> str: ...
+
+    @property
+    def pressure(self) -> float: ...
+
+    @property
+    def pressure_error(self) -> float: ...
+
+
+def check_readings(outlines: Sequence[Reading]) -> None:
+    """Raise `OutlineFitError` for nothing to fit to, or a pressure without an error or beyond silicone."""
     if not outlines:
         raise OutlineFitError("nothing to fit to; give outlines that softmodels measure photos has made")
     for outline in outlines:
@@ -242,6 +256,10 @@ def _check_pressures(outlines: Sequence[Outline]) -> None:
             raise OutlineFitError(
                 f"{outline.source}: a pressure of {outline.pressure / 1e3:.4g} kPa is too high for silicone; check its unit"
             )
+
+
+def _check_pressures(outlines: Sequence[Outline]) -> None:
+    check_readings(outlines)
     for earlier, two in itertools.pairwise(outlines):
         same = two.pressure - earlier.pressure <= READING_TOLERANCE * abs(two.pressure)
         if (
@@ -321,13 +339,15 @@ class Silhouette:
         top: The first of them, from which heights count.
     """
 
+    counts_heights = True
+
     def __init__(self, system: System):
         self.system = eq = system
         body, actuator = eq.body, eq.body.actuator
         edges, grid = outer_edges(body), state_values.Grid(eq)
-        self._blocks = edge_nodes(eq, sensitivity.coordinates(body.mesh)[0], edges)
+        self._blocks = nodes_of(eq, sensitivity.coordinates(body.mesh)[0], edges)
         self._mix = np.eye(3) if self._blocks.shape[1] == 3 else STRAIGHT
-        self._space, self._nodes = grid.space, edge_nodes(eq, grid.space, edges)
+        self._space, self._nodes = grid.space, nodes_of(eq, grid.space, edges)
         self._dofs = state_values.displacement_maps(eq, grid)[0][self._nodes]
         self._along = _sideways_vector(actuator)
         places = self._everywhere(self._here())
@@ -357,8 +377,13 @@ class Silhouette:
         chosen[self._turned] = chosen[self._turned][:, [1, 0, 2]]
         return chosen
 
+    @property
+    def _plane(self) -> Array:
+        """Unit vectors of the outline's plane, shape (2, 3)."""
+        return np.array([self._along, self.system.body.actuator.lift])
+
     def _in_plane(self, vectors: Array) -> Array:
-        return np.stack([vectors @ self._along, vectors @ np.asarray(self.system.body.actuator.lift)], axis=-1)
+        return np.asarray(vectors @ self._plane.T)
 
     def _displacement(self, w: Array) -> Array:
         eq = self.system
@@ -386,6 +411,11 @@ class Silhouette:
     def width(self) -> float:
         """Distance of the undeformed curve's farthest node from the axis in m."""
         return float((self.points @ self._along).max())
+
+    @property
+    def tall(self) -> float:
+        """Height of the undeformed curve in m."""
+        return float(np.ptp(self.points @ np.asarray(self.system.body.actuator.lift)))
 
     @property
     def unevenness(self) -> float:
@@ -424,19 +454,23 @@ def outer_edges(body: Body) -> npt.NDArray[np.int32]:
     return np.intersect1d(edges(facets), edges(plane)).astype(np.int32)
 
 
-def edge_nodes(eq: System, space: fem.FunctionSpace, edges: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:
-    """Return the local nodes of edges in a space of first or second order: both ends, then the middle; shape (m, 2 or 3)."""
+def nodes_of(
+    eq: System, space: fem.FunctionSpace, entities: npt.NDArray[np.int32], dimension: int = 1
+) -> npt.NDArray[np.int64]:
+    """Return the local nodes of edges, or of facets of dimension 2, in a space of first or second order: the corners, then the
+    middles of edges; of edges shape (m, 2 or 3), of facets (m, 3 or 6)."""
     topology = eq.body.mesh.topology
     dim = topology.dim
-    topology.create_connectivity(1, dim)
-    topology.create_connectivity(dim, 1)
-    cells_of, edges_of, layout = topology.connectivity(1, dim), topology.connectivity(dim, 1), space.dofmap.dof_layout
-    nodes = np.empty((len(edges), len(layout.entity_closure_dofs(1, 0))), dtype=np.int64)
-    for row, edge in enumerate(edges):
-        cell = cells_of.links(edge)[0]
-        number = int(np.flatnonzero(edges_of.links(cell) == edge)[0])
-        edge_nodes_sorted = sorted(layout.entity_closure_dofs(1, number))  # a cell's vertices come first
-        nodes[row] = space.dofmap.cell_dofs(cell)[edge_nodes_sorted]
+    topology.create_connectivity(dimension, dim)
+    topology.create_connectivity(dim, dimension)
+    cells_of, entities_of = topology.connectivity(dimension, dim), topology.connectivity(dim, dimension)
+    layout = space.dofmap.dof_layout
+    nodes = np.empty((len(entities), len(layout.entity_closure_dofs(dimension, 0))), dtype=np.int64)
+    for row, entity in enumerate(entities):
+        cell = cells_of.links(entity)[0]
+        number = int(np.flatnonzero(entities_of.links(cell) == entity)[0])
+        corners_first = sorted(layout.entity_closure_dofs(dimension, number))  # as of a cell
+        nodes[row] = space.dofmap.cell_dofs(cell)[corners_first]
     return nodes
 
 

@@ -1,0 +1,141 @@
+"""Fits to side views: a finger's tip and angle from another model give its silicone back, by a case file and a table."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import softmodels as sm
+from geometries import Bellows, BendingBellows
+from softmodels.case.case import Case, case_of
+from softmodels.cli.material_commands import fit_material
+from softmodels.fitting.outlines import views
+from softmodels.fitting.outlines.device import MeasuredDevice
+from softmodels.fitting.outlines.residuals import nuisances
+from softmodels.fitting.outlines.shapes import OutlineFitError
+from softmodels.fitting.problem import BENCH, TILT, LawChoice
+from softmodels.mechanics import mpi
+from tests.support import finger_views
+
+SHORT = BendingBellows(folds=1, cell_size=0.008)
+DOWN = sm.Gravity("0.6, 0, -0.8", density=1070.0)
+SILICONE = sm.NeoHookean(20e3)
+ASIDE = finger_views.Camera(side=-1.0, tilt=0.6, base=(2e-4, -3e-4), offset=15.0)
+
+
+@pytest.fixture(scope="module")
+def rows():
+    return finger_views.rows_of(SHORT, SILICONE, [0, 1000, 2200], ASIDE, components=[DOWN])
+
+
+@pytest.fixture
+def table(rows, tmp_path):
+    finger_views.write_views(tmp_path / "views.csv", rows)
+    return tmp_path
+
+
+def source_of(table, components=(DOWN,), law="neo-hookean"):
+    measured = MeasuredDevice.of(case_of(SHORT, SILICONE, "0,5 cm", components=list(components)), views.seen_in(table))
+    model = measured.model(LawChoice.from_text(law), mpi.start())
+    shapes, notes = views.prepare(views.read_views(table), model)
+    return views.ViewResiduals(model, shapes), notes
+
+
+def test_a_finger_that_hangs_is_found_seen_from_behind_and_turned(table):
+    """The start alone, before any fit; and the Jacobian along a random direction against central differences."""
+    source, _ = source_of(table)
+    (begin, *_), plain = source.starts({}, ())
+    assert begin["shear_modulus"] == pytest.approx(20e3, rel=0.06)
+    known = {p.name: p for p in nuisances(source, (*BENCH, TILT))}
+    assert known[TILT].start == pytest.approx(math.degrees(0.6), abs=1.0)
+    parameters = [*source.model.choice.parameters(begin), *known.values(), *source.hidden_parameters(plain.volumes)]
+    values = {p.name: p.start for p in parameters} | {"scale": 0.01, "leak": 0.01, "centre": 1e-4, "zero": -2e-4}
+    rng = np.random.default_rng(4)
+    way = {p.name: rng.uniform(0.5, 1.0) * 2e-3 * max(p.scale, 1e-12) for p in parameters if not p.fixed}
+    way |= {"centre": 1e-5, "zero": -1e-5, "scale": 1e-4, TILT: 0.05}
+
+    def residuals(step):
+        return source.evaluate({name: value + step * way.get(name, 0.0) for name, value in values.items()}, False)[0]
+
+    J = source.evaluate(values, True)[1]
+    assert J is not None and J.shape == (11, len(source.parameters))  # three for each view, and two readings
+    slope = J @ [way.get(name, 0.0) for name in source.parameters]
+    assert slope == pytest.approx((residuals(1.0) - residuals(-1.0)) / 2, rel=2e-4, abs=2e-4 * np.abs(slope).max())
+
+
+def test_tables_that_cannot_be_fitted_say_why(rows, table, tmp_path):
+    def written(changes, other=()):
+        changed = [list(row) for row in rows]
+        for (row, column), text in changes.items():
+            changed[row][column] = text
+        finger_views.write_views(table / "views.csv", [*changed, *other])
+        return table
+
+    with pytest.raises(OutlineFitError, match=r"views.csv, line 3: this view is untrusted \(a shadow\); exclude it"):
+        views.read_views(written({(1, 13): "no", (1, 14): "a shadow"}))
+    with pytest.raises(OutlineFitError, match=r"line 2: 'far' is not a number"):
+        views.read_views(written({(0, 3): "far"}))
+    assert [view.source for view in views.read_views(written({(1, 13): "refused"}))] == ["0.jpg", "2.jpg"]
+    assert len(views.read_views(written({}), exclude=("2.jpg",))) == 2
+    with pytest.raises(OutlineFitError, match="no side view shows the device under pressure"):
+        source_of(written({(1, 1): "0", (2, 1): "0"}))
+    with pytest.raises(OutlineFitError, match=r"without pressure the tip is .* and 15.04 mm in the case; check base"):
+        source_of(written({(0, 3): "0.1"}), components=())
+    _, notes = source_of(written({(1, 1): "-400"}))
+    assert notes == ["1.jpg: below the pressure of the room; photograph not used"]
+    with pytest.raises(sm.FitError, match="side views carry no times"):
+        sm.fit(SHORT, table, options=sm.FitOptions(memory=True))
+    with pytest.raises(OutlineFitError, match="give its half or all of it"):
+        MeasuredDevice.of(Bellows(section="axisymmetric"), views.TipFace).model(LawChoice.from_text("neo-hookean"), mpi.start())
+
+
+def random_finger(seed):
+    """A finger as it is and as its case describes it, the silicone, the true pressures in Pa, and who looks at it."""
+    rng = np.random.default_rng(seed)
+    lengths = {"folds": 2, "radius": rng.uniform(5e-3, 7e-3), "wall": rng.uniform(1.2e-3, 1.8e-3)}
+    modulus = math.exp(rng.uniform(math.log(15e3), math.log(80e3)))
+    law = sm.Yeoh(c1=modulus / 2, c2=modulus / 200) if rng.random() < 0.5 else sm.NeoHookean(modulus)
+    turn = rng.uniform(0.0, math.tau)
+    gravity = sm.Gravity(f"{math.cos(turn):.4f}, 0, {math.sin(turn):.4f}", density=1070.0)
+    camera = finger_views.Camera(
+        rng.choice([-1.0, 1.0]), rng.uniform(-3.0, 3.0), tuple(3e-4 * rng.standard_normal(2)), 0.005 * rng.standard_normal(),
+        15.0 * rng.standard_normal(), pressure_error=15.0,
+    )  # fmt: skip
+    pressures = [round(modulus * share, 1) for share in (0.0, 0.02, 0.04, 0.06, 0.08)]
+    return (
+        BendingBellows(cell_size=5e-3, **lengths),
+        BendingBellows(cell_size=7e-3, **lengths),
+        law,
+        gravity,
+        pressures,
+        camera,
+    )
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("seed", [1, 2])
+def test_fingers_give_their_silicone_back_to_two_commands(seed, tmp_path, figure):
+    """Other cells, another law or none, gravity in any direction of the plane, an offset, another scale; the fitted material
+    then has the best score."""
+    true, device, law, gravity, pressures, camera = random_finger(seed)
+    rows = finger_views.rows_of(true, law, pressures, camera, seed, components=[gravity])
+    finger_views.write_views(tmp_path / "views.csv", rows)
+    case, fitted = tmp_path / "finger.toml", tmp_path / "fit"
+    case.write_text(case_of(device, "ecoflex-00-30", "0,5 cm", components=[gravity], name="finger").to_toml())
+    asked = ["--material", "neo-hookean", "--silicone", "any", "--no-profiles", "-o", str(fitted)]
+    ran = CliRunner().invoke(fit_material, [str(case), str(tmp_path), *asked])
+    assert ran.exit_code == 0, ran.output
+    report = json.loads((fitted / "fit.json").read_text())
+    (modulus,) = (p for p in report["laws"][0]["parameters"] if p["name"] == "shear_modulus")
+    low, high = modulus["interval"]
+    assert low <= law.shear_modulus_0 <= high
+    assert "side views, measured and simulated" in (fitted / "report.html").read_text()
+    off = modulus["value"] / law.shear_modulus_0 - 1
+    figure("side views of fingers by other cells and laws", "the modulus fitted", off, 0.03)
+    scores = sm.score([str(fitted / "fitted.toml"), "yeoh:c1=2kPa"], device=Case.from_file(case), outlines=tmp_path)
+    assert [score.material for score in scores] == [str(fitted / "fitted.toml"), "yeoh:c1=2kPa"]
+    assert scores[0].data == "5 side views of finger" and scores[0].chi2 < 10.0 < scores[1].chi2
