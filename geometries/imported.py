@@ -79,6 +79,16 @@ class ImportedPart(Actuator):
     rise: str = schema.choice_field("z", ("x", "y", "z"), "direction in which that motion is counted")
 
     stem: ClassVar = "part"
+    headline: ClassVar = ("tip_shift", "tip_turn", "max_displacement")
+    fewest_steps: ClassVar = 6
+    figure_texts: ClassVar = {
+        "tip_shift": ("mm", "tip displacement", "distance that the tip has moved, in whatever direction"),
+        "tip_turn": (
+            "deg",
+            "turn of the tip",
+            "angle by which the line from the middle of the held faces to the tip has turned; half the bend of a circular arc",
+        ),
+    }
     unbonded: ClassVar = (OUTER,)
     meeting: ClassVar = None
     kind: ClassVar[str] = "file"
@@ -160,6 +170,11 @@ class ImportedPart(Actuator):
             f"the opening {plug.text} is closed by a plug {1e3 * plug.length:.2g} mm long; --inlets none leaves it open"
             for plug in reading.plugs
         ]
+        if (size := getattr(self, "cell_size", 0.0)) > COARSE_CELLS * reading.wall > 0.0:
+            remarks.append(
+                f"cells of up to {schema.shown(size, 'm')} are coarse for walls about {1e3 * reading.wall:.2g} mm thick; "
+                "smaller ones (--cell-size) take longer, and --mesh-error says what they change"
+            )
         share = sum(reading.cavity_volumes) / reading.air_on_file - 1.0 if reading.air_on_file else 0.0
         if abs(share) > SURFACE_VOLUME_TOLERANCE:
             remarks.append(
@@ -237,6 +252,12 @@ class ImportedPart(Actuator):
     def probes(self) -> Mapping[str, Vector]:
         return {"tip": self.reading.gauge}
 
+    def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
+        """Return how far the tip has moved and turned around the support; see `Actuator.device_figures`."""
+        here, rest, held = (np.array(place) for place in (places["tip"], self.reading.gauge, self.reading.held))
+        turn = math.atan2(float(np.linalg.norm(np.cross(rest - held, here - held))), float((rest - held) @ (here - held)))
+        return {"tip_shift": math.dist(here, rest), "tip_turn": turn}
+
     @property
     def cavity_volume(self) -> float:
         """Sum of the whole part's cavities in m3, each times its pressure ratio, from a mesh of their walls."""
@@ -270,6 +291,27 @@ NONE = "none"
 """What ``cavities`` says of a solid part."""
 
 
+USUAL_SIZE, USUAL_CELLS = 3e-3, (3000.0, 5000.0)
+"""Longest edge (m) of a part's cells if none is given, and between which numbers of cells it stays, roundings aside: 5000
+cells are 30,000 unknowns, whose path takes a minute or two on one core."""
+CELLS_PER_TRIANGLE, CELLS_PER_CUBE = 3.2, 4.4
+"""Cells for each triangle of a thin wall's faces, and for each cube of the edge in a thick part, about."""
+COARSE_CELLS = 2.0
+"""Longest edge of the cells over the thickness of the walls, above which a remark says that they are coarse."""
+
+
+def usual_size(area: float, volume: float) -> float:
+    """Return a longest edge in m with which cells of a solid with this surface (m2) and volume (m3) are neither too few nor too
+    many to be solved in minutes: they fill its volume, and on thin walls follow its area."""
+
+    def of_count(cells: float) -> float:
+        thin = math.sqrt(CELLS_PER_TRIANGLE * area / (revolved.TRIANGLE_AREA * cells))
+        return max(thin, float(np.cbrt(CELLS_PER_CUBE * volume / cells)))
+
+    size = min(max(USUAL_SIZE, of_count(USUAL_CELLS[1])), of_count(USUAL_CELLS[0]))
+    return float(np.format_float_positional(size, precision=2, fractional=False))
+
+
 def cavity_role(number: int) -> str:
     """Return the role of a cavity's walls, counted from 0."""
     return "cavity" if number == 0 else f"cavity{number + 1}"
@@ -295,6 +337,10 @@ class Reading:
     """What was done to close and join the file's surfaces, in words."""
     plate: Vector = (0.0, 0.0, 0.0)
     """A place (m) in the plate that closes a cavity without a floor; the origin if there is none."""
+    held: Vector = (0.0, 0.0, 0.0)
+    """The middle of the held faces in m; the origin if there are none."""
+    wall: float = 0.0
+    """Thickness of its walls in m: twice the volume over the area of their faces; 0 of a mesh, whose cells are given."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -953,13 +999,36 @@ CELLS_PER_CIRCLE = 40
 
 
 @functools.lru_cache(maxsize=32)
+def _usual_size(file: str, digest: str) -> float:
+    """Return the longest edge in m of a STEP file's cells if none is given; see `usual_size`."""
+
+    def measure() -> dict[str, Array]:
+        return {"sizes": np.array(apart(file, _area_and_volume_of, file))}
+
+    return usual_size(*meshing.cached_arrays(("area and volume", digest), measure)["sizes"].tolist())
+
+
+def _area_and_volume_of(file: str) -> tuple[float, float]:
+    """Return the area (m2) and volume (m3) of the solids in a STEP file."""
+    with meshing.private_model():
+        import_step(file, "M")
+        occ = gmsh.model.occ
+        return tuple(sum(occ.getMass(*entity) for entity in occ.getEntities(d)) for d in (2, 3))  # type: ignore[return-value]
+
+
+def apart[T](file: str, task: Callable[..., T], *arguments: object) -> T:
+    """Carry out a task on a file in a process of its own; GeometryError if that dies."""
+    try:
+        return meshing.apart(task, *arguments)
+    except MeshingError as error:
+        raise GeometryError(f"file {file} cannot be read: {error}") from None
+
+
+@functools.lru_cache(maxsize=32)
 def read_part(part: ImportedActuator, digest: str) -> Reading:
     """Open the file, in a process of its own, and check every choice against it. Another digest, of another content, is
     another reading. GeometryError for a file or a choice that makes no device."""
-    try:
-        return meshing.apart(_read_step, part)
-    except MeshingError as error:
-        raise GeometryError(f"file {part.file} cannot be read: {error}") from None
+    return apart(part.file, _read_step, part)
 
 
 def _read_step(part: ImportedActuator) -> Reading:
@@ -978,9 +1047,10 @@ def _read_step(part: ImportedActuator) -> Reading:
         gmsh.model.mesh.generate(2)
         gmsh.model.mesh.setOrder(2)
         volumes = tuple(_enclosed_volume(solids, roles[cavity_role(i)]) for i in range(part.cavity_count))
+        held = np.mean([gmsh.model.occ.getCenterOfMass(2, tag) for tag in roles.get("support", ())] or [np.zeros(3)], axis=0)
         return Reading(
             solids.outward(roles),
-            _gauge(part, roles.get("support", np.empty(0, dtype=np.int64))),
+            _gauge(part, held),
             solids.volume,
             volumes,
             tuple(solids.regions) if len(solids.regions) > 1 else (),
@@ -988,6 +1058,8 @@ def _read_step(part: ImportedActuator) -> Reading:
             bodies=solids.bodies if len(solids.bodies) > 1 else (),
             repairs=(*solids.repairs, *solids.closed_by_plate),
             plate=solids.in_plate,
+            held=(float(held[0]), float(held[1]), float(held[2])),
+            wall=2.0 * solids.volume / sum(gmsh.model.occ.getMass(2, face) for face in solids.every),
         )
 
 
@@ -1008,13 +1080,7 @@ def build_part(part: ImportedActuator) -> None:
 def open_part(part: ImportedActuator, unit: str = "M") -> Solids:
     """Read the file in metres, or another of the CAD kernel's units, whatever its own; its solids are glued, and its openings
     closed."""
-    gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
-    try:
-        with meshing.drawn_in(unit):
-            gmsh.model.occ.importShapes(part.file, format="step")
-        gmsh.model.occ.synchronize()
-    except Exception as error:  # Gmsh raises bare Exception
-        raise GeometryError(f"file {part.file} cannot be read as STEP ({str(error).strip() or 'no reason given'})") from None
+    import_step(part.file, unit)
     metre = {"M": 1.0, "MM": 1e3}[unit]
     whole = glued(part, metre)
     plugs = tuple(part.to_close(len(whole.pieces(whole.every)) - 1, lambda: _surface(metre)))
@@ -1025,6 +1091,17 @@ def open_part(part: ImportedActuator, unit: str = "M") -> Solids:
     closed = glued(part, metre, volumes)
     closed.plugs, closed.repairs = plugs, whole.repairs
     return closed
+
+
+def import_step(file: str, unit: str) -> None:
+    """Read a STEP file into the current Gmsh model, in a unit of the CAD kernel's."""
+    gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
+    try:
+        with meshing.drawn_in(unit):
+            gmsh.model.occ.importShapes(file, format="step")
+        gmsh.model.occ.synchronize()
+    except Exception as error:  # Gmsh raises bare Exception
+        raise GeometryError(f"file {file} cannot be read as STEP ({str(error).strip() or 'no reason given'})") from None
 
 
 def _surface(metre: float) -> Surface:
@@ -1089,12 +1166,11 @@ def _corner(part: ImportedPart, corners: Array, held: Array) -> Vector:
     return float(at[0]), float(at[1]), float(at[2])
 
 
-def _gauge(part: ImportedActuator, support: mesh_arrays.Ints) -> Vector:
-    """Return the corner nearest to the wanted point, or the one farthest from the held faces, or from the origin."""
+def _gauge(part: ImportedActuator, held: Array) -> Vector:
+    """Return the corner nearest to the wanted point, or the one farthest from the middle (3,) of the held faces, in m."""
     corners = np.array([gmsh.model.getValue(0, tag, []) for _, tag in gmsh.model.getEntities(0)])
     if not len(corners):
         raise GeometryError(f"file {part.file} has no corner to follow; split an edge where the motion matters")
-    held = np.mean([gmsh.model.occ.getCenterOfMass(2, tag) for tag in support] or [np.zeros(3)], axis=0)
     gauge = _corner(part, corners, held)
     if part.gauge_point and math.dist(gauge, point("gauge_point", part.gauge_point)) > 1e-4:
         near = ", ".join(f"{value * 1e3:.6g}" for value in gauge)
@@ -1114,7 +1190,12 @@ class ImportedActuator(ImportedPart):
         (), "solids that are not glued where they touch others, such as piston: bodies of their own, between which contact acts"
     )
 
-    cell_size: float = schema.length_field(0.003, "longest edge of the cells", shape=False)
+    cell_size: float = schema.length_field(
+        0.0,
+        "longest edge of the cells; 0: 3 mm, or what makes a few thousand cells of a part, roundings aside",
+        zero=True,
+        shape=False,
+    )
     curvature: float = schema.number_field(10.0, "cells around a full circle", shape=False)
     order: int = schema.choice_field(2, (1, 2), "order of the cells' geometry: 1 straight, 2 curved edges")
 
@@ -1123,6 +1204,8 @@ class ImportedActuator(ImportedPart):
     def check_cells(self) -> None:
         if not 4.0 <= self.curvature <= 100.0:
             raise GeometryError(f"curvature is {self.curvature:g}; it must be between 4 and 100 cells around a circle")
+        if not self.cell_size:
+            object.__setattr__(self, "cell_size", _usual_size(self.file, self.digest()))
 
     @property
     def reading(self) -> Reading:
@@ -1176,10 +1259,6 @@ SIZE_GRID_POINTS = 100_000
 """Points of the grid, about, on which Gmsh looks up those sizes."""
 EASING = (0.5,) * 5
 """Shares of their way from straight edges at which mid-edge nodes of spoilt cells stay, round by round."""
-USUAL_SIZE, USUAL_CELLS = 3e-3, (3000.0, 12000.0)
-"""Longest edge (m) of an STL part's cells if none is given, and between which numbers of cells it stays, roundings aside."""
-CELLS_PER_TRIANGLE, CELLS_PER_CUBE = 3.2, 4.4
-"""Cells for each triangle of a thin wall's faces, and for each cube of the edge in a thick part, about."""
 Sets = list[tuple[str, Sequence[Any]]]
 """Names of a file, and of each block of cells those that have the name; None for none."""
 OTHER_CELLS = ("hexahedron", "wedge", "pyramid", "voxel")
@@ -1642,13 +1721,6 @@ def cavity_volumes(
     return volumes
 
 
-def gauge(part: ImportedMesh, mesh: mesh_arrays.Tetrahedra, roles: Mapping[str, mesh_arrays.Ints]) -> Vector:
-    """Return the corner of the boundary nearest to the wanted point, or the one farthest from the held faces, or from the
-    origin."""
-    held = mesh.corners[roles["support"]].reshape(-1, 3).mean(axis=0) if "support" in roles else np.zeros(3)
-    return _corner(part, mesh.points[np.unique(mesh.triangles[:, :3])], held)
-
-
 @registry.register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ImportedMesh(ImportedPart):
@@ -1681,7 +1753,8 @@ class ImportedMesh(ImportedPart):
         if self.air and not all(stl):
             raise GeometryError(f"air is {self.air!r}; give it with a part of its own as surfaces, both as .stl files")
         if stl[0] and not self.cell_size:
-            object.__setattr__(self, "cell_size", _usual_size(read_surfaces(self.file, UNITS[self.unit])[0]))
+            surface = read_surfaces(self.file, UNITS[self.unit])[0]
+            object.__setattr__(self, "cell_size", usual_size(*_area_and_volume(surface)))
 
     @property
     def files(self) -> Mapping[str, str]:
@@ -1741,21 +1814,13 @@ class ImportedMesh(ImportedPart):
             gmsh.model.addPhysicalGroup(2, [tag], name=role)
 
 
-def _usual_size(surface: Surface) -> float:
-    """Return a longest edge in m with which cells of a closed surface's solid are neither too few nor too many to be solved in
-    minutes: they fill its volume, and on thin walls follow its area."""
+def _area_and_volume(surface: Surface) -> tuple[float, float]:
+    """Return the area (m2) of a closed surface and the volume (m3) of the solid that it bounds."""
     points, triangles = surface
     a, b, c = np.moveaxis(points[triangles], 1, 0)
     normal = np.cross(b - a, c - a)
-    area, volume = 0.5 * np.linalg.norm(normal, axis=1).sum(), abs(np.einsum("ij,ij->", a - points[0], normal)) / 6.0
-
-    def of_count(cells: float) -> float:
-        return max(
-            math.sqrt(CELLS_PER_TRIANGLE * area / (revolved.TRIANGLE_AREA * cells)), np.cbrt(CELLS_PER_CUBE * volume / cells)
-        )
-
-    size = min(max(USUAL_SIZE, of_count(USUAL_CELLS[1])), of_count(USUAL_CELLS[0]))
-    return float(np.format_float_positional(size, precision=2, fractional=False))
+    area = 0.5 * float(np.linalg.norm(normal, axis=1).sum())
+    return area, abs(float(np.einsum("ij,ij->", a - points[0], normal))) / 6.0
 
 
 def _parts_of(file: str, mesh: mesh_arrays.Tetrahedra) -> dict[str, str]:
@@ -1767,7 +1832,7 @@ def _parts_of(file: str, mesh: mesh_arrays.Tetrahedra) -> dict[str, str]:
 def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra, Reading]:
     """Read the file and check every choice against it. Another digest, of another content, is another reading."""
     plugs: list[Inlet] = []
-    air = 0.0
+    air, wall = 0.0, 0.0
     repairs: list[str] = []
     if Path(part.file).suffix.lower() == ".stl":
         unit = UNITS[part.unit]
@@ -1780,6 +1845,8 @@ def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra,
         if plugs := part.to_close(shells - 1, lambda: surface):
             surface = plugged(surface, plugs)
         air = mesh_arrays.enclosed_air(*surface)
+        area, volume = _area_and_volume(surface)
+        wall = 2.0 * volume / area
         mesh = meshed_solid(part.file, surface, part.cell_size)
     else:
         mesh = read_mesh(part.file, UNITS[part.unit])
@@ -1794,11 +1861,12 @@ def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra,
     mesh = put_on_planes(mesh, roles, normals)
     volumes = cavity_volumes(part, mesh, roles, boundary.plate)
     said = (*repairs, *boundary.closed_by_plate)
-    at = gauge(part, mesh, roles)
+    held = mesh.corners[roles["support"]].reshape(-1, 3).mean(axis=0) if "support" in roles else np.zeros(3)
+    at = _corner(part, mesh.points[np.unique(mesh.triangles[:, :3])], held)
     named, cells = _parts_of(part.file, mesh), mesh.bodies
     bodies = tuple(tuple(name for name, given in named.items() if np.isin(mesh.regions[given], own).all()) for own in cells)
     bodies = bodies if len(cells) > 1 else ()
     return mesh, Reading(
         normals, at, mesh.volume, volumes, plugs=tuple(plugs), bodies=bodies, air_on_file=air, repairs=said,
-        plate=boundary.in_plate,
+        plate=boundary.in_plate, held=(float(held[0]), float(held[1]), float(held[2])), wall=wall,
     )  # fmt: skip
