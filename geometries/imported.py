@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from geometries import abaqus, actuator, mesh_arrays, meshing, registry, revolved, surfaces
 from geometries.actuator import Actuator, CutPlane, Hold, Vector
 from geometries.faces import FORMATS, UNITS, Colour, Faces, faces, point
-from geometries.inlets import Inlet, air_spaces, plugged
+from geometries.inlets import CUT_TOLERANCE, Inlet, air_spaces, plugged, whole
 from geometries.surfaces import Surface
 from softmodels.common import errors, files, schema
 from softmodels.common.arrays import Array
@@ -183,21 +183,28 @@ class ImportedPart(Actuator):
             )
         return tuple(remarks)
 
-    def to_close(self, inner: int, surface: Callable[[], Surface]) -> list[Inlet]:
-        """Return the openings to close in a part with a number of closed inner shells, whose closed surface (corners in m, and
-        triangles) is made only where it is needed; those of its air, or those that ``inlets`` names. GeometryError for one that
-        is not there."""
-        if self.airless or self.planes or self.inlets == (NONE,):  # a part that is cut is open where it is cut
+    def to_close(self, inner: int, surface: Callable[[], Surface], normals: Sequence[Vector]) -> list[Inlet]:
+        """Return the openings to close in a part with a number of inner shells that are closed but where it is cut, by the
+        outward unit normals of its cut planes. Its closed surface (corners in m, and triangles) is made only where it is
+        needed; the openings are those of its air, or those that ``inlets`` names. GeometryError for one that is not there."""
+        if self.airless or self.inlets == (NONE,):
             return []
         if inner >= self.cavity_count and not self.inlets:
             return []
         points = [point("cavities", text) for text in self.cavities if re.match(r"\s*at\b", text)]
 
         def search() -> dict[str, Array]:
-            spaces = [space for space in air_spaces(*surface()) if not points or any(map(space.holds, points))]
-            return {"openings": np.array([opening.row for space in spaces for opening in space.inlets]).reshape(-1, 9)}
+            spaces = air_spaces(*whole(surface(), normals))
+            openings = [
+                own.row
+                for space in spaces
+                if not points or any(map(space.holds, points))
+                for opening in space.inlets
+                if (own := opening.within(normals))
+            ]
+            return {"openings": np.array(openings).reshape(-1, 9)}
 
-        key = ("openings", self.digest(), points, getattr(self, "unit", ""))
+        key = ("openings", self.digest(), points, getattr(self, "unit", ""), tuple(normals))
         openings = [Inlet.from_row(row) for row in meshing.cached_arrays(key, search)["openings"].tolist()]
         if not self.inlets:
             return openings
@@ -527,6 +534,8 @@ def _mark_of_colour(colour: Colour) -> Colour:
 # Faces picked by such texts.
 
 
+POINTS_TRIED = 100
+"""Places that are looked at for one in the air within a shell."""
 SAME_COLOUR = 2
 """How far red, green and blue may be off: they are written in decimals and rounded."""
 PLANE_TOLERANCE = 1e-4
@@ -671,8 +680,7 @@ class Boundary(abc.ABC):
     @property
     def in_plate(self) -> Vector:
         """A place (m) in the plate that closes the cavity, or the origin."""
-        x, y, z = (float(value) for value in self.plate)
-        return x, y, z
+        return _vector(self.plate)
 
     @property
     def closed_by_plate(self) -> tuple[str, ...]:
@@ -696,22 +704,19 @@ class Boundary(abc.ABC):
             nonlocal left
             roles[role], left = reference, left[~np.isin(left, reference)]
 
-        for i, text in enumerate(part.planes):
-            take(f"plane{i}", self._in_cut_plane(text, left))
+        for role, faces_of_plane in self.cut_faces().items():
+            take(role, faces_of_plane)
         pieces = self.pieces(left)
         widths = [float(np.linalg.norm(np.ptp(self.box(piece), axis=0))) for piece in pieces]
         widest = set({int(self.body_of(pieces[k][:1])[0]): k for k in np.argsort(widths)}.values())  # of each body
         outside = np.concatenate([left[:0], *(pieces[k] for k in widest)])
         if not part.cavities:
             inner = [piece for k, piece in enumerate(pieces) if k not in widest]
-            take(cavity_role(0), self._only_inner(inner or self._behind_support(left)))
+            take(cavity_role(0), self._only_inner(inner or self._behind_support(left), pieces))
         for i, text in enumerate(part.cavities[: part.cavity_count]):
             wall = self._wall(text, pieces, left)
             if np.isin(outside, wall).any():
-                cut = "; inlets of a part that is cut are not found, so close them where it is drawn" if part.planes else ""
-                raise GeometryError(
-                    f"cavities has {text!r}; that is outside the part, or its cavity is open to the outside{cut}"
-                )
+                raise GeometryError(f"cavities has {text!r}; that is outside the part, or its cavity is open to the outside")
             if not np.isin(wall, left).all():
                 raise GeometryError(f"cavities has {text!r}; that cavity is already selected")
             take(cavity_role(i), wall)
@@ -722,6 +727,14 @@ class Boundary(abc.ABC):
                 take(role, self._some(f"{field} is {text!r}", field, text, uncut))
         return {name: faces for name, faces in {**roles, OUTER: left}.items() if len(faces)}
 
+    def cut_faces(self) -> dict[str, mesh_arrays.Ints]:
+        """Return the faces in each of the cut planes, by role."""
+        left, roles = self.every, dict[str, mesh_arrays.Ints]()
+        for i, text in enumerate(self.part.planes):
+            roles[f"plane{i}"] = taken = self._in_cut_plane(text, left)
+            left = left[~np.isin(left, taken)]
+        return roles
+
     def outward(self, roles: Mapping[str, mesh_arrays.Ints]) -> tuple[Vector, ...]:
         """Return the unit normals of the cut planes, away from the solid. GeometryError for a plane that does not bound the
         part, or planes between which its images do not fill the whole."""
@@ -731,8 +744,7 @@ class Boundary(abc.ABC):
             normal = np.where(self.inwards(normal, roles[f"plane{i}"]), -normal, normal) + 0.0
             if (self.nodes @ normal).max() > self.near:
                 raise GeometryError(f"planes has {text!r}; the part extends to both sides of it, so it is not cut there")
-            x, y, z = (float(value) for value in normal)
-            normals.append((x, y, z))
+            normals.append(_vector(normal))
         actuator.check_slice(normals, self.part.planes)
         return tuple(normals)
 
@@ -775,8 +787,8 @@ class Boundary(abc.ABC):
         self.plate = self.points(held).mean(axis=0)
         return [piece for piece in pieces if piece is not outside]
 
-    def _only_inner(self, inner: list[mesh_arrays.Ints]) -> mesh_arrays.Ints:
-        """Return the wall of the only cavity, of those that are neither the outside nor joined to it."""
+    def _only_inner(self, inner: list[mesh_arrays.Ints], pieces: list[mesh_arrays.Ints]) -> mesh_arrays.Ints:
+        """Return the wall of the only cavity, of those that are neither the outside nor joined to it; ``pieces`` are all."""
         file = self.part.file
         if not inner:
             where = "close it where it is drawn"
@@ -788,14 +800,23 @@ class Boundary(abc.ABC):
                 "part (no cavity)"
             )
         if len(inner) > 1:
-            middles = sorted(tuple(1e3 * self.box(shell).mean(axis=0)) for shell in inner)
-            places = "; ".join(", ".join(f"{value:.4g}" for value in middle) for middle in middles[:4])
-            places += "; ..." if len(inner) > 4 else ""
+            largest = sorted(inner, key=lambda shell: -float(np.prod(np.ptp(self.box(shell), axis=0))))
+            places = "; ".join(self._in_air(shell, pieces) for shell in largest[:4]) + ("; ..." if len(inner) > 4 else "")
             raise GeometryError(
-                f"cavities is empty, and file {file} has {len(inner)} closed inner shells, with their middles at {places} mm; "
-                "give a point in the air of each cavity, such as cavities = ['at 10, 0, 4 mm']"
+                f"cavities is empty, and file {file} has {len(inner)} closed inner shells, with air {places}; name those to "
+                "press, such as --cavities 'at 10, 0, 4 mm', or cavities = ['at 10, 0, 4 mm'] in a case file"
             )
         return inner[0]
+
+    def _in_air(self, shell: mesh_arrays.Ints, pieces: list[mesh_arrays.Ints]) -> str:
+        """Return a point in the air within a shell, which is one of the pieces, as `cavities` takes it: the middle, or one
+        half-way between two places of its wall."""
+        walls = self.points(shell)
+        first, second = np.random.default_rng(0).integers(len(walls), size=(2, POINTS_TRIED))
+        tried = [self.box(shell).mean(axis=0), *(0.5 * (walls[first] + walls[second]))]
+        rounded = [np.round(place, 5) for place in tried]
+        own = (place for place in rounded if not self.holds(_vector(place)) and self.nearest(_vector(place), pieces) is shell)
+        return f"at {', '.join(f'{1e3 * value:.6g}' for value in next(own, rounded[0]) + 0.0)} mm"
 
     def _wall(self, text: str, pieces: list[mesh_arrays.Ints], left: mesh_arrays.Ints) -> mesh_arrays.Ints:
         """Return the piece of wall nearest to a point in the air, or that or those to which picked faces belong."""
@@ -923,6 +944,11 @@ class Solids(Boundary):
 
     def inwards(self, normal: Array, faces: mesh_arrays.Ints) -> bool:
         return bool(normal @ self.centre > 0)
+
+    def cut_normals(self) -> tuple[Vector, ...]:
+        """Return the outward unit normals of the cut planes, before the part is meshed and checked."""
+        fitted = [self.fitted(faces) for faces in self.cut_faces().values()]
+        return tuple(_vector(-normal if self.inwards(normal, self.every) else normal) for normal in fitted)
 
 
 def glued(part: ImportedActuator, metre: float, plugs: Sequence[tuple[int, int]] = ()) -> Solids:
@@ -1058,7 +1084,7 @@ def _read_step(part: ImportedActuator) -> Reading:
             bodies=solids.bodies if len(solids.bodies) > 1 else (),
             repairs=(*solids.repairs, *solids.closed_by_plate),
             plate=solids.in_plate,
-            held=(float(held[0]), float(held[1]), float(held[2])),
+            held=_vector(held),
             wall=2.0 * solids.volume / sum(gmsh.model.occ.getMass(2, face) for face in solids.every),
         )
 
@@ -1082,14 +1108,17 @@ def open_part(part: ImportedActuator, unit: str = "M") -> Solids:
     closed."""
     import_step(part.file, unit)
     metre = {"M": 1.0, "MM": 1e3}[unit]
-    whole = glued(part, metre)
-    plugs = tuple(part.to_close(len(whole.pieces(whole.every)) - 1, lambda: _surface(metre)))
+    solids = glued(part, metre)
+    cut = np.concatenate([solids.every[:0], *solids.cut_faces().values()]) if unit == "M" else solids.every[:0]
+    normals = solids.cut_normals() if len(cut) else ()
+    shells_of_air = len(solids.pieces(solids.every[~np.isin(solids.every, cut)])) - 1
+    plugs = tuple(part.to_close(shells_of_air, lambda: _surface(metre), normals))
     if not plugs:
-        return whole
-    volumes = [_plug_volume(whole, plug, metre) for plug in plugs]
+        return solids
+    volumes = [_plug_volume(solids, plug, metre, normals) for plug in plugs]
     gmsh.model.occ.synchronize()
     closed = glued(part, metre, volumes)
-    closed.plugs, closed.repairs = plugs, whole.repairs
+    closed.plugs, closed.repairs = plugs, solids.repairs
     return closed
 
 
@@ -1122,14 +1151,22 @@ def _surface(metre: float) -> Surface:
     return places.reshape(-1, 3) / metre, corners
 
 
-def _plug_volume(solids: Solids, opening: Inlet, metre: float) -> tuple[int, int]:
-    """Return a volume of the current model that fills an opening: what a somewhat wider cylinder has of the air there."""
+def _plug_volume(solids: Solids, opening: Inlet, metre: float, normals: Sequence[Vector]) -> tuple[int, int]:
+    """Return a volume of the current model that fills an opening, up to cut planes of these outward unit normals: what a
+    somewhat wider cylinder has of the air there."""
     occ = gmsh.model.occ
     place, way = metre * np.array(opening.place), metre * opening.length * np.array(opening.axis)
     cylinder = occ.addCylinder(*place, *way, metre * opening.cylinder)
-    left, _ = occ.cut([(3, cylinder)], [(3, tag) for tag in solids.tags], removeTool=False)
+    plugs, middle = [(3, cylinder)], metre * np.array(opening.middle)
+    for normal in np.reshape(normals, (-1, 3)):
+        depth, reach = float(middle @ normal), 2.0 * metre * (opening.cylinder + opening.length)
+        if depth > -reach:
+            beyond = occ.addCylinder(*(middle - depth * normal), *(reach * normal), reach)
+            plugs, _ = occ.cut(plugs, [(3, beyond)])
+            middle = middle - max(depth + 0.25 * metre * opening.radius, 0.0) * normal
+    left, _ = occ.cut(plugs, [(3, tag) for tag in solids.tags], removeTool=False)
     occ.synchronize()
-    middle = list(metre * np.array(opening.middle))
+    middle = middle.tolist()
     own = next((volume for volume in left if gmsh.model.isInside(*volume, middle)), None)
     plug = own or max(left, key=lambda volume: float(occ.getMass(*volume)), default=None)  # a bore that turns
     occ.remove([volume for volume in left if volume != plug], recursive=True)
@@ -1163,7 +1200,7 @@ def _corner(part: ImportedPart, corners: Array, held: Array) -> Vector:
         at = corners[np.linalg.norm(corners - point("gauge_point", part.gauge_point), axis=1).argmin()]
     else:
         at = corners[np.linalg.norm(corners - held, axis=1).argmax()]
-    return float(at[0]), float(at[1]), float(at[2])
+    return _vector(at)
 
 
 def _gauge(part: ImportedActuator, held: Array) -> Vector:
@@ -1814,6 +1851,17 @@ class ImportedMesh(ImportedPart):
             gmsh.model.addPhysicalGroup(2, [tag], name=role)
 
 
+def _cut_normals(part: ImportedPart, points: Array) -> tuple[Vector, ...]:
+    """Return the outward unit normals of the planes on which a surface is cut, whose corners are given in m."""
+    normals = [choice.normal for text in part.planes if (choice := faces("planes", text)).normal is not None]
+    return tuple(_vector(np.array(n) if (points @ n).mean() < 0.0 else -np.array(n)) for n in normals)
+
+
+def _vector(values: Array) -> Vector:
+    x, y, z = (float(value) + 0.0 for value in values)
+    return x, y, z
+
+
 def _area_and_volume(surface: Surface) -> tuple[float, float]:
     """Return the area (m2) of a closed surface and the volume (m3) of the solid that it bounds."""
     points, triangles = surface
@@ -1841,9 +1889,13 @@ def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra,
             space, more = read_surfaces(part.air, unit)
             surface, repairs = surfaces.without_air(part.file, surface, part.air, space), repairs + more
         points, triangles = surface
-        shells = len(np.unique(actuator.joined(np.concatenate([triangles[:, :2], triangles[:, 1:]]), len(points))[triangles]))
-        if plugs := part.to_close(shells - 1, lambda: surface):
-            surface = plugged(surface, plugs)
+        normals = _cut_normals(part, points)
+        depths = np.abs(points @ np.reshape(normals, (-1, 3)).T)
+        cut = (depths[triangles] < CUT_TOLERANCE * np.ptp(points, axis=0).max()).all(axis=1).any(axis=1)
+        walls = triangles[~cut]
+        shells = len(np.unique(actuator.joined(np.concatenate([walls[:, :2], walls[:, 1:]]), len(points))[walls]))
+        if plugs := part.to_close(shells - 1, lambda: surface, normals):
+            surface = plugged(surface, plugs, normals)
         air = mesh_arrays.enclosed_air(*surface)
         area, volume = _area_and_volume(surface)
         wall = 2.0 * volume / area
@@ -1868,5 +1920,5 @@ def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra,
     bodies = bodies if len(cells) > 1 else ()
     return mesh, Reading(
         normals, at, mesh.volume, volumes, plugs=tuple(plugs), bodies=bodies, air_on_file=air, repairs=said,
-        plate=boundary.in_plate, held=(float(held[0]), float(held[1]), float(held[2])), wall=wall,
+        plate=boundary.in_plate, held=_vector(held), wall=wall,
     )  # fmt: skip
