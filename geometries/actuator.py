@@ -346,9 +346,6 @@ class Actuator(Designable, Castable, DeviceLabels, ABC):
     headline: ClassVar[tuple[str, ...]] = ()
     """Variables of a run's table that its last line and its report state beside the gauge's rise."""
 
-    fewest_steps: ClassVar[int] = 12
-    """Steps to the last requested value that a run takes at least, for smooth curves."""
-
     figure_texts: ClassVar[Mapping[str, tuple[str, str, str]]] = {}
     """Descriptions of `device_figures`: the unit in ``path.csv`` as their columns end in it ("mm"; "" for a number), short
     name, and a sentence without full stop."""

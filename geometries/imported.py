@@ -80,7 +80,6 @@ class ImportedPart(Actuator):
 
     stem: ClassVar = "part"
     headline: ClassVar = ("tip_shift", "tip_turn", "max_displacement")
-    fewest_steps: ClassVar = 6
     figure_texts: ClassVar = {
         "tip_shift": ("mm", "tip displacement", "distance that the tip has moved, in whatever direction"),
         "tip_turn": (

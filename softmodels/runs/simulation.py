@@ -63,6 +63,9 @@ class RunStart:
 
 FROM_REST = RunStart()
 
+MIN_STEPS = 12
+"""Minimum number of steps to the last requested value, for smooth curves."""
+
 
 class Simulation:
     """A case's device on a communicator, and its path.
@@ -216,7 +219,7 @@ class Simulation:
         case, say = self.case, self.listener.say
         quantity = self.quantity(case.quantity)
         return Continuation(
-            self.solver, quantity, case.control, last / case.actuator.fewest_steps, start=self.model.path_start(say),
+            self.solver, quantity, case.control, last / MIN_STEPS, start=self.model.path_start(say),
             report=lambda text: say(f"  {text}"), release=True,
         )  # fmt: skip
 
