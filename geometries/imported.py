@@ -752,7 +752,7 @@ class Boundary(abc.ABC):
         faces_left = self.chosen(field, text, left)
         if not len(faces_left):
             ends = zip(actuator.AXES, *(1e3 * self.box(self.every)), strict=True)
-            spans = ", ".join(f"{name} {low:.4g} to {high:.4g}" for name, low, high in ends)
+            spans = ", ".join(f"{name} {low:.7g} to {high:.7g}" for name, low, high in ends)
             raise GeometryError(
                 f"{what}; the part has no such face, or it already belongs to a cut plane or a cavity (it spans {spans} mm)"
             )
