@@ -302,6 +302,8 @@ USUAL_SIZE, USUAL_CELLS = 3e-3, (3000.0, 5000.0)
 cells are 30,000 unknowns, whose path takes a minute or two on one core."""
 CELLS_PER_TRIANGLE, CELLS_PER_CUBE = 3.2, 4.4
 """Cells for each triangle of a thin wall's faces, and for each cube of the edge in a thick part, about."""
+MANY_CELLS = 15_000
+"""Cells whose path takes more than minutes on one core: 6,500 take 50 to 100 s, and time grows as their 1.3rd power."""
 COARSE_CELLS = 2.0
 """Longest edge of the cells over the thickness of the walls, above which a remark says that they are coarse."""
 
@@ -1830,6 +1832,17 @@ class ImportedMesh(ImportedPart):
     @property
     def expected_cells(self) -> float:
         return float(len(self.mesh.cells))
+
+    @property
+    def remarks(self) -> tuple[str, ...]:  # type: ignore[override]
+        count = len(self.mesh.cells)
+        if count < MANY_CELLS:
+            return super().remarks
+        long = (
+            f"{count:,} cells take ten minutes or more on one core; larger ones (--cell-size) are fewer, down to what small "
+            "features need"
+        )
+        return (*super().remarks, long)
 
     def build(self) -> None:
         """Put the mesh into the current Gmsh model, every role a group of its boundary, every region of its cells."""
