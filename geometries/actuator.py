@@ -355,6 +355,9 @@ class Actuator(Designable, Castable, DeviceLabels, ABC):
         """
         return {}
 
+    headline: ClassVar[tuple[str, ...]] = ()
+    """Variables of a run's table that its last line and its report state beside the gauge's rise."""
+
     figure_texts: ClassVar[Mapping[str, tuple[str, str, str]]] = {}
     """Descriptions of `device_figures`: the unit in ``path.csv`` as their columns end in it ("mm"; "" for a number), short
     name, and a sentence without full stop."""

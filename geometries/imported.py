@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from geometries import abaqus, actuator, mesh_arrays, meshing, registry, revolved, surfaces
 from geometries.actuator import Actuator, CutPlane, Hold, Vector
 from geometries.faces import FORMATS, UNITS, Colour, Faces, faces, point
-from geometries.inlets import Inlet, air_spaces, plugged
+from geometries.inlets import CUT_TOLERANCE, Inlet, air_spaces, plugged, whole
 from geometries.surfaces import Surface
 from softmodels.common import errors, files, schema
 from softmodels.common.arrays import Array
@@ -79,6 +79,15 @@ class ImportedPart(Actuator):
     rise: str = schema.choice_field("z", ("x", "y", "z"), "direction in which that motion is counted")
 
     stem: ClassVar = "part"
+    headline: ClassVar = ("tip_shift", "tip_turn", "max_displacement")
+    figure_texts: ClassVar = {
+        "tip_shift": ("mm", "tip displacement", "distance that the tip has moved, in whatever direction"),
+        "tip_turn": (
+            "deg",
+            "turn of the tip",
+            "angle by which the line from the middle of the held faces to the tip has turned; half the bend of a circular arc",
+        ),
+    }
     unbonded: ClassVar = (OUTER,)
     meeting: ClassVar = None
     kind: ClassVar[str] = "file"
@@ -160,6 +169,11 @@ class ImportedPart(Actuator):
             f"the opening {plug.text} is closed by a plug {1e3 * plug.length:.2g} mm long; --inlets none leaves it open"
             for plug in reading.plugs
         ]
+        if (size := getattr(self, "cell_size", 0.0)) > COARSE_CELLS * reading.wall > 0.0:
+            remarks.append(
+                f"cells of up to {schema.shown(size, 'm')} are coarse for walls about {1e3 * reading.wall:.2g} mm thick; "
+                "smaller ones (--cell-size) take longer, and --mesh-error says what they change"
+            )
         share = sum(reading.cavity_volumes) / reading.air_on_file - 1.0 if reading.air_on_file else 0.0
         if abs(share) > SURFACE_VOLUME_TOLERANCE:
             remarks.append(
@@ -168,21 +182,28 @@ class ImportedPart(Actuator):
             )
         return tuple(remarks)
 
-    def to_close(self, inner: int, surface: Callable[[], Surface]) -> list[Inlet]:
-        """Return the openings to close in a part with a number of closed inner shells, whose closed surface (corners in m, and
-        triangles) is made only where it is needed; those of its air, or those that ``inlets`` names. GeometryError for one that
-        is not there."""
-        if self.airless or self.planes or self.inlets == (NONE,):  # a part that is cut is open where it is cut
+    def to_close(self, inner: int, surface: Callable[[], Surface], normals: Sequence[Vector]) -> list[Inlet]:
+        """Return the openings to close in a part with a number of inner shells that are closed but where it is cut, by the
+        outward unit normals of its cut planes. Its closed surface (corners in m, and triangles) is made only where it is
+        needed; the openings are those of its air, or those that ``inlets`` names. GeometryError for one that is not there."""
+        if self.airless or self.inlets == (NONE,):
             return []
         if inner >= self.cavity_count and not self.inlets:
             return []
         points = [point("cavities", text) for text in self.cavities if re.match(r"\s*at\b", text)]
 
         def search() -> dict[str, Array]:
-            spaces = [space for space in air_spaces(*surface()) if not points or any(map(space.holds, points))]
-            return {"openings": np.array([opening.row for space in spaces for opening in space.inlets]).reshape(-1, 9)}
+            spaces = air_spaces(*whole(surface(), normals))
+            openings = [
+                own.row
+                for space in spaces
+                if not points or any(map(space.holds, points))
+                for opening in space.inlets
+                if (own := opening.within(normals))
+            ]
+            return {"openings": np.array(openings).reshape(-1, 9)}
 
-        key = ("openings", self.digest(), points, getattr(self, "unit", ""))
+        key = ("openings", self.digest(), points, getattr(self, "unit", ""), tuple(normals))
         openings = [Inlet.from_row(row) for row in meshing.cached_arrays(key, search)["openings"].tolist()]
         if not self.inlets:
             return openings
@@ -237,6 +258,12 @@ class ImportedPart(Actuator):
     def probes(self) -> Mapping[str, Vector]:
         return {"tip": self.reading.gauge}
 
+    def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
+        """Return how far the tip has moved and turned around the support; see `Actuator.device_figures`."""
+        here, rest, held = (np.array(place) for place in (places["tip"], self.reading.gauge, self.reading.held))
+        turn = math.atan2(float(np.linalg.norm(np.cross(rest - held, here - held))), float((rest - held) @ (here - held)))
+        return {"tip_shift": math.dist(here, rest), "tip_turn": turn}
+
     @property
     def cavity_volume(self) -> float:
         """Sum of the whole part's cavities in m3, each times its pressure ratio, from a mesh of their walls."""
@@ -270,6 +297,29 @@ NONE = "none"
 """What ``cavities`` says of a solid part."""
 
 
+USUAL_SIZE, USUAL_CELLS = 3e-3, (3000.0, 5000.0)
+"""Longest edge (m) of a part's cells if none is given, and between which numbers of cells it stays, roundings aside: 5000
+cells are 30,000 unknowns, whose path takes a minute or two on one core."""
+CELLS_PER_TRIANGLE, CELLS_PER_CUBE = 3.2, 4.4
+"""Cells for each triangle of a thin wall's faces, and for each cube of the edge in a thick part, about."""
+MANY_CELLS = 15_000
+"""Cells whose path takes more than minutes on one core: 6,500 take 50 to 100 s, and time grows as their 1.3rd power."""
+COARSE_CELLS = 2.0
+"""Longest edge of the cells over the thickness of the walls, above which a remark says that they are coarse."""
+
+
+def usual_size(area: float, volume: float) -> float:
+    """Return a longest edge in m with which cells of a solid with this surface (m2) and volume (m3) are neither too few nor too
+    many to be solved in minutes: they fill its volume, and on thin walls follow its area."""
+
+    def of_count(cells: float) -> float:
+        thin = math.sqrt(CELLS_PER_TRIANGLE * area / (revolved.TRIANGLE_AREA * cells))
+        return max(thin, float(np.cbrt(CELLS_PER_CUBE * volume / cells)))
+
+    size = min(max(USUAL_SIZE, of_count(USUAL_CELLS[1])), of_count(USUAL_CELLS[0]))
+    return float(np.format_float_positional(size, precision=2, fractional=False))
+
+
 def cavity_role(number: int) -> str:
     """Return the role of a cavity's walls, counted from 0."""
     return "cavity" if number == 0 else f"cavity{number + 1}"
@@ -295,6 +345,10 @@ class Reading:
     """What was done to close and join the file's surfaces, in words."""
     plate: Vector = (0.0, 0.0, 0.0)
     """A place (m) in the plate that closes a cavity without a floor; the origin if there is none."""
+    held: Vector = (0.0, 0.0, 0.0)
+    """The middle of the held faces in m; the origin if there are none."""
+    wall: float = 0.0
+    """Thickness of its walls in m: twice the volume over the area of their faces; 0 of a mesh, whose cells are given."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -481,6 +535,8 @@ def _mark_of_colour(colour: Colour) -> Colour:
 # Faces picked by such texts.
 
 
+POINTS_TRIED = 100
+"""Places that are looked at for one in the air within a shell."""
 SAME_COLOUR = 2
 """How far red, green and blue may be off: they are written in decimals and rounded."""
 PLANE_TOLERANCE = 1e-4
@@ -625,8 +681,7 @@ class Boundary(abc.ABC):
     @property
     def in_plate(self) -> Vector:
         """A place (m) in the plate that closes the cavity, or the origin."""
-        x, y, z = (float(value) for value in self.plate)
-        return x, y, z
+        return _vector(self.plate)
 
     @property
     def closed_by_plate(self) -> tuple[str, ...]:
@@ -650,22 +705,19 @@ class Boundary(abc.ABC):
             nonlocal left
             roles[role], left = reference, left[~np.isin(left, reference)]
 
-        for i, text in enumerate(part.planes):
-            take(f"plane{i}", self._in_cut_plane(text, left))
+        for role, faces_of_plane in self.cut_faces().items():
+            take(role, faces_of_plane)
         pieces = self.pieces(left)
         widths = [float(np.linalg.norm(np.ptp(self.box(piece), axis=0))) for piece in pieces]
         widest = set({int(self.body_of(pieces[k][:1])[0]): k for k in np.argsort(widths)}.values())  # of each body
         outside = np.concatenate([left[:0], *(pieces[k] for k in widest)])
         if not part.cavities:
             inner = [piece for k, piece in enumerate(pieces) if k not in widest]
-            take(cavity_role(0), self._only_inner(inner or self._behind_support(left)))
+            take(cavity_role(0), self._only_inner(inner or self._behind_support(left), pieces))
         for i, text in enumerate(part.cavities[: part.cavity_count]):
             wall = self._wall(text, pieces, left)
             if np.isin(outside, wall).any():
-                cut = "; inlets of a part that is cut are not found, so close them where it is drawn" if part.planes else ""
-                raise GeometryError(
-                    f"cavities has {text!r}; that is outside the part, or its cavity is open to the outside{cut}"
-                )
+                raise GeometryError(f"cavities has {text!r}; that is outside the part, or its cavity is open to the outside")
             if not np.isin(wall, left).all():
                 raise GeometryError(f"cavities has {text!r}; that cavity is already selected")
             take(cavity_role(i), wall)
@@ -676,6 +728,14 @@ class Boundary(abc.ABC):
                 take(role, self._some(f"{field} is {text!r}", field, text, uncut))
         return {name: faces for name, faces in {**roles, OUTER: left}.items() if len(faces)}
 
+    def cut_faces(self) -> dict[str, mesh_arrays.Ints]:
+        """Return the faces in each of the cut planes, by role."""
+        left, roles = self.every, dict[str, mesh_arrays.Ints]()
+        for i, text in enumerate(self.part.planes):
+            roles[f"plane{i}"] = taken = self._in_cut_plane(text, left)
+            left = left[~np.isin(left, taken)]
+        return roles
+
     def outward(self, roles: Mapping[str, mesh_arrays.Ints]) -> tuple[Vector, ...]:
         """Return the unit normals of the cut planes, away from the solid. GeometryError for a plane that does not bound the
         part, or planes between which its images do not fill the whole."""
@@ -685,8 +745,7 @@ class Boundary(abc.ABC):
             normal = np.where(self.inwards(normal, roles[f"plane{i}"]), -normal, normal) + 0.0
             if (self.nodes @ normal).max() > self.near:
                 raise GeometryError(f"planes has {text!r}; the part extends to both sides of it, so it is not cut there")
-            x, y, z = (float(value) for value in normal)
-            normals.append((x, y, z))
+            normals.append(_vector(normal))
         actuator.check_slice(normals, self.part.planes)
         return tuple(normals)
 
@@ -695,7 +754,7 @@ class Boundary(abc.ABC):
         faces_left = self.chosen(field, text, left)
         if not len(faces_left):
             ends = zip(actuator.AXES, *(1e3 * self.box(self.every)), strict=True)
-            spans = ", ".join(f"{name} {low:.4g} to {high:.4g}" for name, low, high in ends)
+            spans = ", ".join(f"{name} {low:.7g} to {high:.7g}" for name, low, high in ends)
             raise GeometryError(
                 f"{what}; the part has no such face, or it already belongs to a cut plane or a cavity (it spans {spans} mm)"
             )
@@ -729,8 +788,8 @@ class Boundary(abc.ABC):
         self.plate = self.points(held).mean(axis=0)
         return [piece for piece in pieces if piece is not outside]
 
-    def _only_inner(self, inner: list[mesh_arrays.Ints]) -> mesh_arrays.Ints:
-        """Return the wall of the only cavity, of those that are neither the outside nor joined to it."""
+    def _only_inner(self, inner: list[mesh_arrays.Ints], pieces: list[mesh_arrays.Ints]) -> mesh_arrays.Ints:
+        """Return the wall of the only cavity, of those that are neither the outside nor joined to it; ``pieces`` are all."""
         file = self.part.file
         if not inner:
             where = "close it where it is drawn"
@@ -742,14 +801,23 @@ class Boundary(abc.ABC):
                 "part (no cavity)"
             )
         if len(inner) > 1:
-            middles = sorted(tuple(1e3 * self.box(shell).mean(axis=0)) for shell in inner)
-            places = "; ".join(", ".join(f"{value:.4g}" for value in middle) for middle in middles[:4])
-            places += "; ..." if len(inner) > 4 else ""
+            largest = sorted(inner, key=lambda shell: -float(np.prod(np.ptp(self.box(shell), axis=0))))
+            places = "; ".join(self._in_air(shell, pieces) for shell in largest[:4]) + ("; ..." if len(inner) > 4 else "")
             raise GeometryError(
-                f"cavities is empty, and file {file} has {len(inner)} closed inner shells, with their middles at {places} mm; "
-                "give a point in the air of each cavity, such as cavities = ['at 10, 0, 4 mm']"
+                f"cavities is empty, and file {file} has {len(inner)} closed inner shells, with air {places}; name those to "
+                "press, such as --cavities 'at 10, 0, 4 mm', or cavities = ['at 10, 0, 4 mm'] in a case file"
             )
         return inner[0]
+
+    def _in_air(self, shell: mesh_arrays.Ints, pieces: list[mesh_arrays.Ints]) -> str:
+        """Return a point in the air within a shell, which is one of the pieces, as `cavities` takes it: the middle, or one
+        half-way between two places of its wall."""
+        walls = self.points(shell)
+        first, second = np.random.default_rng(0).integers(len(walls), size=(2, POINTS_TRIED))
+        tried = [self.box(shell).mean(axis=0), *(0.5 * (walls[first] + walls[second]))]
+        rounded = [np.round(place, 5) for place in tried]
+        own = (place for place in rounded if not self.holds(_vector(place)) and self.nearest(_vector(place), pieces) is shell)
+        return f"at {', '.join(f'{1e3 * value:.6g}' for value in next(own, rounded[0]) + 0.0)} mm"
 
     def _wall(self, text: str, pieces: list[mesh_arrays.Ints], left: mesh_arrays.Ints) -> mesh_arrays.Ints:
         """Return the piece of wall nearest to a point in the air, or that or those to which picked faces belong."""
@@ -878,6 +946,11 @@ class Solids(Boundary):
     def inwards(self, normal: Array, faces: mesh_arrays.Ints) -> bool:
         return bool(normal @ self.centre > 0)
 
+    def cut_normals(self) -> tuple[Vector, ...]:
+        """Return the outward unit normals of the cut planes, before the part is meshed and checked."""
+        fitted = [self.fitted(faces) for faces in self.cut_faces().values()]
+        return tuple(_vector(-normal if self.inwards(normal, self.every) else normal) for normal in fitted)
+
 
 def glued(part: ImportedActuator, metre: float, plugs: Sequence[tuple[int, int]] = ()) -> Solids:
     """Return the solids of the current Gmsh model, read from a part's file, glued where they touch unless they are loose, with
@@ -953,13 +1026,36 @@ CELLS_PER_CIRCLE = 40
 
 
 @functools.lru_cache(maxsize=32)
+def _usual_size(file: str, digest: str) -> float:
+    """Return the longest edge in m of a STEP file's cells if none is given; see `usual_size`."""
+
+    def measure() -> dict[str, Array]:
+        return {"sizes": np.array(apart(file, _area_and_volume_of, file))}
+
+    return usual_size(*meshing.cached_arrays(("area and volume", digest), measure)["sizes"].tolist())
+
+
+def _area_and_volume_of(file: str) -> tuple[float, float]:
+    """Return the area (m2) and volume (m3) of the solids in a STEP file."""
+    with meshing.private_model():
+        import_step(file, "M")
+        occ = gmsh.model.occ
+        return tuple(sum(occ.getMass(*entity) for entity in occ.getEntities(d)) for d in (2, 3))  # type: ignore[return-value]
+
+
+def apart[T](file: str, task: Callable[..., T], *arguments: object) -> T:
+    """Carry out a task on a file in a process of its own; GeometryError if that dies."""
+    try:
+        return meshing.apart(task, *arguments)
+    except MeshingError as error:
+        raise GeometryError(f"file {file} cannot be read: {error}") from None
+
+
+@functools.lru_cache(maxsize=32)
 def read_part(part: ImportedActuator, digest: str) -> Reading:
     """Open the file, in a process of its own, and check every choice against it. Another digest, of another content, is
     another reading. GeometryError for a file or a choice that makes no device."""
-    try:
-        return meshing.apart(_read_step, part)
-    except MeshingError as error:
-        raise GeometryError(f"file {part.file} cannot be read: {error}") from None
+    return apart(part.file, _read_step, part)
 
 
 def _read_step(part: ImportedActuator) -> Reading:
@@ -978,9 +1074,10 @@ def _read_step(part: ImportedActuator) -> Reading:
         gmsh.model.mesh.generate(2)
         gmsh.model.mesh.setOrder(2)
         volumes = tuple(_enclosed_volume(solids, roles[cavity_role(i)]) for i in range(part.cavity_count))
+        held = np.mean([gmsh.model.occ.getCenterOfMass(2, tag) for tag in roles.get("support", ())] or [np.zeros(3)], axis=0)
         return Reading(
             solids.outward(roles),
-            _gauge(part, roles.get("support", np.empty(0, dtype=np.int64))),
+            _gauge(part, held),
             solids.volume,
             volumes,
             tuple(solids.regions) if len(solids.regions) > 1 else (),
@@ -988,6 +1085,8 @@ def _read_step(part: ImportedActuator) -> Reading:
             bodies=solids.bodies if len(solids.bodies) > 1 else (),
             repairs=(*solids.repairs, *solids.closed_by_plate),
             plate=solids.in_plate,
+            held=_vector(held),
+            wall=2.0 * solids.volume / sum(gmsh.model.occ.getMass(2, face) for face in solids.every),
         )
 
 
@@ -1008,23 +1107,31 @@ def build_part(part: ImportedActuator) -> None:
 def open_part(part: ImportedActuator, unit: str = "M") -> Solids:
     """Read the file in metres, or another of the CAD kernel's units, whatever its own; its solids are glued, and its openings
     closed."""
+    import_step(part.file, unit)
+    metre = {"M": 1.0, "MM": 1e3}[unit]
+    solids = glued(part, metre)
+    cut = np.concatenate([solids.every[:0], *solids.cut_faces().values()]) if unit == "M" else solids.every[:0]
+    normals = solids.cut_normals() if len(cut) else ()
+    shells_of_air = len(solids.pieces(solids.every[~np.isin(solids.every, cut)])) - 1
+    plugs = tuple(part.to_close(shells_of_air, lambda: _surface(metre), normals))
+    if not plugs:
+        return solids
+    volumes = [_plug_volume(solids, plug, metre, normals) for plug in plugs]
+    gmsh.model.occ.synchronize()
+    closed = glued(part, metre, volumes)
+    closed.plugs, closed.repairs = plugs, solids.repairs
+    return closed
+
+
+def import_step(file: str, unit: str) -> None:
+    """Read a STEP file into the current Gmsh model, in a unit of the CAD kernel's."""
     gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
     try:
         with meshing.drawn_in(unit):
-            gmsh.model.occ.importShapes(part.file, format="step")
+            gmsh.model.occ.importShapes(file, format="step")
         gmsh.model.occ.synchronize()
     except Exception as error:  # Gmsh raises bare Exception
-        raise GeometryError(f"file {part.file} cannot be read as STEP ({str(error).strip() or 'no reason given'})") from None
-    metre = {"M": 1.0, "MM": 1e3}[unit]
-    whole = glued(part, metre)
-    plugs = tuple(part.to_close(len(whole.pieces(whole.every)) - 1, lambda: _surface(metre)))
-    if not plugs:
-        return whole
-    volumes = [_plug_volume(whole, plug, metre) for plug in plugs]
-    gmsh.model.occ.synchronize()
-    closed = glued(part, metre, volumes)
-    closed.plugs, closed.repairs = plugs, whole.repairs
-    return closed
+        raise GeometryError(f"file {file} cannot be read as STEP ({str(error).strip() or 'no reason given'})") from None
 
 
 def _surface(metre: float) -> Surface:
@@ -1045,14 +1152,22 @@ def _surface(metre: float) -> Surface:
     return places.reshape(-1, 3) / metre, corners
 
 
-def _plug_volume(solids: Solids, opening: Inlet, metre: float) -> tuple[int, int]:
-    """Return a volume of the current model that fills an opening: what a somewhat wider cylinder has of the air there."""
+def _plug_volume(solids: Solids, opening: Inlet, metre: float, normals: Sequence[Vector]) -> tuple[int, int]:
+    """Return a volume of the current model that fills an opening, up to cut planes of these outward unit normals: what a
+    somewhat wider cylinder has of the air there."""
     occ = gmsh.model.occ
     place, way = metre * np.array(opening.place), metre * opening.length * np.array(opening.axis)
     cylinder = occ.addCylinder(*place, *way, metre * opening.cylinder)
-    left, _ = occ.cut([(3, cylinder)], [(3, tag) for tag in solids.tags], removeTool=False)
+    plugs, middle = [(3, cylinder)], metre * np.array(opening.middle)
+    for normal in np.reshape(normals, (-1, 3)):
+        depth, reach = float(middle @ normal), 2.0 * metre * (opening.cylinder + opening.length)
+        if depth > -reach:
+            beyond = occ.addCylinder(*(middle - depth * normal), *(reach * normal), reach)
+            plugs, _ = occ.cut(plugs, [(3, beyond)])
+            middle = middle - max(depth + 0.25 * metre * opening.radius, 0.0) * normal
+    left, _ = occ.cut(plugs, [(3, tag) for tag in solids.tags], removeTool=False)
     occ.synchronize()
-    middle = list(metre * np.array(opening.middle))
+    middle = middle.tolist()
     own = next((volume for volume in left if gmsh.model.isInside(*volume, middle)), None)
     plug = own or max(left, key=lambda volume: float(occ.getMass(*volume)), default=None)  # a bore that turns
     occ.remove([volume for volume in left if volume != plug], recursive=True)
@@ -1086,15 +1201,14 @@ def _corner(part: ImportedPart, corners: Array, held: Array) -> Vector:
         at = corners[np.linalg.norm(corners - point("gauge_point", part.gauge_point), axis=1).argmin()]
     else:
         at = corners[np.linalg.norm(corners - held, axis=1).argmax()]
-    return float(at[0]), float(at[1]), float(at[2])
+    return _vector(at)
 
 
-def _gauge(part: ImportedActuator, support: mesh_arrays.Ints) -> Vector:
-    """Return the corner nearest to the wanted point, or the one farthest from the held faces, or from the origin."""
+def _gauge(part: ImportedActuator, held: Array) -> Vector:
+    """Return the corner nearest to the wanted point, or the one farthest from the middle (3,) of the held faces, in m."""
     corners = np.array([gmsh.model.getValue(0, tag, []) for _, tag in gmsh.model.getEntities(0)])
     if not len(corners):
         raise GeometryError(f"file {part.file} has no corner to follow; split an edge where the motion matters")
-    held = np.mean([gmsh.model.occ.getCenterOfMass(2, tag) for tag in support] or [np.zeros(3)], axis=0)
     gauge = _corner(part, corners, held)
     if part.gauge_point and math.dist(gauge, point("gauge_point", part.gauge_point)) > 1e-4:
         near = ", ".join(f"{value * 1e3:.6g}" for value in gauge)
@@ -1114,7 +1228,12 @@ class ImportedActuator(ImportedPart):
         (), "solids that are not glued where they touch others, such as piston: bodies of their own, between which contact acts"
     )
 
-    cell_size: float = schema.length_field(0.003, "longest edge of the cells", shape=False)
+    cell_size: float = schema.length_field(
+        0.0,
+        "longest edge of the cells; 0: 3 mm, or what makes a few thousand cells of a part, roundings aside",
+        zero=True,
+        shape=False,
+    )
     curvature: float = schema.number_field(10.0, "cells around a full circle", shape=False)
     order: int = schema.choice_field(2, (1, 2), "order of the cells' geometry: 1 straight, 2 curved edges")
 
@@ -1123,6 +1242,8 @@ class ImportedActuator(ImportedPart):
     def check_cells(self) -> None:
         if not 4.0 <= self.curvature <= 100.0:
             raise GeometryError(f"curvature is {self.curvature:g}; it must be between 4 and 100 cells around a circle")
+        if not self.cell_size:
+            object.__setattr__(self, "cell_size", _usual_size(self.file, self.digest()))
 
     @property
     def reading(self) -> Reading:
@@ -1176,10 +1297,6 @@ SIZE_GRID_POINTS = 100_000
 """Points of the grid, about, on which Gmsh looks up those sizes."""
 EASING = (0.5,) * 5
 """Shares of their way from straight edges at which mid-edge nodes of spoilt cells stay, round by round."""
-USUAL_SIZE, USUAL_CELLS = 3e-3, (3000.0, 12000.0)
-"""Longest edge (m) of an STL part's cells if none is given, and between which numbers of cells it stays, roundings aside."""
-CELLS_PER_TRIANGLE, CELLS_PER_CUBE = 3.2, 4.4
-"""Cells for each triangle of a thin wall's faces, and for each cube of the edge in a thick part, about."""
 Sets = list[tuple[str, Sequence[Any]]]
 """Names of a file, and of each block of cells those that have the name; None for none."""
 OTHER_CELLS = ("hexahedron", "wedge", "pyramid", "voxel")
@@ -1642,13 +1759,6 @@ def cavity_volumes(
     return volumes
 
 
-def gauge(part: ImportedMesh, mesh: mesh_arrays.Tetrahedra, roles: Mapping[str, mesh_arrays.Ints]) -> Vector:
-    """Return the corner of the boundary nearest to the wanted point, or the one farthest from the held faces, or from the
-    origin."""
-    held = mesh.corners[roles["support"]].reshape(-1, 3).mean(axis=0) if "support" in roles else np.zeros(3)
-    return _corner(part, mesh.points[np.unique(mesh.triangles[:, :3])], held)
-
-
 @registry.register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ImportedMesh(ImportedPart):
@@ -1681,7 +1791,8 @@ class ImportedMesh(ImportedPart):
         if self.air and not all(stl):
             raise GeometryError(f"air is {self.air!r}; give it with a part of its own as surfaces, both as .stl files")
         if stl[0] and not self.cell_size:
-            object.__setattr__(self, "cell_size", _usual_size(read_surfaces(self.file, UNITS[self.unit])[0]))
+            surface = read_surfaces(self.file, UNITS[self.unit])[0]
+            object.__setattr__(self, "cell_size", usual_size(*_area_and_volume(surface)))
 
     @property
     def files(self) -> Mapping[str, str]:
@@ -1722,6 +1833,17 @@ class ImportedMesh(ImportedPart):
     def expected_cells(self) -> float:
         return float(len(self.mesh.cells))
 
+    @property
+    def remarks(self) -> tuple[str, ...]:  # type: ignore[override]
+        count = len(self.mesh.cells)
+        if count < MANY_CELLS:
+            return super().remarks
+        long = (
+            f"{count:,} cells take ten minutes or more on one core; larger ones (--cell-size) are fewer, down to what small "
+            "features need"
+        )
+        return (*super().remarks, long)
+
     def build(self) -> None:
         """Put the mesh into the current Gmsh model, every role a group of its boundary, every region of its cells."""
         mesh = self.mesh
@@ -1741,21 +1863,24 @@ class ImportedMesh(ImportedPart):
             gmsh.model.addPhysicalGroup(2, [tag], name=role)
 
 
-def _usual_size(surface: Surface) -> float:
-    """Return a longest edge in m with which cells of a closed surface's solid are neither too few nor too many to be solved in
-    minutes: they fill its volume, and on thin walls follow its area."""
+def _cut_normals(part: ImportedPart, points: Array) -> tuple[Vector, ...]:
+    """Return the outward unit normals of the planes on which a surface is cut, whose corners are given in m."""
+    normals = [choice.normal for text in part.planes if (choice := faces("planes", text)).normal is not None]
+    return tuple(_vector(np.array(n) if (points @ n).mean() < 0.0 else -np.array(n)) for n in normals)
+
+
+def _vector(values: Array) -> Vector:
+    x, y, z = (float(value) + 0.0 for value in values)
+    return x, y, z
+
+
+def _area_and_volume(surface: Surface) -> tuple[float, float]:
+    """Return the area (m2) of a closed surface and the volume (m3) of the solid that it bounds."""
     points, triangles = surface
     a, b, c = np.moveaxis(points[triangles], 1, 0)
     normal = np.cross(b - a, c - a)
-    area, volume = 0.5 * np.linalg.norm(normal, axis=1).sum(), abs(np.einsum("ij,ij->", a - points[0], normal)) / 6.0
-
-    def of_count(cells: float) -> float:
-        return max(
-            math.sqrt(CELLS_PER_TRIANGLE * area / (revolved.TRIANGLE_AREA * cells)), np.cbrt(CELLS_PER_CUBE * volume / cells)
-        )
-
-    size = min(max(USUAL_SIZE, of_count(USUAL_CELLS[1])), of_count(USUAL_CELLS[0]))
-    return float(np.format_float_positional(size, precision=2, fractional=False))
+    area = 0.5 * float(np.linalg.norm(normal, axis=1).sum())
+    return area, abs(float(np.einsum("ij,ij->", a - points[0], normal))) / 6.0
 
 
 def _parts_of(file: str, mesh: mesh_arrays.Tetrahedra) -> dict[str, str]:
@@ -1767,7 +1892,7 @@ def _parts_of(file: str, mesh: mesh_arrays.Tetrahedra) -> dict[str, str]:
 def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra, Reading]:
     """Read the file and check every choice against it. Another digest, of another content, is another reading."""
     plugs: list[Inlet] = []
-    air = 0.0
+    air, wall = 0.0, 0.0
     repairs: list[str] = []
     if Path(part.file).suffix.lower() == ".stl":
         unit = UNITS[part.unit]
@@ -1776,10 +1901,16 @@ def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra,
             space, more = read_surfaces(part.air, unit)
             surface, repairs = surfaces.without_air(part.file, surface, part.air, space), repairs + more
         points, triangles = surface
-        shells = len(np.unique(actuator.joined(np.concatenate([triangles[:, :2], triangles[:, 1:]]), len(points))[triangles]))
-        if plugs := part.to_close(shells - 1, lambda: surface):
-            surface = plugged(surface, plugs)
+        normals = _cut_normals(part, points)
+        depths = np.abs(points @ np.reshape(normals, (-1, 3)).T)
+        cut = (depths[triangles] < CUT_TOLERANCE * np.ptp(points, axis=0).max()).all(axis=1).any(axis=1)
+        walls = triangles[~cut]
+        shells = len(np.unique(actuator.joined(np.concatenate([walls[:, :2], walls[:, 1:]]), len(points))[walls]))
+        if plugs := part.to_close(shells - 1, lambda: surface, normals):
+            surface = plugged(surface, plugs, normals)
         air = mesh_arrays.enclosed_air(*surface)
+        area, volume = _area_and_volume(surface)
+        wall = 2.0 * volume / area
         mesh = meshed_solid(part.file, surface, part.cell_size)
     else:
         mesh = read_mesh(part.file, UNITS[part.unit])
@@ -1794,11 +1925,12 @@ def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra,
     mesh = put_on_planes(mesh, roles, normals)
     volumes = cavity_volumes(part, mesh, roles, boundary.plate)
     said = (*repairs, *boundary.closed_by_plate)
-    at = gauge(part, mesh, roles)
+    held = mesh.corners[roles["support"]].reshape(-1, 3).mean(axis=0) if "support" in roles else np.zeros(3)
+    at = _corner(part, mesh.points[np.unique(mesh.triangles[:, :3])], held)
     named, cells = _parts_of(part.file, mesh), mesh.bodies
     bodies = tuple(tuple(name for name, given in named.items() if np.isin(mesh.regions[given], own).all()) for own in cells)
     bodies = bodies if len(cells) > 1 else ()
     return mesh, Reading(
         normals, at, mesh.volume, volumes, plugs=tuple(plugs), bodies=bodies, air_on_file=air, repairs=said,
-        plate=boundary.in_plate,
+        plate=boundary.in_plate, held=_vector(held), wall=wall,
     )  # fmt: skip

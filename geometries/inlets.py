@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries import mesh_arrays
+from geometries import actuator, mesh_arrays
 from geometries.actuator import Vector
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
@@ -37,6 +37,10 @@ BORE_REACH = 10.0
 """Distance from its mouth, over the ball's radius, up to which a bore is looked at."""
 PLUG_LENGTH = 2.0
 """Length of a plug over the bore's radius."""
+ON_PLANE = 0.3
+"""Distance of a plug's middle from a cut plane, over the bore's radius, up to which the plane halves the bore."""
+CUT_TOLERANCE = 1e-5
+"""Distance of a corner from a cut plane, over the part's size, up to which it is in the plane: files round to seven digits."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -76,9 +80,45 @@ class Inlet:
         """Middle of the plug."""
         return _vector(np.asarray(self.place) + 0.5 * self.length * np.asarray(self.axis))
 
+    def within(self, normals: Sequence[Vector]) -> Inlet | None:
+        """Return the inlet of a slice of a part, which ends on planes through the origin, by their outward unit normals: one
+        that a plane halves has its axis in it. None if it lies beyond one."""
+        place, axis = np.array(self.place), np.array(self.axis)
+        for normal in np.reshape(normals, (-1, 3)):
+            depth = float(normal @ np.array(self.middle))
+            if depth > ON_PLANE * self.radius:
+                return None
+            if depth > -ON_PLANE * self.radius:
+                place, axis = place - (place @ normal) * normal, axis - (axis @ normal) * normal
+        return dataclasses.replace(self, place=_vector(place), axis=_vector(axis / np.linalg.norm(axis)))
 
-def plugged(surface: tuple[Array, NDArray[np.int64]], plugs: Sequence[Inlet]) -> tuple[Array, NDArray[np.int64]]:
-    """Return a closed surface, corners in m (n, 3) and triangles (t, 3), whose inlets are filled."""
+
+def whole(surface: tuple[Array, NDArray[np.int64]], normals: Sequence[Vector]) -> tuple[Array, NDArray[np.int64]]:
+    """Return the closed surface of the whole part of which a slice is given, corners in m (n, 3) and triangles (t, 3), by the
+    outward unit normals of its cut planes through the origin."""
+    import manifold3d
+
+    if not len(normals):
+        return surface
+    points, triangles = surface
+    size = float(np.ptp(points, axis=0).max())
+    points = points / size
+    for normal in np.array(normals):
+        depth = points @ normal
+        points = points - np.where(np.abs(depth) < CUT_TOLERANCE, depth, 0.0)[:, None] * normal
+    images = [
+        mesh_arrays.manifold(points @ image.T, triangles if np.linalg.det(image) > 0.0 else triangles[:, ::-1])
+        for image in actuator.reflected(normals)
+    ]
+    mesh = manifold3d.Manifold.batch_boolean(images, manifold3d.OpType.Add).to_mesh64()
+    return size * np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)
+
+
+def plugged(
+    surface: tuple[Array, NDArray[np.int64]], plugs: Sequence[Inlet], normals: Sequence[Vector] = ()
+) -> tuple[Array, NDArray[np.int64]]:
+    """Return a closed surface, corners in m (n, 3) and triangles (t, 3), whose inlets are filled up to its cut planes, of which
+    these are the outward unit normals."""
     import manifold3d
 
     points, triangles = surface
@@ -89,7 +129,10 @@ def plugged(surface: tuple[Array, NDArray[np.int64]], plugs: Sequence[Inlet]) ->
     for inlet in plugs:
         first, second = _across(np.array(inlet.axis))
         place = np.column_stack([first, second, inlet.axis, np.array(inlet.place) / size])
-        part += manifold3d.Manifold.cylinder(inlet.length / size, inlet.cylinder / size, circular_segments=48).transform(place)
+        plug = manifold3d.Manifold.cylinder(inlet.length / size, inlet.cylinder / size, circular_segments=48).transform(place)
+        for normal in normals:
+            plug = plug.trim_by_plane(tuple(-value for value in normal), 0.0)
+        part += plug
     mesh = part.to_mesh64()
     return size * np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)
 

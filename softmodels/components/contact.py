@@ -470,6 +470,8 @@ WALL_GAP = 1e-3
 are that rough between the contact points."""
 WALL_STIFFNESS = 2000.0
 """Shear moduli of pressure per overlap of one size of the device; seven times that of a rigid plane, because walls are thin."""
+FOREIGN_WALL_STIFFNESS = 200.0
+"""The same of a part from a file, whose cells are coarse: with stiffer walls Newton's method takes many short steps."""
 
 
 @component.register_component
@@ -481,7 +483,7 @@ class Walls(ContactPart):
         faces: Roles of the facets, such as ``"cavity"`` or ``"left, right"``: all of them may meet each other and themselves.
             ``"auto"`` are those that the device itself names (`geometries.Actuator.meeting`), of a part from a file all of its
             outside that faces itself; names beside it are one more group. ``"none"`` lets walls pass through each other.
-        stiffness: Contact pressure per overlap, in shear moduli over `Actuator.size`.
+        stiffness: Contact pressure per overlap, in shear moduli over `Actuator.size`; see `stiffness_on`.
     """
 
     faces: str = schema.field_of(
@@ -492,8 +494,9 @@ class Walls(ContactPart):
     )
     stiffness: float = schema.field_of(
         schema.Quantity(),
-        "penalty stiffness: contact pressure in shear moduli per overlap of one size of the device",
-        WALL_STIFFNESS,
+        "penalty stiffness: contact pressure in shear moduli per overlap of one size of the device; 0: "
+        f"{WALL_STIFFNESS:g}, of a part from a file {FOREIGN_WALL_STIFFNESS:g}",
+        0.0,
     )
 
     table: ClassVar[str] = "walls"
@@ -516,7 +519,12 @@ class Walls(ContactPart):
             raise self.error(f"faces = {self.faces!r} names a face twice")
         if NONE in self.roles and len(self.roles) > 1:
             raise self.error(f"faces = {self.faces!r}; {NONE!r} cannot be combined with other names")
-        self.check_stiffness()
+        if self.stiffness:
+            self.check_stiffness()
+
+    def stiffness_on(self, actuator: Actuator) -> float:
+        """Return its stiffness on a device, as given or chosen."""
+        return self.stiffness or (FOREIGN_WALL_STIFFNESS if actuator.meeting is None else WALL_STIFFNESS)
 
     @property
     def automatic(self) -> bool:
@@ -559,7 +567,8 @@ class Walls(ContactPart):
     def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
         depth, force = (figure(f"{self.label}_{what}") for what in ("overlap", "contact"))
         pressed = f"{self.words} are in contact{f' and overlap by {1e3 * depth:.3g} mm' if depth else ''}"
-        return self.try_other(pressed) if depth or force else ""
+        own = dataclasses.replace(self, stiffness=self.stiffness_on(actuator))
+        return own.try_other(pressed) if depth or force else ""
 
     def term(self, setting: component.FormContext) -> component.EnergyTerm:
         body = setting.body
@@ -646,7 +655,8 @@ class WallTerm(assembly.AssembledTerm[pressing.Pressed]):
                 f"{-apart * body.actuator.size * 1e3:.3g} mm; leave room between them, or name others"
             )
         ahead = min(WALL_GAP, max(apart / 2, 0.0))  # no contact when undeformed
-        self.penalty = pressing.Penalty(part.stiffness, ONSET_PRESSURE / part.stiffness, ahead=ahead)
+        stiffness = part.stiffness_on(body.actuator)
+        self.penalty = pressing.Penalty(stiffness, ONSET_PRESSURE / stiffness, ahead=ahead)
 
     def pressed(self, places: Array) -> pressing.Pressed:
         return pressing.Pressed(self.pairs, self.penalty, places)

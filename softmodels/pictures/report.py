@@ -276,7 +276,9 @@ def facts(states: StoredStates, told: dict[str, object]) -> list[pages.Fact]:
     overlap = labels.overlap_text(row)
     under = labels.load(row, words).removesuffix(f" - {overlap}") if overlap else labels.load(row, words)
     rise = pages.Fact(f"Rise of the {words.gauge}", row.told(words.gauge), overlap or f"at {under}", bool(overlap))
-    return [rise, _limit(states, told), *_stretch(states)]
+    device = states.case.actuator
+    further = ((columns.term(row.column(name), device).name.capitalize(), row.told(name)) for name in device.headline)
+    return [rise, *(pages.Fact(*fact) for fact in further), _limit(states, told), *_stretch(states)]
 
 
 def _limit(states: StoredStates, told: dict[str, object]) -> pages.Fact:

@@ -635,8 +635,10 @@ def closing(case: Case, row: table.Row, meshed: Mapping[str, float] = MappingPro
     words, gauge = labels.state_labels(case), case.actuator.gauge
     volume = f", added volume {row.shown('added_volume'):.5g}{_half(row, 'added_volume', meshed)} ml" if words.volume else ""
     breaks, overlap = silicones.break_words(case.material), labels.overlap_text(row)
+    further = "".join(f", {_named(name, row, case.actuator)}{_half(row, name, meshed)}" for name in case.actuator.headline)
     state = (
-        f"{_loaded(row, words)}: {gauge} rise {row.shown(gauge):+.5g}{_half(row, gauge, meshed)} mm{volume}{pressed(row)}, "
+        f"{_loaded(row, words)}: {gauge} rise {row.shown(gauge):+.5g}{_half(row, gauge, meshed)} mm{further}{volume}"
+        f"{pressed(row)}, "
         f"largest stretch {row['max_stretch']:.4g}{f' [{breaks}]' if breaks else ''} and von Mises stress "
         f"{row.told('max_von_mises')} (at integration points), J {row['J_min']:.4f} to {row['J_max']:.4f} (at vertices)"
         f"{f'; {overlap}' if overlap else ''}"
@@ -712,6 +714,11 @@ def _loaded(row: table.Row, words: labels.StateLabels) -> str:
     if "load_step" in row and len(cavities) > 1:
         pressure = ", ".join(f"cavity{i} {row.shown(name):.6g} {words.unit}" for i, name in enumerate(cavities, 1))
     return words.under(row, pressure)
+
+
+def _named(name: str, row: table.Row, actuator: Actuator) -> str:
+    """Return a variable's short name and value."""
+    return f"{columns.term(row.column(name), actuator).name} {row.told(name)}"
 
 
 def pressed(row: table.Row) -> str:

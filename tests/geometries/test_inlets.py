@@ -13,6 +13,7 @@ from geometries import inlets, meshing
 from geometries.imported import ImportedActuator, ImportedMesh, open_part
 from softmodels.common.errors import GeometryError
 from tests.benchmarks.random_inlets import wrong
+from tests.support.campaigns import sampled
 from tests.support.open_parts import Bore, OpenPart, finger, random_part
 
 FORKED = OpenPart(
@@ -93,8 +94,11 @@ def test_two_cavities_have_an_inlet_each(tmp_path):
     depth = 60e-3 - second.place[0] + second.length
     expected = volumes[1] * 1e-9 - math.pi * second.radius**2 * depth
     assert part.reading.cavity_volumes[1] == pytest.approx(expected, rel=2e-3)
-    with pytest.raises(GeometryError, match="2 closed inner shells"):
+    with pytest.raises(GeometryError, match="2 closed inner shells") as refused:
         ImportedActuator(file=str(tmp_path / "two.step"), support="z = 0 mm")
+    named = tuple(re.findall(r"at [-0-9., ]+ mm(?=;)", str(refused.value)))  # as the message gives them
+    both = dataclasses.replace(part, cavities=named)
+    assert sorted(both.reading.cavity_volumes) == pytest.approx(sorted(part.reading.cavity_volumes), rel=1e-9)
 
 
 def test_a_cavity_with_two_bores_gets_two_plugs():
@@ -103,6 +107,35 @@ def test_a_cavity_with_two_bores_gets_two_plugs():
     straight, slanted = sorted(space.inlets, key=lambda inlet: -inlet.radius)
     assert straight.radius == pytest.approx(1.5e-3, rel=0.02) and slanted.radius == pytest.approx(1e-3, rel=0.03)
     assert np.dot(slanted.axis, (0.0, -0.8, 0.6)) > 0.995
+
+
+@pytest.mark.parametrize(("kind", "suffix"), sampled([(ImportedMesh, "stl"), (ImportedActuator, "step")]))
+def test_an_inlet_that_a_symmetry_plane_halves_is_closed(tmp_path, kind, suffix):
+    """Half a box with a chamber and a bore, cut by the CAD kernel: as much air as two halves of the box closed by its drawing
+    behind the plug, and the plug ends in the plane."""
+    box = OpenPart(
+        (20.0, 10.0, 8.0), (((4.0, 2.0, 2.0, 12.0, 6.0, 4.0),),), ((Bore((0.0, 5.0, 4.0), (1.0, 0.0, 0.0), 1.0, 5.0),),)
+    )
+    file = tmp_path / f"half.{suffix}"
+    with meshing.private_model():
+        box.draw()
+        occ = gmsh.model.occ
+        occ.translate(occ.getEntities(3), 0.0, -5.0, 0.0)
+        occ.intersect(occ.getEntities(3), [(3, occ.addBox(-10.0, 0.0, -10.0, 40.0, 20.0, 30.0))])
+        occ.synchronize()
+        if suffix == "step":
+            meshing.write_step(file)
+        else:
+            gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 24)
+            gmsh.model.mesh.generate(2)
+            gmsh.write(str(file))
+    part = kind(file=str(file), support="x = 0 mm", planes=("y = 0 mm",), cell_size=0.003)
+    (plug,) = part.reading.plugs
+    assert plug.place[1] == 0.0 and plug.axis[1] == 0.0 and plug.radius == pytest.approx(1e-3, rel=0.02)
+    air = 12.0 * 6.0 * 4.0 + math.pi * (4.0 - 1e3 * (plug.place[0] + plug.length))
+    assert part.cavity_volume == pytest.approx(air * 1e-9, rel=1e-3)
+    with pytest.raises(GeometryError, match="no closed inner shell"):
+        dataclasses.replace(part, inlets=("none",))
 
 
 @pytest.mark.campaign

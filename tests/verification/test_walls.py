@@ -280,7 +280,7 @@ def test_a_case_keeps_its_walls_and_refuses_what_makes_none(body_of):
     for faces, stiffness, words in (
         ("", 300.0, "names no faces"),
         ("top, top", 300.0, "twice"),
-        ("top", 0.0, "shear moduli per size"),
+        ("top", 5.0, "shear moduli per size"),
         ("top", math.nan, "stiffness"),
     ):
         with pytest.raises(ComponentError, match=words):
