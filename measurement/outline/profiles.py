@@ -635,6 +635,10 @@ def _numbers(count: int) -> Array:
     return np.linspace(0.0, 1.0, count)
 
 
+LEAST_STEEPNESS = 0.1
+"""Least growth of one tone's light with another's, over light and shadow, by which an error grows."""
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class MeanProfile:
     """What the profiles across an edge have in common: light over light and shadow, ``value``, at places in widths, and its
@@ -649,17 +653,11 @@ class MeanProfile:
         """Return the profile if the numbers stood for this light (256,)."""
         other = light.astype(np.float64)
         # Of all channels the mean goes from one curve to the other, which is right but for their differences.
-        low, high, value = (
-            np.interp(own, self.stored.light, other)
-            for own in (self.stored.low, self.stored.high, self.stored.low + (self.stored.high - self.stored.low) * self.value)
-        )
-        value = (value - low) / (high - low)
-        return MeanProfile(
-            self.place,
-            value,
-            self.spread * np.maximum(np.gradient(value, self.value), 0.1),
-            StoredLight(other, float(low), float(high), self.stored.width),
-        )
+        old = self.stored
+        low, high = (float(np.interp(own, old.light, other)) for own in (old.low, old.high))
+        value = (np.interp(old.low + (old.high - old.low) * self.value, old.light, other) - low) / (high - low)
+        spread = self.spread * np.maximum(np.gradient(value, self.value), LEAST_STEEPNESS)
+        return MeanProfile(self.place, value, spread, StoredLight(other, low, high, old.width))
 
     def fits(self, lamps: Sequence[float], camera: EdgeShape | None = None) -> list[tuple[float, OptimizeResult]]:
         """Return each lamp's exponent with its best fit; the first lamp's are where those of the others begin."""
@@ -943,13 +941,14 @@ def _curves(offsets: Array, parameters: Array, shape: EdgeShape) -> tuple[Array,
 
 def _fit_at(offsets: Array, profile: Array, weight: Array, parameters: Array, shape: EdgeShape) -> ProfileFit:
     """Return the curves of these parameters (5, n) as a fit to the profiles (n, k)."""
+    low, rise, slope, centre, width = parameters
     value, phi, bell, z, top = _curves(offsets, parameters, shape)
     fall = top * bell
-    terms = np.stack([np.ones_like(phi), phi, offsets * phi, fall / -parameters[4][:, None], -fall * z], axis=1)
+    terms = np.stack([np.ones_like(phi), phi, offsets * phi, fall / -width[:, None], -fall * z], axis=1)
     weighted = terms * weight[:, None]
     matrix = weighted @ terms.transpose(0, 2, 1)
     matrix += 1e-9 * np.trace(matrix, axis1=1, axis2=2)[:, None, None] * np.eye(5)
-    return ProfileFit(*parameters, z, top, profile - value, weight, weighted, matrix)
+    return ProfileFit(low, rise, slope, centre, width, z, top, profile - value, weight, weighted, matrix)
 
 
 def _first_guess(offsets: Array, profile: Array) -> tuple[Array, ...]:
