@@ -112,7 +112,7 @@ def _scene(setup: Setup, given: dict[str, Any]) -> views.Scene:
 ROUND_SHARE = 0.5
 """Share of a device's width along the line of sight below which an edge of its outline is that of something round."""
 
-SLICES = 12
+SLICE_COUNT = 12
 """Pieces between base and tip in which a device's outline is looked at."""
 
 
@@ -148,7 +148,7 @@ def size_of(case: Path) -> tuple[float, float]:
         mesh.points @ axis for axis in (way / length, np.cross(sight, way / length), sight)
     )  # fmt: skip
     whole = 2.0 * float(np.abs(deep).max()) if cuts else float(np.ptp(deep))
-    edges = np.linspace(along.min(), along.max(), SLICES + 1)
+    edges = np.linspace(along.min(), along.max(), SLICE_COUNT + 1)
     depths = []
     for low, high in itertools.pairwise(edges):
         here = (along >= low) & (along <= high)
