@@ -89,8 +89,8 @@ def _scene(setup: Setup, given: dict[str, Any]) -> views.Scene:
     """Return the scene that the options describe. Raises `SetupError` or `UnitError` for a text that is not what it should
     be, and for what is missing."""
     if given["case"] is not None:
-        depth, length = size_of(given["case"])
-        given = {**given, "depth": given["depth"] or f"{depth!r} m", "length": given["length"] or f"{length!r} m"}
+        sizes = size_of(given["case"])
+        given = {**given, **{name: given[name] or f"{size!r} m" for name, size in zip(("depth", "length"), sizes, strict=True)}}
     for name, why in (
         ("camera_distance", "how large its front and rear faces appear depends on it; such as 80cm+-1cm"),
         ("depth", "the outline is that of its front or rear face; 0 for a round device (or --device CASE.toml)"),

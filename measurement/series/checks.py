@@ -191,14 +191,15 @@ class CourseEvidence(RunEvidence):
 @dataclasses.dataclass(frozen=True, eq=False)
 class ViewEvidence:
     """A device seen from the side: its silhouette, its shape, the same without pressure, and by how many px the background
-    moved since then (None where either is not known); the size of a pixel, the standard error of its length, and its length
-    without pressure with its error (None where it is not known), all in m; whether this is the photograph without pressure,
-    and whether it shall be used in spite of doubts."""
+    moved and how many times brighter it is since then (None where either is not known); the size of a pixel, the standard
+    error of its length, and its length without pressure with its error (None where it is not known), all in m; whether this
+    is the photograph without pressure, and whether it shall be used in spite of doubts."""
 
     silhouette: Silhouette
     shape: Shape
     before: Shape | None
     moved_px: float | None
+    brighter: float | None
     pixel: float
     length_error: float
     length: tuple[float, float] | None
@@ -912,6 +913,12 @@ MAX_BASE_SHIFT = 3.0
 MAX_SHRINKAGE, MAX_STRETCH = 0.03, 0.35
 """Shares of its length by which a centre line may become shorter or longer in its plane."""
 
+MAX_BRIGHTER = 1.6
+"""How many times brighter or darker the background may be than without pressure."""
+
+MAX_WIDENING = 1.7
+"""How many times wider or narrower a device may become anywhere along its centre line, on the mean over a seventh of it."""
+
 MAX_LENGTH_ERROR = 0.03
 """Share by which a device without pressure may differ from its stated length."""
 
@@ -996,6 +1003,36 @@ def in_plane(e: ViewEvidence) -> Iterator[Doubt]:
         yield Doubt(
             f"the centre line is {abs(share):.1%} {word} than without pressure, as if the device left its plane of motion",
             "look at its outline in the picture, and guide it in its plane",
+        )
+
+
+@register_check(ViewEvidence)
+def steady_light(e: ViewEvidence) -> Iterator[Doubt]:
+    """Is the light, and the exposure, that of the photograph without pressure?"""
+    if e.brighter is not None and not 1.0 / MAX_BRIGHTER < e.brighter < MAX_BRIGHTER:
+        times, word = (e.brighter, "brighter") if e.brighter > 1.0 else (1.0 / e.brighter, "darker")
+        yield Doubt(
+            f"the background is {times:.1f} times {word} than in the photograph without pressure",
+            "set exposure and white balance by hand, and keep the light as it is",
+        )
+
+
+@register_check(ViewEvidence)
+def same_shape(e: ViewEvidence) -> Iterator[Doubt]:
+    """Is it as wide along its centre line as without pressure?"""
+    if e.before is None:
+        return
+    count = len(e.shape.width) // 7
+    now, before = (np.convolve(shape.width, np.ones(count) / count, "valid") for shape in (e.shape, e.before))
+    times = np.maximum(now / before, before / now)
+    worst = int(np.argmax(times))
+    if times[worst] > MAX_WIDENING:
+        word = "wider" if now[worst] > before[worst] else "narrower"
+        place = (worst + 0.5 * (count - 1)) / (len(e.shape.width) - 1) * e.shape.length
+        yield Doubt(
+            f"{place * 1e3:.0f} mm from its base the outline is {times[worst]:.1f} times {word} than without pressure, as if "
+            "something else belonged to it",
+            "take away what touches the device in the picture, or write anyway in the column use if it swells so much",
         )
 
 

@@ -246,8 +246,9 @@ def view_of(
     )  # fmt: skip
     before = None if reference is None else reference.view.shape
     moved_px = None if reference is None else background_shift(reference.image, image, [reference.seen, seen])
+    brighter = None if reference is None else light_ratio(reference.image, image, [reference.seen, seen])
     evidence = checks.ViewEvidence(
-        seen, shape, before, moved_px, pixel, view.length_error, scene.length, photo.is_zero, photo.anyway
+        seen, shape, before, moved_px, brighter, pixel, view.length_error, scene.length, photo.is_zero, photo.anyway
     )
     return dataclasses.replace(view, reasons=checks.doubts(evidence))
 
@@ -296,6 +297,28 @@ class Reference:
 def background_shift(first: pictures.Pixels, second: pictures.Pixels, seen: Sequence[silhouette.Silhouette]) -> float | None:
     """Return how far in px the background moved between two photographs (h, w, 3) in which the devices are covered; None
     where it has no details that show it."""
+    small, free, factor = _backgrounds(first, second, seen)
+    detail = [
+        cv2.GaussianBlur(image, (0, 0), 1.0).astype(np.float32) - cv2.GaussianBlur(image, (0, 0), 12.0) for image in small
+    ]
+    if (free > 0).sum() < 1000 or min(float(np.percentile(np.abs(part[free > 0]), 99.5)) for part in detail) < MIN_DETAIL:
+        return None
+    begin = np.eye(2, 3, dtype=np.float32)  # fine details lead no farther than their own size
+    begin[:, 2] = cv2.phaseCorrelate(*(np.where(free > 0, part, 0.0).astype(np.float32) for part in detail))[0]
+    try:
+        match, moved = cv2.findTransformECC(
+            detail[0], detail[1], begin, cv2.MOTION_TRANSLATION,
+            (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 60, 1e-5), free, 5,
+        )  # fmt: skip
+    except cv2.error:
+        return None
+    return float(np.hypot(*moved[:, 2])) * factor if match > MIN_MATCH else None
+
+
+def _backgrounds(
+    first: pictures.Pixels, second: pictures.Pixels, seen: Sequence[silhouette.Silhouette]
+) -> tuple[list[pictures.Pixels], pictures.Pixels, float]:
+    """Return two photographs (h, w, 3) reduced and grey, where neither shows a device (255, else 0), and the reduction."""
     factor = max(1.0, max(first.shape[:2]) / silhouette.LARGEST_SMALL_PX)
     size = round(first.shape[1] / factor), round(first.shape[0] / factor)
     small = [
@@ -304,20 +327,17 @@ def background_shift(first: pictures.Pixels, second: pictures.Pixels, seen: Sequ
     free = np.full(size[::-1], 255, dtype=np.uint8)
     for device in seen:
         cv2.fillPoly(free, [np.rint(device.edge.px / factor).astype(np.int32)], 0)
-    free = cv2.erode(free, np.ones((41, 41), np.uint8))
-    detail = [
-        cv2.GaussianBlur(image, (0, 0), 1.0).astype(np.float32) - cv2.GaussianBlur(image, (0, 0), 12.0) for image in small
-    ]
-    if (free > 0).sum() < 1000 or min(float(np.percentile(np.abs(part[free > 0]), 99.5)) for part in detail) < MIN_DETAIL:
+    return small, cv2.erode(free, np.ones((41, 41), np.uint8)), factor  # type: ignore[return-value]
+
+
+def light_ratio(first: pictures.Pixels, second: pictures.Pixels, seen: Sequence[silhouette.Silhouette]) -> float | None:
+    """Return how many times brighter the background of the second photograph (h, w, 3) is where neither shows a device; None
+    where it is nowhere seen."""
+    small, free, _ = _backgrounds(first, second, seen)
+    if not (free > 0).any():
         return None
-    try:
-        match, moved = cv2.findTransformECC(
-            detail[0], detail[1], np.eye(2, 3, dtype=np.float32), cv2.MOTION_TRANSLATION,
-            (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 60, 1e-5), free, 5,
-        )  # fmt: skip
-    except cv2.error:
-        return None
-    return float(np.hypot(*moved[:, 2])) * factor if match > MIN_MATCH else None
+    light = [float(np.median(pictures.LIGHT_OF_SRGB[image[free > 0]])) for image in small]
+    return light[1] / max(light[0], 1e-4)
 
 
 MIN_DETAIL, MIN_MATCH = 6.0, 0.6

@@ -319,7 +319,7 @@ def draw_views(matches: Sequence[views.MatchedView], law: str) -> Figure:
         left.plot(np.arange(4) + 0.05 * (k - 0.5 * len(matches)), away[k], "o", color=colour, ms=4)
     turned.plot(readings, angles - off, "x", color=style.INK, ms=6)
     there.plot(0.0, 0.0, "s", color=style.FAINT, ms=6)
-    there.set(xlabel="x (mm)", ylabel="z (mm)", title="tips (x measured), from the base")
+    there.set(xlabel="x (mm)", ylabel="z (mm)", title="tips from the base; crosses: measured")
     there.set_aspect("equal", adjustable="datalim")
     turned.set(xlabel="reading (kPa)", ylabel="angle of the tip (deg)")
     left.axhspan(-2.0, 2.0, color=style.FAINT, alpha=0.25, lw=0)

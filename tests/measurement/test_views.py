@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 
+import cv2
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -125,6 +126,61 @@ def test_second_thing_is_doubted(bars, tmp_path):
     surface, ball = side_views.bent_bar(0.6)[0], side_views.pv.Sphere(radius=0.012, center=(0.07, 0.0, -0.06))
     said = doubts(bars, tmp_path, lambda path: side_views.photograph(path, surface, ball))
     assert "a second thing" in said
+
+
+def behind(draw):
+    """A wall behind the bar, as a surface with a texture that ``draw`` paints on its light grey picture (1000, 1400)."""
+    width, height = 0.18, 0.18 * side_views.SIZE[1] / side_views.SIZE[0]
+    (x, z), image = side_views.CENTRE, np.full((*side_views.SIZE[::-1], 3), 225, dtype=np.uint8)
+    wall = side_views.pv.PolyData(
+        np.array([(x + a * width / 2, 0.05, z + b * height / 2) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]),
+        np.array([4, 0, 1, 2, 3]),
+    )
+    wall.active_texture_coordinates = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    return wall, side_views.pv.Texture(draw(image))
+
+
+def doubts_before_walls(tmp_path, draws, turns):
+    """What is said of two photographs of a bar, each before a wall that is painted."""
+    pictures = []
+    for number, (draw, turn) in enumerate(zip(draws, turns, strict=True)):
+        side_views.photograph(tmp_path / f"{number}.jpg", side_views.bent_bar(turn)[0], behind(draw), seed=number)
+        pictures.append(Photograph(tmp_path / f"{number}.jpg", 5e3 * number, 50.0, anyway=number == 0))
+    outcomes = views.views(pictures, scene()).outcomes
+    return [outcome.reason if isinstance(outcome, Refusal) else "; ".join(outcome.reasons) for outcome in outcomes]
+
+
+@pytest.mark.campaign
+def test_cast_shadow_is_doubted(tmp_path):
+    """The bar's own on the wall behind it, soft and half as dark as the bar."""
+    dark = np.zeros(side_views.SIZE[::-1], dtype=np.float32)
+    dark[290:370, 500:1000] = 1.0  # beside the far half of the bar
+    shade = 1.0 - 0.5 * cv2.GaussianBlur(dark, (0, 0), 14.0)[..., None]
+    first, second = doubts_before_walls(tmp_path, (lambda image: image, lambda image: (image * shade).astype("u1")), (0.0, 0.0))
+    assert not first
+    assert "softer than the rest" in second or "no centre line" in second
+
+
+@pytest.mark.campaign
+def test_background_that_moved_is_doubted(tmp_path):
+    """A wall with fine spots, 4 texels farther right in the second photograph, and the clamp where it was."""
+    spots = np.random.default_rng(2).normal(0.0, 1.0, side_views.SIZE[::-1])
+    spots = 150 * cv2.GaussianBlur(spots.astype(np.float32), (0, 0), 3.0)[..., None]
+
+    def painted(moved):
+        return lambda image: np.clip(image - 20.0 + np.roll(spots, moved, 1), 0, 255).astype("u1")
+
+    first, second = doubts_before_walls(tmp_path, (painted(0), painted(4)), (0.0, 0.6))
+    assert "moved" not in first
+    assert "the background moved by 4." in second
+
+
+@pytest.mark.campaign
+def test_other_light_and_another_shape_are_doubted(bars, tmp_path):
+    surface, ball = side_views.bent_bar(0.6)[0], side_views.pv.Sphere(radius=0.014, center=(0.045, 0.0, -0.01))
+    said = doubts(bars, tmp_path, lambda path: side_views.photograph(path, surface, ball, background=(0.6, 0.62, 0.65)))
+    assert "times darker than in the photograph without pressure" in said
+    assert "times wider than without pressure" in said
 
 
 @pytest.mark.campaign

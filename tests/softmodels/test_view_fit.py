@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import math
 
@@ -11,8 +12,8 @@ from click.testing import CliRunner
 
 import softmodels as sm
 from geometries import Bellows, BendingBellows
-from softmodels.case.case import Case, case_of
-from softmodels.cli.material_commands import fit_material
+from softmodels.case.case import case_of
+from softmodels.cli.material_commands import fit_material, score
 from softmodels.fitting.outlines import views
 from softmodels.fitting.outlines.device import MeasuredDevice
 from softmodels.fitting.outlines.residuals import nuisances
@@ -83,7 +84,7 @@ def test_tables_that_cannot_be_fitted_say_why(rows, table, tmp_path):
     assert len(views.read_views(written({}), exclude=("2.jpg",))) == 2
     with pytest.raises(OutlineFitError, match="no side view shows the device under pressure"):
         source_of(written({(1, 1): "0", (2, 1): "0"}))
-    with pytest.raises(OutlineFitError, match=r"without pressure the tip is .* and 15.04 mm in the case; check base"):
+    with pytest.raises(OutlineFitError, match=r"without pressure the tip is .* and 15 mm in the case; check base"):
         source_of(written({(0, 3): "0.1"}), components=())
     _, notes = source_of(written({(1, 1): "-400"}))
     assert notes == ["1.jpg: below the pressure of the room; photograph not used"]
@@ -96,7 +97,7 @@ def test_tables_that_cannot_be_fitted_say_why(rows, table, tmp_path):
 def random_finger(seed):
     """A finger as it is and as its case describes it, the silicone, the true pressures in Pa, and who looks at it."""
     rng = np.random.default_rng(seed)
-    lengths = {"folds": 2, "radius": rng.uniform(5e-3, 7e-3), "wall": rng.uniform(1.2e-3, 1.8e-3)}
+    lengths = {"folds": 1, "radius": rng.uniform(5e-3, 7e-3), "wall": rng.uniform(1.2e-3, 1.8e-3)}
     modulus = math.exp(rng.uniform(math.log(15e3), math.log(80e3)))
     law = sm.Yeoh(c1=modulus / 2, c2=modulus / 200) if rng.random() < 0.5 else sm.NeoHookean(modulus)
     turn = rng.uniform(0.0, math.tau)
@@ -105,10 +106,10 @@ def random_finger(seed):
         rng.choice([-1.0, 1.0]), rng.uniform(-3.0, 3.0), tuple(3e-4 * rng.standard_normal(2)), 0.005 * rng.standard_normal(),
         15.0 * rng.standard_normal(), pressure_error=15.0,
     )  # fmt: skip
-    pressures = [round(modulus * share, 1) for share in (0.0, 0.02, 0.04, 0.06, 0.08)]
+    pressures = [round(modulus * share, 1) for share in (0.0, 0.03, 0.06, 0.09, 0.12)]
     return (
-        BendingBellows(cell_size=5e-3, **lengths),
-        BendingBellows(cell_size=7e-3, **lengths),
+        BendingBellows(cell_size=4.5e-3, **lengths),
+        BendingBellows(cell_size=5.5e-3, **lengths),
         law,
         gravity,
         pressures,
@@ -117,7 +118,7 @@ def random_finger(seed):
 
 
 @pytest.mark.campaign
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1])
 def test_fingers_give_their_silicone_back_to_two_commands(seed, tmp_path, figure):
     """Other cells, another law or none, gravity in any direction of the plane, an offset, another scale; the fitted material
     then has the best score."""
@@ -131,11 +132,15 @@ def test_fingers_give_their_silicone_back_to_two_commands(seed, tmp_path, figure
     assert ran.exit_code == 0, ran.output
     report = json.loads((fitted / "fit.json").read_text())
     (modulus,) = (p for p in report["laws"][0]["parameters"] if p["name"] == "shear_modulus")
-    low, high = modulus["interval"]
+    low, high = modulus["interval_95"]
     assert low <= law.shear_modulus_0 <= high
     assert "side views, measured and simulated" in (fitted / "report.html").read_text()
     off = modulus["value"] / law.shear_modulus_0 - 1
     figure("side views of fingers by other cells and laws", "the modulus fitted", off, 0.03)
-    scores = sm.score([str(fitted / "fitted.toml"), "yeoh:c1=2kPa"], device=Case.from_file(case), outlines=tmp_path)
-    assert [score.material for score in scores] == [str(fitted / "fitted.toml"), "yeoh:c1=2kPa"]
-    assert scores[0].data == "5 side views of finger" and scores[0].chi2 < 10.0 < scores[1].chi2
+    materials = ["--material", str(fitted / "fitted.toml"), "--material", "yeoh:c1=2kPa"]
+    ran = CliRunner().invoke(score, [str(case), str(tmp_path), *materials, "-o", str(tmp_path / "scores")])
+    assert ran.exit_code == 0, ran.output
+    with (tmp_path / "scores" / "scores.csv").open() as file:
+        own, other = csv.DictReader(file)
+    assert own["data"] == "5 side views of finger"
+    assert float(own["chi2_per_value"]) < 5.0 < float(other["chi2_per_value"])

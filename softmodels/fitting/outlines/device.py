@@ -379,8 +379,8 @@ class UnpressurisedShape:
     def told(self, values: Mapping[str, float]) -> str:
         """Return a sentence on the loads and the zero of heights; without loads on a missing weight; see `state`."""
         if not self.loaded:
-            level = self.silhouette.flat or not self.silhouette.counts_heights
-            apex = "" if level else "the undeformed top is not flat; heights count from its apex"
+            is_level = self.silhouette.flat or not self.silhouette.counts_heights
+            apex = "" if is_level else "the undeformed top is not flat; heights count from its apex"
             return "; ".join(filter(None, (apex, self._weightless())))
         dead, level = self.system.dead, self.level(values)
         loads = ", ".join(f"{load.where} ({n:.3g} N)" for load, n in zip(dead.loads, dead.amounts, strict=True))

@@ -22,6 +22,7 @@ from scipy.interpolate import PchipInterpolator
 
 from geometries.actuator import ENDS
 from measurement.outline.outline import History
+from measurement.outline.silhouette import FACE_SHARE
 from measurement.series.views import VIEW_COLUMNS
 from softmodels.common import tables, units
 from softmodels.common.arrays import Array
@@ -29,7 +30,7 @@ from softmodels.common.errors import reason
 from softmodels.common.names import keep_arrays
 from softmodels.fitting import problem
 from softmodels.fitting.outlines import device, residuals, shapes
-from softmodels.fitting.outlines.shapes import OutlineFitError, kept
+from softmodels.fitting.outlines.shapes import OutlineFitError, Shape, kept
 from softmodels.mechanics import newton, sensitivity
 from softmodels.mechanics.system import State, System
 from softmodels.path import continuation, stability
@@ -183,6 +184,9 @@ def _turned(angle: float) -> float:
 
 SUPPORT = "support"
 
+END_TOLERANCE = 1e-6
+"""Distance of a corner from an end of its face, as a share of the face's height, up to which it is the end."""
+
 
 class TipFace(shapes.Silhouette):
     """The corners of the face ``tip`` of a body, in the plane in which it moves, from the middle of the face ``support``.
@@ -192,6 +196,9 @@ class TipFace(shapes.Silhouette):
 
     Attributes:
         points: Undeformed corners of the face's triangles in device coordinates, m, shape (n, 3, 3).
+        middle: Shares (n, 3) of the corners in the middle between the face's two ends in the plane.
+        slope: What the places of the corners, shape (n, 3), are summed with for the direction of the line that they make.
+        height: Of the face in the plane at rest in m.
         normal: Angle in rad of the face's normal at rest, from the plane's first direction to its second.
     """
 
@@ -223,13 +230,25 @@ class TipFace(shapes.Silhouette):
         self._order = np.unique(middles, axis=0, return_index=True)[1]
         self._turned = np.zeros(len(self._order), dtype=bool)
         self.follow()
-        first = self._in_plane(self.points)
         self.weight = _areas(self.points)
-        self.rest = first - np.einsum("n,nki->i", self.weight, first) / 3.0
-        spread = np.einsum("n,nki,nkj->ij", self.weight, self.rest, self.rest)
+        first = self._in_plane(self.points)
+        rest = first - np.einsum("n,nki->i", self.weight, first) / 3.0
+        spread = np.einsum("n,nki,nkj->ij", self.weight, rest, rest)
         across = np.linalg.eigh(spread)[1][:, 0] if self.turns else np.array([0.0, 1.0])
         across = across * (math.copysign(1.0, float(across @ (self.points.mean(axis=(0, 1)) @ self._plane.T - self._base))))
         self.normal = math.atan2(across[1], across[0])
+        # A silhouette shows the face's two ends alone: of half a disk their middle is not that of the area.
+        high = rest @ [-across[1], across[0]]
+        self.height = float(np.ptp(high))
+        ends = [np.abs(high - end) <= END_TOLERANCE * self.height for end in (high.min(), high.max())]
+        self.middle = np.asarray(sum(0.5 * end / end.sum() for end in ends))
+        # The direction is that of a line through the part of the face that the measurement takes.
+        high = high - 0.5 * (high.max() + high.min())
+        near = self.weight[:, None] * (np.abs(high) <= FACE_SHARE * self.height)
+        near = near if len(np.unique(np.round(high[near > 0.0] / self.height, 3))) > 2 else self.weight[:, None] + 0.0 * high
+        near = near / near.sum()
+        away = high - np.sum(near * high)
+        self.slope = near * away / np.sum(near * away**2)
 
     @functools.cached_property
     def turns(self) -> bool:
@@ -299,20 +318,17 @@ class DeformedFace:
 
     def __init__(self, face: TipFace, nodes: Array):
         self.face, self.nodes = face, nodes
-        self.place = np.asarray(np.einsum("n,nki->i", face.weight, nodes) / 3.0)
+        self.place = np.einsum("nk,nki->i", face.middle, nodes)
         """Its middle (2,) in m."""
 
-    def _sums(self, nodes: Array) -> Array:
-        """Return the integrals of X x x and X . x over the face."""
-        X = self.face.rest
-        crossed = X[..., 0] * nodes[..., 1] - X[..., 1] * nodes[..., 0]
-        return np.array([np.einsum("n,nk->", self.face.weight, part) for part in (crossed, (X * nodes).sum(axis=-1))])
+    def _along(self, nodes: Array) -> Array:
+        return np.asarray(np.einsum("nk,nki->i", self.face.slope, nodes))
 
     @property
     def angle(self) -> float:
-        """Direction of its normal in rad: the rotation that takes the face at rest nearest to it."""
-        sine, cosine = self._sums(self.nodes)
-        return self.face.normal + (math.atan2(sine, cosine) if self.face.turns else 0.0)
+        """Direction of its normal in rad."""
+        x, z = self._along(self.nodes)
+        return math.atan2(-x, z) if self.face.turns else self.face.normal
 
     @property
     def unevenness(self) -> float:
@@ -322,10 +338,9 @@ class DeformedFace:
 
     def rates(self, rate: Array) -> tuple[Array, float]:
         """Return the derivatives of place (2,) and angle from those of the corners, shape (n, 3, 2)."""
-        sine, cosine = self._sums(self.nodes)
-        by_sine, by_cosine = self._sums(rate)
-        turned = (cosine * by_sine - sine * by_cosine) / (sine**2 + cosine**2) if self.face.turns else 0.0
-        return np.einsum("n,nki->i", self.face.weight, rate) / 3.0, float(turned)
+        (x, z), (by_x, by_z) = self._along(self.nodes), self._along(rate)
+        turned = (x * by_z - z * by_x) / (x**2 + z**2) if self.face.turns else 0.0
+        return np.einsum("nk,nki->i", self.face.middle, rate), float(turned)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -367,7 +382,7 @@ class MatchedView(residuals.MatchedPhotograph):
     def _compare(self) -> None:
         shape, values = self.shape, self.values
         self.placement = dataclasses.replace(self.placement, tilt=math.radians(values["tilt"]))
-        self.error = np.hypot(shape.error, [self.bulge, self.bulge, 0.0])
+        self.error = np.hypot(shape.error, self.bulge * np.array([1.0, 1.0, shape.arm / self.curve.face.height]))
         self.seen = self.factor * self.placement.place(self.curve.place) + [values["centre"], values["zero"]]
         self.seen_angle = float(self.placement.angle(self.curve.angle))
         self.distances = np.r_[self.seen - shape.points[0], shape.arm * _turned(self.seen_angle - shape.angle)]
@@ -422,7 +437,7 @@ class ViewResiduals(residuals.OutlineResiduals):
         errors = [s.pressure_error * (residuals.IGNORED_ERROR_FACTOR if s.source in doubted else 1.0) for s in pressed]
         return residuals.starts(self.model, path, np.array([s.pressure for s in pressed]), np.array(errors), held)
 
-    def _matched(self, shape: shapes.Shape, state: State, own: Mapping[str, float]) -> MatchedView:
+    def _matched(self, shape: Shape, state: State, own: Mapping[str, float]) -> MatchedView:
         number, start = self.shapes.index(shape), self._start  # type: ignore[arg-type]
         bulge = start.bulges[number]
         matched = shape, state, self.model.curve(state), self.model.pressure(state), own, self.most
