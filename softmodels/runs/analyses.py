@@ -113,13 +113,22 @@ class Limit(cards.ResultCard):
 def find_limit(case: Case, materials: Sequence[Material], comm: MPI.Comm, hold: float = 0.0) -> list[Limit]:
     """Find the limits of one device in several materials, on one mesh, and once more on a finer one where the case asks for the
     mesh error; its load and material are not looked at. ``hold`` is the hold time in s that silicones with a memory must
-    survive at constant pressure; 0: unlimited. MeshingError, RunError, MaterialError and ComponentError as for a run."""
+    survive at constant pressure; 0: unlimited. CaseError, MeshingError, RunError, MaterialError and ComponentError as for
+    a run."""
+    _check_accuracy(case)
     limits = _limits(case, simulation.meshed(case.actuator, comm), materials, hold)
     if not case.mesh_error:
         return limits
     finer = mesh_error.FINER[case.actuator.dimension]
     others = _limits(case, simulation.meshed(case.actuator.refined(finer), comm), materials, hold)
     return [_with_mesh_error(limit, other, finer) for limit, other in zip(limits, others, strict=True)]
+
+
+def _check_accuracy(case: Case) -> None:
+    if case.accuracy:
+        raise CaseError(
+            "--accuracy chooses the cells of a run only; leave it out, and use --mesh-error with smaller cells (--finer 2)"
+        )
 
 
 def _with_mesh_error(limit: Limit, other: Limit, finer: float) -> Limit:
@@ -521,6 +530,7 @@ def case_for_modes(case: Case, pressures: Steps | None = None) -> Case:
 def find_frequencies(case: Case, count: int, sealed: bool, comm: MPI.Comm) -> NaturalFrequencies:
     """Find the natural frequencies at every state of a case's path; all ranks call it. See `case_for_modes` and
     `Model.modes`. CaseError, MeshingError and RunError as for a run."""
+    _check_accuracy(case)
     modes = _frequencies(case, count, sealed, simulation.meshed(case.actuator, comm))
     if not case.mesh_error:
         return modes

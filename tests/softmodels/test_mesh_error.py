@@ -128,6 +128,13 @@ def test_an_accuracy_that_cannot_be_reached(monkeypatch):
         sm.inflate(DISK, LAW, "0,5 cm", accuracy=1e-5)
 
 
+def test_an_accuracy_is_of_runs():
+    with pytest.raises(CaseError, match="of a run only"):
+        sm.limit(DISK, LAW, accuracy=0.01)
+    with pytest.raises(CaseError, match="of a run only"):
+        sm.modes(DISK, LAW, accuracy=0.01)
+
+
 def test_of_a_cup_whose_held_lip_is_a_notch():
     """With its mirror image below the plane the inner edge of the lip is a notch of 280 degrees."""
     run = sm.inflate(sm.SuctionCup(), LAW, "0,-0.4 kPa", mesh_error=True)
