@@ -204,7 +204,7 @@ class Actuator(Designable, Castable, DeviceLabels, ABC):
                 "finer",
                 f"it must be from {1.0 / MOST_REFINED:g} to {MOST_REFINED:g}; for larger or smaller cells change the cell size",
             )
-        if self.meshed and self.finer != 1.0:
+        if self.finer != 1.0 and not self.refinable:
             self.reject("finer", meshing.NOT_REFINED)
         self.check()
 
@@ -440,6 +440,11 @@ class Actuator(Designable, Castable, DeviceLabels, ABC):
     def expected_cells(self) -> float:
         """Estimated number of cells where ``finer`` is 1, within a factor of about two; infinite if unknown."""
         return math.inf
+
+    @property
+    def refinable(self) -> bool:
+        """Whether its cells can be made smaller; those of a mesh file are used as they are."""
+        return not self.meshed
 
     def device_points(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return points of the mesh in device coordinates.

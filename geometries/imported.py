@@ -169,10 +169,10 @@ class ImportedPart(Actuator):
             f"the opening {plug.text} is closed by a plug {1e3 * plug.length:.2g} mm long; --inlets none leaves it open"
             for plug in reading.plugs
         ]
-        if (size := getattr(self, "cell_size", 0.0)) > COARSE_CELLS * reading.wall > 0.0:
+        if (size := getattr(self, "cell_size", 0.0) / self.finer) > COARSE_CELLS * reading.wall > 0.0:
             remarks.append(
                 f"cells of up to {schema.shown(size, 'm')} are coarse for walls about {1e3 * reading.wall:.2g} mm thick; "
-                "smaller ones (--cell-size) take longer, and --mesh-error says what they change"
+                "smaller ones (--finer 2) take longer, and --mesh-error says what they change"
             )
         share = sum(reading.cavity_volumes) / reading.air_on_file - 1.0 if reading.air_on_file else 0.0
         if abs(share) > SURFACE_VOLUME_TOLERANCE:
@@ -1795,6 +1795,10 @@ class ImportedMesh(ImportedPart):
             object.__setattr__(self, "cell_size", usual_size(*_area_and_volume(surface)))
 
     @property
+    def refinable(self) -> bool:
+        return Path(self.file).suffix.lower() == ".stl"
+
+    @property
     def files(self) -> Mapping[str, str]:
         return {"file": self.file, "air": self.air} if self.air else {"file": self.file}
 
@@ -1911,7 +1915,7 @@ def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra,
         air = mesh_arrays.enclosed_air(*surface)
         area, volume = _area_and_volume(surface)
         wall = 2.0 * volume / area
-        mesh = meshed_solid(part.file, surface, part.cell_size)
+        mesh = meshed_solid(part.file, surface, part.cell_size / part.finer)
     else:
         mesh = read_mesh(part.file, UNITS[part.unit])
     if not 1e-5 < mesh.extent < 10.0:

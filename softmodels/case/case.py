@@ -282,7 +282,7 @@ class Case:
                 self.load.check_band()
             if not (self.accuracy == 0.0 or LEAST_ACCURACY <= self.accuracy <= 1.0):
                 raise CaseError(f"--accuracy is {self.accuracy:g}; it must be 0 (none), or from {LEAST_ACCURACY:.4%} to 100%")
-            if (self.mesh_error or self.accuracy) and self.actuator.meshed:
+            if (self.mesh_error or self.accuracy) and not self.actuator.refinable:
                 asks = "--accuracy" if self.accuracy else "--mesh-error"
                 raise CaseError(f"{asks} needs another mesh, but {meshing.NOT_REFINED}")
             self.load.check_size(self.material.shear_modulus_0, self.actuator.cavity_volume)

@@ -78,7 +78,7 @@ def test_table_gives_the_same_part_back(step):
     ("changes", "words"),
     [
         ({"file": "missing.step"}, "cannot be read"),
-        ({"cavities": ()}, "2 closed inner shells, with their middles at 9, 1, 3; 22, 2, 6 mm"),
+        ({"cavities": ()}, "2 closed inner shells, with air at 9, 1, 3 mm; at 22, 2, 6 mm"),
         ({"cavities": (), "planes": ()}, "no closed inner shell"),
         ({"cavities": ("at 10, 0, 3",)}, "write a point as"),
         ({"cavities": ("at 2, 2, 2 mm",)}, "lies in the solid"),

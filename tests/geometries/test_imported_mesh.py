@@ -115,7 +115,7 @@ def write(path, text):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"cavities": ()}, "2 closed inner shells, with their middles at 9, 1, 3; 22, 2, 6 mm"),
+        ({"cavities": ()}, "2 closed inner shells, with air at 9, 1, 3 mm; at 22, 2, 6 mm"),
         ({"cavities": ("at 2, 0, 8 mm",)}, "lies in the solid"),
         ({"cavities": ("at 40, 0, 8 mm",)}, "outside the part, or its cavity is open"),
         ({"cavities": ("named lid",)}, "the names of faces in the file are root"),

@@ -12,7 +12,7 @@ import pytest
 import pyvista
 
 import softmodels as sm
-from geometries import GeometryError, ImportedActuator, ImportedMesh
+from geometries import GeometryError, ImportedActuator, ImportedMesh, meshing
 from geometries.imported import read_surfaces
 from geometries.meshing import private_model
 
@@ -100,7 +100,7 @@ def test_the_air_of_a_part_comes_in_a_file_of_its_own(body, tmp_path):
     part = ImportedMesh(**files, support="x = 0 mm", cell_size=0.01)
     assert part.cavity_volume == pytest.approx(AIR * 1e-9, rel=1e-6)
     assert part.solid_volume == pytest.approx((BODY - AIR) * 1e-9, rel=1e-6)
-    assert part.files == files and not part.remarks
+    assert part.files == files and all("coarse" in remark for remark in part.remarks)
     key = part.key
     write(tmp_path / "cavity.stl", soup(box((2, 17), (2, 8), (2, 8))))
     assert ImportedMesh(**files, support="x = 0 mm", cell_size=0.01).key != key
@@ -130,12 +130,20 @@ def cup(path, at=(30.0, 40.0, 5.0)):
     return kind(file=str(path), support=f"z = {at[2]} mm", cell_size=0.005)
 
 
+def test_cells_of_an_stl_part_get_smaller(tmp_path):
+    part = ImportedMesh(file=write(tmp_path / "part.stl", hollow()), support="x = 0 mm", cell_size=0.004)
+    own, finer = (meshing.summarize(one.write(tmp_path / "part.msh")) for one in (part, part.refined(2.0)))
+    assert finer.cells > 2 * own.cells and finer.measure == pytest.approx(own.measure, rel=1e-6)
+    with pytest.raises(GeometryError, match="used as they are"):
+        ImportedMesh(file=str(tmp_path / "part.msh"), unit="m", support="x = 0 mm", finer=2.0)
+
+
 @pytest.mark.parametrize("ending", ["stl", "step"])
 def test_a_plate_closes_a_chamber_without_a_floor(ending, tmp_path):
     """Held on its rim, away from the origin, its air is that of the pocket; held elsewhere it is open."""
     device = cup(tmp_path / f"cup.{ending}")
     assert device.cavity_volume == pytest.approx(16.0 * 6.0 * 6.0 * 1e-9, rel=1e-9)
-    assert device.remarks[-1] == "the cavity opens onto 'z = 5.0 mm': the plate that holds the part there closes it"
+    assert "the cavity opens onto 'z = 5.0 mm': the plate that holds the part there closes it" in device.remarks
     with pytest.raises(GeometryError, match="no closed inner shell"):
         dataclasses.replace(device, support="z = 13 mm")
 
