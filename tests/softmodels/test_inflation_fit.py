@@ -114,6 +114,14 @@ def test_derivatives_at_a_fixed_size(kind, sizes):
     assert (ends[0] - ends[1]) / 2 == pytest.approx(slope, rel=2e-3)
 
 
+def test_the_table_of_a_run_gives_its_silicone_back(tmp_path):
+    """Whose columns hold two pressures, heights of a column and pascals."""
+    run = sm.inflate(BALLOON, sm.NeoHookean(30e3), pressures="0:1.5 kPa", folder=tmp_path / "run")
+    chosen = sm.fit(BALLOON, tmp_path / "run" / "path.csv", "neo-hookean", dataclasses.replace(HOLD, changes={})).chosen
+    assert len(run.pressure) > 3
+    assert chosen.material.shear_modulus_0 == pytest.approx(30e3, rel=1e-5)
+
+
 def test_many_readings_keep_the_curve_in_few_groups():
     stretch = np.linspace(1.0, 2.6, 3000)
     pressures = np.interp(stretch, [1.0, *STRETCHES], [0.0, *PRESSURES])
@@ -158,6 +166,7 @@ def test_what_cannot_be_fitted_is_said_before_any_state(tmp_path):
     assert "above the room's" in said("d.csv", ["Volume (ml)", "Pressure (kPa)"], size, 101.3 + pressure)
     assert "larger than at rest" in said("e.csv", ["Radius (mm)", "Pressure (kPa)"], STRETCHES, pressure)
     assert "--heights" in said("f.csv", ["height_m", "pressure_Pa", "trusted"], STRETCHES, pressure, ["yes"] * len(size))
+    assert "times the undeformed cavity" in said("l.csv", ["V (ml)", "p (kPa)"], 1e3 * size, pressure)
     good = ["Volume (ml)", "Pressure (kPa)"]
     assert "shows no memory" in said("g.csv", good, size, pressure, options=["--memory"])
     assert "does not show in" in said("h.csv", good, size, pressure, options=["--free", "poisson"])

@@ -121,6 +121,8 @@ WORDS = {
 }  # fmt: skip
 """Words of headers by kind, the first kind with a word of the header being its own; without accents, in small letters. A star
 stands for any letters: German joins words."""
+LETTERS = {"p": "pressure", "v": "volume", "r": "radius", "d": "diameter"}
+"""Symbols that stand for a whole header of an inflation."""
 MACHINE = "displacement|crosshead|stroke|travel|position|distance|traverse|\\w*weg|course|deplacement|desplazamiento"
 SPECIMENS = "specimen|specimen no|sample|sample no|probe|proben?nr|probe nr|eprouvette|probeta|provino|numune"
 """Headers of a column that names the specimen of each row."""
@@ -256,6 +258,8 @@ def recognise(header: str, place: int, layout: Layout = CURVE) -> CurveColumn | 
 def _kind_of(words: str, layout: Layout = CURVE) -> str | None:
     if words == "t" and "time" in layout.kinds:
         return "time"
+    if layout is INFLATION and words in LETTERS:
+        return LETTERS[words]
     share = "strain" if layout is CURVE and re.match(r"[ck]ompression\b", words) else None  # where no other word follows
     return next((kind for kind in WORDS if kind in layout.kinds and _pattern(kind).search(words)), share)
 
@@ -605,6 +609,8 @@ def _chosen(known: Sequence[CurveColumn], layout: Layout) -> tuple[tuple[CurveCo
         alike = [column for column in known if column.kind == _first(known, group)]
         own = [column for column in alike if not re.search(rf"\b({MACHINE})\b|[(\[]extension", _plain_name(column.header))]
         alike = own if len(own) == 1 else alike
+        suited = [column for column in alike if column.unit and _unit_factor(column.unit, column.kind) is not None]
+        alike = suited if len(suited) == 1 else alike
         if len(alike) > 1:
             names = " and ".join(repr(column.header) for column in alike)
             raise TensileError(f"the columns {names} mean the same; choose with --columns")

@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TypeGuard
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from softmodels.fitting.outlines import residuals, shapes
 from softmodels.fitting.outlines.device import DeviceModel
 from softmodels.fitting.outlines.shapes import OutlineFitError
 from softmodels.mechanics.system import State
+from softmodels.path import continuation
 from softmodels.runs import grid
 
 
@@ -50,7 +52,7 @@ ABSOLUTE_PRESSURE = 80e3
 """Pressure in Pa above which all readings suggest that the room's is in them."""
 
 
-def is_table(file: object) -> bool:
+def is_table(file: object) -> TypeGuard[Inflation | Path | str]:
     """Return whether a file is a table that the user has made; not a folder, nor what ``measure`` writes of photographs."""
     if not isinstance(file, Path | str):
         return isinstance(file, Inflation)
@@ -65,6 +67,8 @@ def is_table(file: object) -> bool:
 def read(path: Path, columns: str = "", exclude: Sequence[str] = ()) -> Inflation:
     """Read a table; ``columns`` is such as ``"volume=1[ml],pressure=2[kPa]"``, empty to go by the headers, and ``exclude`` has
     readings such as ``"line 7"``. `OutlineFitError` for one that cannot be used."""
+    if b"trusted" in path.read_bytes()[:2000]:
+        raise OutlineFitError(f"{path} has heights of photographs; fit them with --heights {path}")
     try:
         told = machine.columns_of_text(columns, machine.INFLATION) if columns else {}
         several = machine.read_tables(path, told, machine.INFLATION)
@@ -75,8 +79,6 @@ def read(path: Path, columns: str = "", exclude: Sequence[str] = ()) -> Inflatio
         size, pressure = in_si(table.x, table.deformation), in_si(table.y, table.load)
     except TensileError as error:
         raise OutlineFitError(f"{path}: {error}") from None
-    if b"trusted" in path.read_bytes()[:2000]:
-        raise OutlineFitError(f"{path} has heights of photographs; fit them with --heights {path}")
     keep = shapes.kept([(f"line {line}", None) for line in table.lines], exclude)
     size, pressure = size[keep], pressure[keep]
     kind = table.deformation.kind
@@ -197,6 +199,12 @@ class InflationResiduals(residuals.HeightResiduals):
             raise OutlineFitError(
                 f"{self.label} has {len(size)} readings at which the device is larger than at rest, {text(rest)}; give at "
                 f"least {MIN_READINGS}, and check the unit"
+            )
+        cavity = self.model.rest_volume * self.model.system.volume_unit
+        if self.size_of.kind == ADDED and size.max() > continuation.MAX_GROWTH * cavity:
+            raise OutlineFitError(
+                f"{self.label}: {text(size.max())} are more than {continuation.MAX_GROWTH:g} times the undeformed cavity, "
+                f"{text(cavity)}; check the unit, and the geometry of the case"
             )
         if pressure.max() <= 0.0:
             raise OutlineFitError(f"{self.label}: no pressure is above zero; is its sign wrong, or are its tubes exchanged?")
