@@ -73,10 +73,12 @@ def test_a_balloon_past_its_limit_point(tmp_path):
     volumes, pressures = np.r_[0.0, VOLUMES, VOLUMES[-3::-3]], np.r_[0.0, noisy, 0.7 * noisy[-3::-3]]
     table = write(tmp_path / "v.csv", ["Infused volume (mL)", "Pressure (mbar)"], 1e6 * volumes, pressures / 100)
     case = case_file(tmp_path)
-    done = invoked(fit_material, case, table, "--material", "yeoh", "--fix", "c3=0Pa", "--no-pictures", "--no-profiles",
+    done = invoked(fit_material, case, table, "--material", "yeoh", "--fix", "c3=0Pa", "--no-profiles",
                    "-o", tmp_path / "out")  # fmt: skip
     assert done.exit_code == 0, done.output
     assert "added-volume from column 1 'Infused volume (mL)' in ml, pressure from column 2" in done.output
+    assert (tmp_path / "out" / "pressures.png").stat().st_size > 10_000
+    assert "Pressures of the device" in (tmp_path / "out" / "report.html").read_text()
     assert "4 readings below an earlier size are left out" in done.output
     law = json.loads((tmp_path / "out" / "fit.json").read_text())["laws"][0]
     known = {p["name"]: p for p in law["parameters"]}

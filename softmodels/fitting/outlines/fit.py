@@ -167,14 +167,13 @@ class _Task:
 
     def with_inflation(self, inflation: Inflation, comm: MPI.Comm) -> comparison.FitReport:
         trials: dict[str, LawTrial[HeightResiduals]] = {}
-        notes: list[str] = []
         for choice in self.choices:
             source = inflations.InflationResiduals(self.devices[0].model(choice, comm), inflation)
-            notes = source.notes
             fit = least_squares_of_heights(source, changes=self.changes(choice), loss=self.options.loss)
             trials[choice.name] = LawTrial((source,), fit, checks.judge_pressures(source, fit))
         how = "pressures at the measured sizes, all with the same weight, errors from the scatter and the bench's priors"
-        return self._report(trials, self.notes([*notes, PRESSURES_ALONE]), how)
+        report = self._report(trials, self.notes([*source.notes, PRESSURES_ALONE]), how)
+        return dataclasses.replace(report, inflation=source.matched({law: trial.fit for law, trial in trials.items()}))
 
     def _report[Source: (OutlineResiduals, HeightResiduals)](
         self, trials: Mapping[str, LawTrial[Source]], notes: Sequence[str], how: str

@@ -16,7 +16,7 @@ import numpy as np
 
 from softmodels.common.arrays import Array
 from softmodels.common.names import keep_arrays
-from softmodels.fitting import problem
+from softmodels.fitting import least_squares, problem
 from softmodels.fitting.curves import columns as machine
 from softmodels.fitting.curves.columns import TensileError, in_si
 from softmodels.fitting.outlines import residuals, shapes
@@ -41,6 +41,18 @@ class Inflation:
 
     def __post_init__(self) -> None:
         keep_arrays(self)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class MatchedInflation:
+    """An inflation that was fitted: what its sizes (n,) are, with their unit, in which they are here; pressures in Pa, shape
+    (n,), measured and by law."""
+
+    name: str
+    axis: str
+    size: Array
+    pressure: Array
+    fitted: Mapping[str, Array]
 
 
 MARKS = (b"x_m,z_m", b"x_m;z_m", b"pressure_Pa =", b"tip_x_m")
@@ -221,6 +233,13 @@ class InflationResiduals(residuals.HeightResiduals):
         kind = {ADDED: "added volumes", RADIUS: "radii", RISE: "rises"}[self.size_of.kind]
         most = self.size_of.text(float(self.measured[-1]))
         return f"{len(self.measured)} pressures to {self.pressures.max() / 1e3:.4g} kPa, at {kind} to {most}"
+
+    def matched(self, fitted: Mapping[str, least_squares.LeastSquaresFit]) -> MatchedInflation:
+        """Return the table with the pressures of fits, by law."""
+        is_volume = self.size_of.kind == ADDED
+        pressures = {law: self.pressures + self.errors * fit.residuals[: fit.count] for law, fit in fitted.items()}
+        axis = "added volume (ml)" if is_volume else f"{self.size_of.kind} (mm)"
+        return MatchedInflation(self.label, axis, (1e6 if is_volume else 1e3) * self.measured, self.pressures, pressures)
 
     def path(self) -> residuals.NeoHookeanDevice:
         """Return the device of one modulus at the measured sizes."""
