@@ -29,6 +29,7 @@ from softmodels.fitting.curves.curve import EQUILIBRIUM_RATE, Specimen, TensileC
 from softmodels.fitting.curves.fit import fit_curves, prepared
 from softmodels.fitting.outlines import fit, shapes, views
 from softmodels.fitting.outlines.device import MeasuredDevice
+from softmodels.fitting.outlines.inflations import Inflation
 from softmodels.fitting.outlines.views import SideView
 from softmodels.fitting.problem import FitError, FitOptions
 from softmodels.fitting.scoring import Score
@@ -376,7 +377,9 @@ def fit_material(files: tuple[Path, ...], how: FitGiven) -> None:
 
     The result is a material file for simulations. With --tensile laws are fitted to curves of test machines. With a CASE (such
     as the case.toml in a folder of results), to outlines of that device at all pressures (files or folders that softmodels
-    measure photos has made), or to its side views (the folder of softmodels measure view), alone or together with curves.
+    measure photos has made), or to its side views (the folder of softmodels measure view), alone or together with curves; or to
+    a table of its pressure over its volume, radius, diameter or rise ('volume (ml)' and 'pressure (kPa)'), past a limit point
+    too, by itself.
     Systematic errors of the bench are fitted too, within plausible
     bounds: an offset and a unit of pressure, a leak, a unit of length, the zero plane, the axis; and the thickness of the part
     (membrane of a disk), by default to 2 %. --fix leak keeps one of them at its nominal value, --prior 'leak=0+-5%' or --prior
@@ -410,6 +413,7 @@ def fit_material(files: tuple[Path, ...], how: FitGiven) -> None:
       softmodels fit results/disk/case.toml outlines/ --material yeoh --fix c3=0Pa
       softmodels fit results/disk/case.toml outlines/ --tensile curve.csv --material neo-hookean,yeoh
       softmodels fit finger.toml views/ --material neo-hookean
+      softmodels fit balloon.toml volumes.csv --material yeoh
       softmodels fit a/case.toml outlines_a/ b/case.toml outlines_b/ --material yeoh
       softmodels fit results/disk/case.toml --heights outlines/heights.csv --material neo-hookean
       python -m softmodels.disk --material results/fit/fitted.toml
@@ -466,6 +470,10 @@ def _curves_report(how: FitGiven) -> comparison.FitReport:
 
 
 def _device_report(files: Sequence[Path], how: FitGiven) -> comparison.FitReport:
+    pairs = _devices(files)
+    table = fit.table_in(pairs, how.exclude, how.columns)  # type: ignore[arg-type]
+    if table is not None:
+        how = dataclasses.replace(how, columns="")
     how.check_given("stretch", "radius", "thickness", "stress_error", "gauge_error")
     if how.branches or any(oscillation.of_test(test) or test == vibration.TEST for _, test, _ in map(parts, how.tensile)):
         raise FitError(
@@ -473,7 +481,6 @@ def _device_report(files: Sequence[Path], how: FitGiven) -> comparison.FitReport
         )
     curves = how.read(how.stretch, how.memory) if how.tensile else []
     residuals.StressError.from_text(how.stress_error)
-    pairs = _devices(files)
     if how.heights is not None and (len(pairs) > 1 or pairs[0][1]):
         raise shapes.OutlineFitError("fit either outlines or --heights, not both: the same data would count twice")
     if how.heights is not None and how.tensile:
@@ -482,9 +489,11 @@ def _device_report(files: Sequence[Path], how: FitGiven) -> comparison.FitReport
         )
     devices = []
     for file, outlines in pairs:
-        devices.append((Case.from_file(file, changes=how.changes), outlines))
+        devices.append((Case.from_file(file, changes=how.changes), outlines if table is None else [table]))
         if how.heights is None and not outlines:
-            raise shapes.OutlineFitError(f"{file} describes only the device; add its outlines, or --heights heights.csv")
+            raise shapes.OutlineFitError(
+                f"{file} describes only the device; add its outlines, a table of its pressures, or --heights heights.csv"
+            )
     cases = [case for case, _ in devices]
     lengths = {
         name: case.actuator.variable for name, case in zip(fit.device_names([case.name for case in cases]), cases, strict=True)
@@ -669,7 +678,8 @@ class ScoreOptions(OutlineOptions, CurveFiles):
 def score(files: tuple[Path, ...], how: ScoreOptions) -> None:
     """Score materials against measurements held out of a fit.
 
-    The measurements are tensile curves, or outlines or side views of a device. The material is not fitted. For each of them
+    The measurements are tensile curves, or outlines, side views or a table of pressures of a device. The material is not
+    fitted. For each of them
     these are reported: the root mean square of predicted minus measured; chi squared per value (1: within the measurement's
     error; 100: a law that is 10 standard errors off); the parts of it explained by the errors of the measurement and of the
     material (from a fitted.toml: the 95 % region of its covariance, as in the band of a run); the number of values within the
@@ -708,7 +718,7 @@ def score(files: tuple[Path, ...], how: ScoreOptions) -> None:
     if device is not None:
         comm = mpi.start()
         try:
-            scores += scoring.against_outlines(materials, device, outlines, comm, errors)
+            scores += scoring.against_outlines(materials, device, outlines, comm, errors, error)
         except FitError as trouble:
             ending.fail(str(trouble), commands.EXIT_FAILED)
     if folder is None:
@@ -734,10 +744,11 @@ def _materials(names: tuple[str, ...]) -> dict[str, Material]:
     return {name: material_from(name, {}) for name in names}
 
 
-def _device(files: tuple[Path, ...], how: ScoreOptions) -> tuple[MeasuredDevice, Sequence[Outline | SideView]]:
+def _device(files: tuple[Path, ...], how: ScoreOptions) -> tuple[MeasuredDevice, Sequence[Outline | SideView] | Inflation]:
     case = Case.from_file(files[0], changes=how.changes)
     device = MeasuredDevice.of(case, views.seen_in(files[1:])).counting_from(how.height_datum or "")
-    return device, fit.outlines_of(files[1:], how.untrusted)
+    table = fit.table_in([(case, files[1:])], (), how.columns)
+    return device, fit.outlines_of(files[1:], how.untrusted) if table is None else table
 
 
 def _errors(names: tuple[str, ...]) -> dict[str, MaterialErrors]:

@@ -29,6 +29,7 @@ from softmodels.materials.laws import Material, MaterialError
 from softmodels.mechanics import sensitivity
 
 if TYPE_CHECKING:
+    from softmodels.fitting.outlines.inflations import MatchedInflation
     from softmodels.fitting.outlines.residuals import MatchedPhotograph
 
 
@@ -442,6 +443,7 @@ class FitReport(cards.ResultCard):
         notes: What was left out, and why.
         photographs: By law: each photograph with its fitted state; empty but for outlines.
         oscillations: Fitted moduli, tan delta or vibrations at frequencies.
+        inflation: A fitted table of a device's pressures.
     """
 
     laws: tuple[FittedLaw, ...]
@@ -453,6 +455,7 @@ class FitReport(cards.ResultCard):
     notes: tuple[str, ...] = ()
     photographs: Mapping[str, Sequence[MatchedPhotograph]] = dataclasses.field(default_factory=dict)
     oscillations: tuple[FrequencyTest, ...] = ()
+    inflation: MatchedInflation | None = None
 
     def _line(self) -> str:
         return self.chosen._line()

@@ -26,9 +26,10 @@ from softmodels.common.processes import one_at_a_time
 from softmodels.fitting import problem
 from softmodels.fitting.curves import fit, residuals
 from softmodels.fitting.curves.curve import TensileCurve, TensileError
-from softmodels.fitting.outlines import views
+from softmodels.fitting.outlines import inflations, views
 from softmodels.fitting.outlines.device import MeasuredDevice
-from softmodels.fitting.outlines.fit import fit_law_to_outlines, outlines_of, source_of
+from softmodels.fitting.outlines.fit import fit_law_to_outlines, outlines_of, source_of, table_in
+from softmodels.fitting.outlines.inflations import Inflation
 from softmodels.fitting.outlines.residuals import READINGS
 from softmodels.fitting.outlines.views import SideView
 from softmodels.fitting.problem import FitError
@@ -201,6 +202,43 @@ def score_outlines(
     )
 
 
+def score_inflation(
+    name: str,
+    material: Material,
+    case: Actuator | Case | MeasuredDevice,
+    inflation: Inflation,
+    error: residuals.StressError,
+    comm: MPI.Comm,
+    errors: MaterialErrors | None = None,
+) -> Score:
+    """Score a material, whose errors may be known, against a table of a device's pressures, at the measured sizes and as they
+    were read; ``error`` is that of the pressures. Raises `FitError` where the device has no such states."""
+    choice = problem.LawChoice.of(material)
+    measured = MeasuredDevice.of(case)
+    source = inflations.InflationResiduals(measured.model(choice, comm), inflation)
+    if errors is None:
+        source.fixed = frozenset(source.parameters)
+    values = {**source.model.lengths, "poisson": choice.poisson, **material.parameters}
+    try:
+        sizes, J, _ = source.evaluate(values, True)
+    except problem.CannotEvaluate as trouble:
+        raise FitError(str(trouble)) from None
+    assert J is not None
+    absolute = residuals.LEAST_ABSOLUTE * float(source.pressures.max()) if error.absolute is None else error.absolute
+    weights = source.errors / np.hypot(error.relative * source.pressures, absolute)
+    off, sizes = source.errors * sizes, weights * sizes
+    at = int(np.argmax(np.abs(sizes)))
+    where = source.size_of.text(float(source.measured[at]))
+    explained = math.nan
+    if errors is not None:
+        slopes = weights[:, None] * J[:, [source.parameters.index(error_name) for error_name in errors.names]]
+        explained = _explained_deviance(sizes, slopes, np.zeros((len(off), 0)), errors) / len(off)
+    return Score(
+        name, f"{source.label} ({measured.name})", len(off), _rms(off), "Pa", _mean_square(sizes), _covered_shares(sizes),
+        f"{off[at] / 1e3:+.3g} kPa at {where} ({sizes[at]:+.2g} standard errors)", chi2_material=explained,
+    )  # fmt: skip
+
+
 def _rms(values: Array) -> float:
     return math.sqrt(_mean_square(values))
 
@@ -261,7 +299,7 @@ def write_readings(
 
 
 type Materials = Material | str | Sequence[Material | str] | Mapping[str, Material | str]
-type Outlines = Path | str | Sequence[Outline | SideView | Path | str]
+type Outlines = Path | str | Sequence[Outline | SideView | Inflation | Path | str]
 
 
 @checked
@@ -308,7 +346,8 @@ def score(
     measured = names.several("curves", curves, (TensileCurve, Path, str), "a curve or its file")
     remembers = any(material.memory is not None for material in known.values())
     ready = fit.prepared(measured, names.span("stretch", stretch), remembers) if measured else []
-    given = names.several("outlines", outlines, (Outline, SideView, Path, str), "an outline, or a file or folder of outlines")
+    wanted = "an outline, or a file or folder of outlines"
+    given = names.several("outlines", outlines, (Outline, SideView, Inflation, Path, str), wanted)
     names.flag("untrusted", untrusted)
     if (device is None) != (not given):
         raise FitError("a device needs its outlines and vice versa; give both, or neither")
@@ -319,7 +358,9 @@ def score(
         score_curve(name, material, curve, error, uncertain.get(name)) for curve in ready for name, material in known.items()
     ]
     if device is not None:
-        scores += against_outlines(known, device, outlines_of(given, untrusted), mpi.start(), uncertain)
+        table = table_in([(device, given)])
+        shown = outlines_of(given, untrusted) if table is None else table
+        scores += against_outlines(known, device, shown, mpi.start(), uncertain, error)
     places = {data: place for place, data in enumerate(dict.fromkeys(score.data for score in scores))}
     return sorted(scores, key=lambda material_score: (places[material_score.data], material_score.chi2))
 
@@ -336,18 +377,22 @@ def error_of(text: str) -> residuals.StressError:
 def against_outlines(
     materials: Mapping[str, Material],
     device: Actuator | Case | MeasuredDevice,
-    outlines: Sequence[Outline | SideView],
+    outlines: Sequence[Outline | SideView] | Inflation,
     comm: MPI.Comm,
     errors: Mapping[str, MaterialErrors] = MappingProxyType({}),
+    error: residuals.StressError = residuals.USUAL_ERROR,
 ) -> list[Score]:
-    """Return the scores of materials against outlines of a device, with their errors by name; see `score_outlines`.
-    `FitError` names the material."""
+    """Return the scores of materials against outlines of a device, with their errors by name, see `score_outlines`; or against
+    a table of its pressures of a standard error. `FitError` names the material."""
     scores = []
     for name, material in materials.items():
         try:
-            scores.append(score_outlines(name, material, device, outlines, comm, errors.get(name)))
-        except FitError as error:
-            raise FitError(f"{name}: {error}") from error
+            if isinstance(outlines, Inflation):
+                scores.append(score_inflation(name, material, device, outlines, error, comm, errors.get(name)))
+            else:
+                scores.append(score_outlines(name, material, device, outlines, comm, errors.get(name)))
+        except FitError as trouble:
+            raise FitError(f"{name}: {trouble}") from trouble
     return scores
 
 

@@ -22,6 +22,7 @@ from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.oscillation import Oscillation
 from softmodels.fitting.curves.residuals import predicted
 from softmodels.fitting.outlines import residuals, shapes, views
+from softmodels.fitting.outlines.inflations import MatchedInflation
 from softmodels.fitting.outlines.shapes import Shape
 from softmodels.materials import specimens
 from softmodels.pictures import curves, style
@@ -178,6 +179,20 @@ def draw_oscillations(report: comparison.FitReport) -> Figure:
         name = "tan delta" if symbol is None else f"{'G' if test.shear else 'E'}{symbol} (kPa)"
         axes.set(xscale="log", title=processes.plain(test.name), xlabel="frequency (Hz)", ylabel=name)
     panels[0].legend(loc="best")
+    return figure
+
+
+def draw_inflation(matched: MatchedInflation) -> Figure:
+    """Plot measured and fitted pressures of a device over its size, and the residuals."""
+    figure, (whole, left) = _panels(2, 4.0)
+    whole.plot(matched.size, matched.pressure / 1e3, "o", ms=4, mfc="none", mec=style.INK, mew=0.8, label="measured")
+    left.axhline(0.0, color=style.FAINT, linewidth=1.0)
+    for i, (law, pressure) in enumerate(matched.fitted.items()):
+        _plot_law(whole, i, matched.size, pressure / 1e3, label=law)
+        _plot_law(left, i, matched.size, (pressure - matched.pressure) / 1e3, marker=".")
+    whole.set(title=processes.plain(matched.name), xlabel=matched.axis, ylabel="pressure (kPa)")
+    left.set(xlabel=matched.axis, ylabel="residual (fit - measured) (kPa)")
+    whole.legend(loc="best")
     return figure
 
 
@@ -342,6 +357,8 @@ def figures(report: comparison.FitReport) -> dict[str, Figure]:
         figures |= {"curves": draw_curves(report), "residuals": draw_residuals(report)}
     if any(isinstance(test, Oscillation) for test in report.oscillations):
         figures["oscillations"] = draw_oscillations(report)
+    if report.inflation is not None:
+        figures["pressures"] = draw_inflation(report.inflation)
     for law, states in report.photographs.items():
         if of_sides := [match for match in states if isinstance(match, views.MatchedView)]:
             figures[f"views-{law}"] = draw_views(of_sides, law)
@@ -389,6 +406,7 @@ CAPTIONS = {
     "curves": "Measured curves and the fitted laws",
     "residuals": "Residuals of the curves (fit - measured)",
     "oscillations": "Measured moduli and tan delta over frequency, and the fitted laws",
+    "pressures": "Pressures of the device, measured and fitted",
     "outlines": "Outlines, measured and simulated",
     "photographs": "Residuals of the outlines (simulated - measured)",
     "creep": "Heights over the time held",

@@ -42,6 +42,10 @@ KINDS = {
     "tan-delta": "",
     "temperature": "K",
     "acceleration": "m/s^2",
+    "added-volume": "m^3",
+    "volume": "m^3",
+    "diameter": "m",
+    "rise": "m",
 }
 """Kinds of columns, and the unit of each. Strain and stress without ``true`` are the engineering ones."""
 
@@ -79,6 +83,11 @@ VIBRATION = Layout(
     "'time (s)' and 'displacement (mm)'", "time=1[s],extension=2[mm]",
 )  # fmt: skip
 
+INFLATION = Layout(
+    ("added-volume", "volume", "radius", "diameter", "rise"), ("pressure",), (), ("volume, radius or rise", "pressure"),
+    "'volume (ml)' and 'pressure (kPa)'", "volume=1[ml],pressure=2[kPa]",
+)  # fmt: skip
+
 WORDS = {
     "time": ["time", "elapsed", "*zeit", "temps", "tiempo", "tempo", "zaman", "时间", "時間"],
     "stretch": ["stretch*", "lambda", "extension ratio", "streckgrad", "etirement"],
@@ -101,11 +110,19 @@ WORDS = {
     "loss-modulus": ["loss modulus", "*verlustmodul", "module de perte", "modulo de perdida", "modulo di perdita", "损耗模量",
                      "損失弾性率"],
     "tan-delta": ["tan delta", "tandelta", "loss factor", "damping factor", "*verlustfaktor", "facteur de perte"],
+    "added-volume": ["added volume", "injected", "infused", "volume added", "volume injected", "volume change", "delta v",
+                     "zugefuhrtes volumen", "volume ajoute", "volumen anadido"],
+    "volume": ["volume", "vol", "*volumen", "体积", "体積"],
+    "diameter": ["diameter", "*durchmesser", "diametre", "diametro"],
+    "rise": ["rise", "height", "apex", "deflection", "displacement", "*hohe", "*auslenkung", "*weg", "fleche", "hauteur",
+             "deplacement", "altura", "altezza", "desplazamiento", "spostamento"],
     "acceleration": ["acceleration", "accelerometer", "accel", "*beschleunigung", "aceleracion", "accelerazione"],
     "temperature": ["temperature", "temp", "temperatur", "temperatura", "温度"],
 }  # fmt: skip
 """Words of headers by kind, the first kind with a word of the header being its own; without accents, in small letters. A star
 stands for any letters: German joins words."""
+LETTERS = {"p": "pressure", "v": "volume", "r": "radius", "d": "diameter"}
+"""Symbols that stand for a whole header of an inflation."""
 MACHINE = "displacement|crosshead|stroke|travel|position|distance|traverse|\\w*weg|course|deplacement|desplazamiento"
 SPECIMENS = "specimen|specimen no|sample|sample no|probe|proben?nr|probe nr|eprouvette|probeta|provino|numune"
 """Headers of a column that names the specimen of each row."""
@@ -119,7 +136,7 @@ TRUE = r"\b(true|log|logarithmic|hencky|cauchy|wahre|vraie|verdadera)\b"
 SIZES = {
     "thickness": ["thickness", "*dicke", "epaisseur", "espesor", "spessore"],
     "width": ["width", "*breite", "largeur", "ancho", "anchura", "larghezza"],
-    "diameter": ["diameter", "*durchmesser", "diametre", "diametro"],
+    "diameter": WORDS["diameter"],
     "cross_section": ["area", "cross section", "cross sectional area", "*querschnitt", "*querschnittsflache", "section"],
     "gauge_length": ["gauge length", "gage length", "tensile strain gauge length", "compressive strain gauge length",
                       "*messlange", "longueur de reference", "longitud calibrada"],
@@ -132,6 +149,7 @@ NONE, PER_RADIAN = "dimensionless", "s^-1"
 UNITS = {
     "%": "percent", "percent": "percent", "pct": "percent", "prozent": "percent", "-": NONE, "1": NONE, "mm/mm": NONE,
     "m/m": NONE, "in/in": NONE, "kp": "kgf", "lbs": "lbf", "kn": "kN", "mpa": "MPa", "kpa": "kPa", "gpa": "GPa", "pa": "Pa",
+    "hpa": "hPa", "cmh2o": "cmH2O", "mmhg": "mmHg", "ml": "ml", "ccm": "ml",
     "hz": "Hz", "1/s": PER_RADIAN, "1/sec": PER_RADIAN, "°c": "degC", "c": "degC", "deg c": "degC",
     "sec": "s", "secs": "s", "sek": "s", "seconds": "s", "second": "s", "sekunden": "s", "inch": "in", "inches": "in",
 }  # fmt: skip
@@ -154,7 +172,8 @@ _TENSION = re.compile(r"\btens(ile|ion)|\bzug|拉伸|\btra[ck]tion|\btracci[oó]
 """What says in a header that positive numbers are compression, or tension; in the languages of test machines."""
 _CLOCK = re.compile(r"(?:(\d{4}-\d\d-\d\d)[ T])?(?:(\d+):)?(\d+):(\d+(?:[.,]\d+)?)")
 _TAIL = re.compile(
-    r"[ _](%|percent|g?pa|kpa|mpa|psi|ksi|bar|mbar|mn|kn|n|lbf|mm|cm|m|um|s|secs?|seconds?|ms|min|minutes?|hours?|h|hz|rad/s)$",
+    r"[ _](%|percent|g?pa|kpa|mpa|hpa|psi|ksi|bar|mbar|cmh2o|mmhg|mn|kn|n|lbf|ml|cc|mm3|cm3|m3|mm|cm|m|um|"
+    r"s|secs?|seconds?|ms|min|minutes?|hours?|h|hz|rad/s)$",
     re.IGNORECASE,
 )
 _SYMBOLS = (
@@ -228,7 +247,7 @@ def recognise(header: str, place: int, layout: Layout = CURVE) -> CurveColumn | 
     elif "," in words or "/" in words:
         words, unit = re.split(r"[,/]", words, maxsplit=1)
     kind = _kind_of(_plain(words), layout)
-    if kind is None or (layout is CURVE and re.search(OTHER_QUANTITIES, _plain(text))):
+    if kind is None or (layout in (CURVE, INFLATION) and re.search(OTHER_QUANTITIES, _plain(text))):
         return None
     if kind in ("strain", "stress") and re.search(TRUE, _plain(text)):
         kind = f"true-{kind}"
@@ -239,6 +258,8 @@ def recognise(header: str, place: int, layout: Layout = CURVE) -> CurveColumn | 
 def _kind_of(words: str, layout: Layout = CURVE) -> str | None:
     if words == "t" and "time" in layout.kinds:
         return "time"
+    if layout is INFLATION and words in LETTERS:
+        return LETTERS[words]
     share = "strain" if layout is CURVE and re.match(r"[ck]ompression\b", words) else None  # where no other word follows
     return next((kind for kind in WORDS if kind in layout.kinds and _pattern(kind).search(words)), share)
 
@@ -266,7 +287,7 @@ def _is_part_of_a_name(text: str) -> bool:
 
 def _is_any_unit(text: str) -> bool:
     return any(text and _unit_factor(_unit(text, kind), kind) is not None for kind in ("strain", "extension", "force", "stress",
-               "time", "angular-frequency", "acceleration"))  # fmt: skip
+               "time", "angular-frequency", "acceleration", "volume"))  # fmt: skip
 
 
 def _settled(column: CurveColumn) -> CurveColumn:
@@ -281,20 +302,20 @@ def _settled(column: CurveColumn) -> CurveColumn:
 
 def _sign(kind: str, header: str) -> int:
     """Return the sign of a column's positive numbers, see `CurveColumn`, from what stands above it."""
-    if kind in ("time", "pressure", "radius", "acceleration") or kind in OSCILLATION.kinds:
+    if kind in ("time", "acceleration", *INFLATION.kinds, *OSCILLATION.kinds):
         return 0
     return int(bool(_TENSION.search(header))) - int(bool(_COMPRESSION.search(header)))
 
 
 def _unit(text: str, kind: str) -> str:
     """Return a unit in Pint's spelling: ``lbF`` as lbf, ``kgf/mm2`` as kgf/mm^2, and for a load ``g`` as gf."""
-    bare = text.strip().rstrip(".").replace("²", "^2")
+    bare = text.strip().rstrip(".").replace("²", "^2").replace("³", "^3")
     known = "g_0" if kind == "acceleration" and bare.lower() == "g" else UNITS.get(bare.lower())
     if known or not bare:
         return known or ""
     if re.fullmatch(r"rad(ian)?s?\s*(/\s*s(ec)?|[ ·*]?s\^?-1)", bare):
         return PER_RADIAN
-    power = re.sub(r"(?<=[a-zA-Z])2\b", "^2", bare)
+    power = re.sub(r"(?<=[a-zA-Z])([23])\b", r"^\1", bare)
     parts = []
     for part in power.split("/"):
         name, sign, exponent = part.partition("^")
@@ -588,6 +609,8 @@ def _chosen(known: Sequence[CurveColumn], layout: Layout) -> tuple[tuple[CurveCo
         alike = [column for column in known if column.kind == _first(known, group)]
         own = [column for column in alike if not re.search(rf"\b({MACHINE})\b|[(\[]extension", _plain_name(column.header))]
         alike = own if len(own) == 1 else alike
+        suited = [column for column in alike if column.unit and _unit_factor(column.unit, column.kind) is not None]
+        alike = suited if len(suited) == 1 else alike
         if len(alike) > 1:
             names = " and ".join(repr(column.header) for column in alike)
             raise TensileError(f"the columns {names} mean the same; choose with --columns")
@@ -791,7 +814,7 @@ def in_si(values: Array, column: CurveColumn) -> Array:
     if not column.unit and not wanted:
         return values
     if not column.unit:
-        example = {"Pa": "kPa", "m": "mm", "1/s": "rad/s"}.get(wanted, wanted)
+        example = {"Pa": "kPa", "m": "mm", "m^3": "ml", "1/s": "rad/s"}.get(wanted, wanted)
         raise TensileError(
             f"the column {column.header!r} has no unit; write it into the header, such as '{column.kind} ({example})', or give "
             f"it with --columns {column.kind}={column.place + 1}[{example}],..."

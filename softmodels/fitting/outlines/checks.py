@@ -13,7 +13,7 @@ import numpy.typing as npt
 from softmodels.common import units
 from softmodels.common.arrays import Array
 from softmodels.fitting import comparison, least_squares, problem
-from softmodels.fitting.outlines import device, residuals
+from softmodels.fitting.outlines import device, inflations, residuals
 from softmodels.fitting.outlines.shapes import Shape, half_outline, shadow_of
 from softmodels.runs import grid
 
@@ -592,6 +592,22 @@ def judge_heights(source: residuals.HeightResiduals, fit: least_squares.LeastSqu
             )
         )
     return least_squares.Judgement()
+
+
+def judge_pressures(source: inflations.InflationResiduals, fit: least_squares.LeastSquaresFit) -> least_squares.Judgement:
+    """Check a fit to a table of pressures against law and mesh errors."""
+    left = fit.residuals[: fit.count] * source.errors
+    if (share := float(np.sqrt(np.mean(left**2))) / float(np.abs(source.pressures).max())) <= MODEL_PRESSURE:
+        return least_squares.Judgement()
+    i = int(np.argmax(np.abs(left)))
+    return least_squares.Judgement(
+        (
+            f"the law does not follow {source.label}: its residuals are {100 * share:.3g} % of the largest pressure (root mean "
+            f"square), most at {source.size_of.text(float(source.measured[i]))}, where it has "
+            f"{reading(float(source.pressures[i] + left[i]))} for {reading(float(source.pressures[i]))}; check units and the "
+            "geometry of the case, or try another law",
+        )
+    )
 
 
 def within_chance(sources: Sequence[residuals.OutlineResiduals], fit: least_squares.LeastSquaresFit) -> bool:

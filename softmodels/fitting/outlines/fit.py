@@ -1,4 +1,4 @@
-"""Fit laws to outlines or heights of a device, compare and check them: from measurements to a report."""
+"""Fit laws to outlines, heights or pressures of a device, compare and check them: from measurements to a report."""
 
 from __future__ import annotations
 
@@ -23,8 +23,9 @@ from softmodels.fitting.curves import residuals
 from softmodels.fitting.curves.curve import TensileCurve, TensileError
 from softmodels.fitting.curves.fit import Curves, loop_notes, loop_objections, prepared
 from softmodels.fitting.least_squares import Judgement, LeastSquaresFit, fit_parameters, profile, settled
-from softmodels.fitting.outlines import checks, creeping, views
+from softmodels.fitting.outlines import checks, creeping, inflations, views
 from softmodels.fitting.outlines.device import DeviceModel, MeasuredDevice
+from softmodels.fitting.outlines.inflations import Inflation
 from softmodels.fitting.outlines.residuals import (
     Height,
     HeightResiduals,
@@ -164,6 +165,16 @@ class _Task:
         )
         return self._report(trials, self.notes([HEIGHTS_ALONE]), how)
 
+    def with_inflation(self, inflation: Inflation, comm: MPI.Comm) -> comparison.FitReport:
+        trials: dict[str, LawTrial[HeightResiduals]] = {}
+        for choice in self.choices:
+            source = inflations.InflationResiduals(self.devices[0].model(choice, comm), inflation)
+            fit = least_squares_of_heights(source, changes=self.changes(choice), loss=self.options.loss)
+            trials[choice.name] = LawTrial((source,), fit, checks.judge_pressures(source, fit))
+        how = "pressures at the measured sizes, all with the same weight, errors from the scatter and the bench's priors"
+        report = self._report(trials, self.notes([*source.notes, PRESSURES_ALONE]), how)
+        return dataclasses.replace(report, inflation=source.matched({law: trial.fit for law, trial in trials.items()}))
+
     def _report[Source: (OutlineResiduals, HeightResiduals)](
         self, trials: Mapping[str, LawTrial[Source]], notes: Sequence[str], how: str
     ) -> comparison.FitReport:
@@ -244,7 +255,8 @@ def source_of(
 
 
 type Device = Actuator | Case | MeasuredDevice
-type Outlines = Sequence[Outline | SideView | Path | str] | Path | str
+type Measured = Outline | SideView | Inflation
+type Outlines = Sequence[Measured | Path | str] | Inflation | Path | str
 
 
 @checked
@@ -262,22 +274,21 @@ def fit(
 
     With ``options.memory`` the outlines carry times, and relaxing branches are fitted too; the law is then that of equilibrium.
 
-    Several devices have the material in common; errors of the bench and lengths are fitted per device: parameters called
-    ``leak``, ``zero`` ... of one device are ``NAME.leak``, ``NAME.zero`` ... of several. ``options.free`` and
-    ``options.changes`` are about all of them, or by such a name about one; ``options.exclude`` takes ``NAME/4.jpg``. NAME is
-    that of the case, or the geometry's; a name that two have gets a number (``disk-2``).
+    Several devices have the material in common; errors of the bench and lengths are fitted per device, as ``NAME.leak`` ...:
+    ``options.free`` and ``options.changes`` are about all of them, or by such a name about one; ``options.exclude`` takes
+    ``NAME/4.jpg``. NAME is that of the case, or the geometry's; a name that two have gets a number (``disk-2``).
 
     Args:
         device: What was inflated; or pairs of what was inflated and its outlines.
-        outlines: Outlines, or the files or folders that a measurement has written; nothing where ``device`` has pairs.
+        outlines: Outlines, or the files or folders that a measurement has written; or one table of the device's pressure over
+            its volume, radius or rise. Nothing where ``device`` has pairs.
         material: A law's name or class, or several of them; ``"all"`` compares all.
         options: How.
         curves: Tensile curves to fit at the same time, or their files (see `softmodels.fitting.curves.fit.prepared`).
         comm: Processes that solve together; None for all.
 
     Returns:
-        The laws with their error bars, best first; ``report.material`` is the one to simulate with, and
-        ``report.chosen.devices`` has the chi squared of each device.
+        The laws with error bars, best first; ``report.material`` to simulate with; ``report.chosen.devices`` has chi squared.
 
     Raises:
         FitError: Bad input, or no law could be fitted.
@@ -285,6 +296,8 @@ def fit(
     """
     _check_how(options, comm)
     pairs = _pairs(device, outlines)
+    if (inflation := table_in(pairs, options.exclude)) is not None:
+        return _fit_inflation(pairs[0][0], inflation, material, options, bool(curves), comm)
     measured = [
         MeasuredDevice.of(pair_device, views.seen_in(given)).counting_from(options.height_datum) for pair_device, given in pairs
     ]
@@ -310,6 +323,24 @@ def fit(
     return task.with_outlines(outlines_by_device, comm or mpi.start())
 
 
+def _fit_inflation(
+    device: Device, inflation: Inflation, material: problem.Laws, options: FitOptions, has_curves: bool, comm: MPI.Comm | None
+) -> comparison.FitReport:
+    """Fit laws to a table of pressures; `FitError` for what does not go together with it."""
+    if has_curves:
+        raise FitError(
+            "a table of pressures has no errors to weigh tensile curves with; fit the two separately, and compare the laws "
+            "with softmodels score"
+        )
+    if options.memory:
+        raise FitError("a table of pressures shows no memory; leave out --memory, or fit outlines or curves")
+    if more := [name for name in options.free if name not in problem.FREE]:
+        raise FitError(f"{more[0]} does not show in a table of pressures; leave out --free {more[0]}")
+    measured = MeasuredDevice.of(device).counting_from(options.height_datum)
+    task = _Task((measured,), problem.law_choices(material, options.poisson), options, ())
+    return task.with_inflation(inflation, comm or mpi.start())
+
+
 def _check_seen(measured: Sequence[MeasuredDevice], options: FitOptions) -> None:
     """Raise `FitError` for options that side views do not have."""
     if all(pair_device.seen.counts_heights for pair_device in measured):
@@ -327,6 +358,11 @@ HEIGHTS_ALONE = (
     "device from the silicone: these are not corrected, and the intervals are widened by their priors; outlines determine more"
 )
 
+PRESSURES_ALONE = (
+    "a table of pressures cannot separate an offset, a scale or a leak of the pressures, a scale of the sizes or a thickness "
+    "of the device from the silicone: these are not corrected, and the intervals are widened by their priors"
+)
+
 
 def _pairs(device: object, outlines: Outlines) -> list[tuple[Device, Outlines]]:
     """Return the devices, each with its outlines; `FitError` for pairs that are none, or outlines beside them."""
@@ -340,6 +376,22 @@ def _pairs(device: object, outlines: Outlines) -> list[tuple[Device, Outlines]]:
     if not isinstance(outlines, Sequence) or len(outlines):
         raise FitError("with several devices, give pairs of device and outlines, and leave out the argument outlines")
     return [(device_model, given) for device_model, given in device]
+
+
+def table_in(pairs: Sequence[tuple[Device, Outlines]], exclude: Sequence[str] = (), columns: str = "") -> Inflation | None:
+    """Return the table of pressures over sizes among what was measured, read; None if there is none. `OutlineFitError` if there
+    is more."""
+    given = [part for _, own in pairs for part in (own if isinstance(own, Sequence) and not isinstance(own, str) else [own])]
+    tables = [part for part in given if inflations.is_table(part)]
+    if not tables:
+        return None
+    if len(given) > 1 or len(pairs) > 1:
+        name = tables[0].name if isinstance(tables[0], Inflation) else tables[0]
+        raise OutlineFitError(
+            f"{name} is a table of a device's pressures, which has no errors to weigh other measurements with; fit each table "
+            "by itself"
+        )
+    return tables[0] if isinstance(tables[0], Inflation) else inflations.read(Path(tables[0]), columns, exclude)
 
 
 def outlines_of(given: Outlines, untrusted: bool, exclude: Sequence[str] = ()) -> Sequence[Outline | SideView]:

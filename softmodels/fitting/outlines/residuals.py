@@ -15,7 +15,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
@@ -414,14 +414,20 @@ class NeoHookeanDevice:
         return np.abs(self.borne) > MOST_BORNE * self.elastic
 
 
-def plain_path(model: DeviceModel, heights: Array, pressures: Array) -> NeoHookeanDevice:
-    """Follow the device to the measured heights in m; by the readings in Pa the modulus of a loaded device settles. Raises
-    `OutlineFitError` where it cannot reach them, no stiffness fits its loads, or its shadow at rest is not straight, see
-    `UnpressurisedShape.check`."""
+def plain_path(
+    model: DeviceModel,
+    heights: Array,
+    pressures: Array,
+    volumes: Callable[[DeviceModel, dict[str, float], Array], tuple[Array, float]] | None = None,
+) -> NeoHookeanDevice:
+    """Follow the device to the measured heights in m, or to other sizes of which ``volumes`` gives the added volumes as
+    `volumes_of` does; by the readings in Pa the modulus of a loaded device settles. Raises `OutlineFitError` where it cannot
+    reach them, no stiffness fits its loads, or its shadow at rest is not straight, see `UnpressurisedShape.check`."""
     why = ""
     for _ in range(MAX_MODULUS_ROUNDS):
         try:
-            device_path = _plain_at(model, heights)
+            values = model.choice.from_modulus(model.modulus)
+            device_path = plain_device(model, values, *(volumes or volumes_of)(model, values, heights))
         except problem.CannotEvaluate as error:
             if not model.loaded:
                 raise
@@ -440,11 +446,6 @@ def plain_path(model: DeviceModel, heights: Array, pressures: Array) -> NeoHooke
         f"no stiffness fits the case's loads and the measured pressures ({why}); check masses, density and forces, "
         f"and the direction of gravity"
     )
-
-
-def _plain_at(model: DeviceModel, heights: Array) -> NeoHookeanDevice:
-    values = model.choice.from_modulus(model.modulus)
-    return plain_device(model, values, *volumes_of(model, values, heights))
 
 
 def plain_device(model: DeviceModel, values: dict[str, float], volumes: Array, hangs: float) -> NeoHookeanDevice:
@@ -490,9 +491,12 @@ def starts(
     return [linear, scaled], states_of_path
 
 
-def volumes_of(model: DeviceModel, values: dict[str, float], heights: Array) -> tuple[Array, float]:
-    """Return the added volumes in m3 at which the device has the measured heights in m, and that of the preloaded state.
-    Raises `CannotEvaluate` for no equilibrium under the dead loads, `OutlineFitError` if it does not rise so high."""
+def volumes_of(
+    model: DeviceModel, values: dict[str, float], heights: Array, radius: Callable[[State], float] | None = None
+) -> tuple[Array, float]:
+    """Return the added volumes in m3 at which the device has the measured heights in m, or radii where ``radius`` is that of a
+    state, and that of the preloaded state. Raises `CannotEvaluate` for no equilibrium under the dead loads, `OutlineFitError`
+    if it does not rise so high."""
     eq, rest = model.system, model.rest_volume
     model.set_parameters(values)
     model.hanging.check(values)
@@ -502,7 +506,7 @@ def volumes_of(model: DeviceModel, values: dict[str, float], heights: Array) -> 
     path, why = model.path("volume"), ""
     try:
         for point in continuation.trace(path, (model.begins(path) + goals).tolist()):
-            rise = model.height(point.state)
+            rise = radius(point.state) if radius else model.height(point.state)
             if not rises or rise > rises[-1]:
                 rises.append(rise)
                 volumes.append((point.state.V - rest) * eq.volume_unit)
@@ -511,6 +515,11 @@ def volumes_of(model: DeviceModel, values: dict[str, float], heights: Array) -> 
     except (stability.PathEnd, newton.NoConvergence, problem.CannotEvaluate) as end:
         why = f" ({end})"
     if not rises or rises[-1] < highest:
+        if radius:
+            raise OutlineFitError(
+                f"the case's device does not widen beyond a radius of {max(rises, default=0.0) * 1e3:.4g} mm{why}, but "
+                f"{highest * 1e3:.4g} mm was measured: check the geometry and the unit"
+            )
         raise OutlineFitError(
             f"the case's device does not rise above {max(rises, default=0.0) * 1e3:.4g} mm{why}, but an outline is "
             f"{highest * 1e3:.4g} mm high: check the geometry and the photographs' scale"
@@ -558,6 +567,10 @@ class HeightResiduals:
     def own(self, values: Mapping[str, float]) -> Mapping[str, float]:
         """Return the fit's values by their names in this device, which are the same."""
         return values
+
+    def path(self) -> NeoHookeanDevice:
+        """Return the device of one modulus at the measured heights."""
+        return plain_path(self.model, self.measured, self.pressures)
 
     def largest_state(self, values: Mapping[str, float]) -> State:
         """Return the state of the largest pressure at parameter values."""
@@ -692,7 +705,7 @@ def least_squares_of_heights(
     Errors as of `softmodels.fitting.least_squares.fit_parameters`; `OutlineFitError` where the device does not rise so high."""
     model = source.model
     choice = model.choice
-    path = plain_path(model, source.measured, source.pressures)
+    path = source.path()
     begins, _ = starts(model, path, source.pressures, np.ones(len(source.measured)))
     lengths = [p.changed(changes.get(p.name, {})) for p in length_parameters(model)]
     considered = {p.name: p.prior for p in lengths if p.prior and not p.fixed}
