@@ -175,7 +175,7 @@ class Pairs:
     surface: Surface
     meets: npt.NDArray[np.bool_]
     images: Array
-    _last_pairs: _FoundPairs | None = dataclasses.field(default=None, init=False, repr=False)
+    _last_pairs: _SearchedPairs | None = dataclasses.field(default=None, init=False, repr=False)
 
     @functools.cached_property
     def radius(self) -> Array:
@@ -226,7 +226,7 @@ class Pairs:
             may = self.allowed(i, j)
             i, j = i[may], j[may]
             way = np.take(places, i, axis=0) - np.take(self.of_all(places), j, axis=0)
-            last = _FoundPairs(places.copy(), far, i, j, np.sqrt(squares(way)), self.radius[j % len(places)])
+            last = _SearchedPairs(places.copy(), far, i, j, np.sqrt(squares(way)), self.radius[j % len(places)])
             object.__setattr__(self, "_last_pairs", last)
         chosen = np.flatnonzero(last.distances - share * last.radii < slack + 2 * moved * (1 + 1e-9) + 1e-12)
         i, j = last.i[chosen], last.j[chosen]
@@ -236,8 +236,8 @@ class Pairs:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class _FoundPairs:
-    """What a search at places, shape (s, d), found up to a distance: pairs with their distances and the radii of the second
+class _SearchedPairs:
+    """The result of a search at places, shape (s, d), up to a distance: pairs with their distances and the radii of the second
     ones, shape (p,)."""
 
     places: Array
