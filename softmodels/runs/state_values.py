@@ -546,10 +546,6 @@ class FacingWalls:
         """Return whether a facet is folded onto itself, in a crease that the cells do not resolve: it turns by more than
         `CLOSED_FOLD_ANGLE`, and its middle is compressed until it creases (`softmodels.components.creases.find_crease`)."""
         at = self.points + displacement
-        near = self._middle + creases.CORNER_SHARE * (self._lattice - self._middle)
-        every = np.arange(len(self.facets))
-        n = np.stack([self._normal(self._tangents(at, own), every) for own in near], axis=1)
-        turned = (np.einsum("fpi,fqi->fpq", n, n) < math.cos(creases.CLOSED_FOLD_ANGLE)).any(axis=(1, 2))
         rest, now = (self._tangents(shape, self._middle) for shape in (self.points, at))
         squares = np.linalg.eigvals(
             np.linalg.solve(np.einsum("fai,fbi->fab", rest, rest), np.einsum("fai,fbi->fab", now, now))
@@ -557,11 +553,15 @@ class FacingWalls:
         if self.flat:
             hoop = self._middles(at)[0][:, :1] / self._rest[0][:, :1]
             squares = np.concatenate([squares, hoop**2], axis=1)
-        return bool((turned & (squares.min(axis=1) * np.sqrt(squares.max(axis=1)) < creases.CREASE_LIMIT)).any())
+        creased = np.flatnonzero(squares.min(axis=1) * np.sqrt(squares.max(axis=1)) < creases.CREASE_LIMIT)
+        near = self._middle + creases.CORNER_SHARE * (self._lattice - self._middle)
+        n = np.stack([self._normal(self._tangents(at, own, creased), creased) for own in near], axis=1)
+        return bool((np.einsum("fpi,fqi->fpq", n, n) < math.cos(creases.CLOSED_FOLD_ANGLE)).any())
 
-    def _tangents(self, at: Array, own: Array) -> Array:
-        """Return the tangents of a shape's facets at one place of each in its own coordinates, shape (f, d, 3)."""
-        return _patch(at[self.facets], np.tile(own, (len(self.facets), 1)))[1]
+    def _tangents(self, at: Array, own: Array, facets: npt.NDArray[np.int64] | None = None) -> Array:
+        """Return the tangents of a shape's facets, of all or some, at one place of each in its own coordinates, (f, d, 3)."""
+        nodes = at[self.facets if facets is None else self.facets[facets]]
+        return _patch(nodes, np.tile(own, (len(nodes), 1)))[1]
 
     def shapes(self, points: npt.NDArray[np.int64]) -> Array:
         """Return the shape functions of a facet's nodes at some of the places that gaps are taken at, shape (p, 3 or 6)."""
