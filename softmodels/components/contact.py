@@ -900,34 +900,43 @@ def passes(pairs: pressing.Pairs, before: Array, after: Array) -> bool:
     start, end = surface.places(before), surface.places(after)
     motion = end - start
     relative = 2 * float(np.linalg.norm(motion - motion.mean(axis=0), axis=1).max())
+    # A mirror image does not move along with the walls.
+    largest = relative if len(pairs.images) == 1 else 2 * float(np.linalg.norm(motion, axis=1).max())
     stride = WALL_STRIDE * float(pairs.radius.min())
     looks = min(max(math.ceil(relative / stride), 1), MAX_LOOKS)
     times = np.linspace(0.0, 1.0, looks + 1)
     for low, high in itertools.pairwise(times):
         shapes = [before + t * (after - before) for t in (low, high)]
-        if _deeper(pairs, shapes, relative / looks / 2):
+        if _deeper(pairs, shapes, largest / looks / 2):
             return True
     return False
 
 
 def _deeper(pairs: pressing.Pairs, shapes: list[Array], slack: float) -> bool:
     """Return whether a point crosses the surface at `MAX_OVERLAP` behind a sample's own part of a wall between near shapes."""
-    surface, count = pairs.surface, len(pairs.surface.owner)
-    (a, b), (m, n) = ([surface.places(x) for x in shapes], [pairs.of_all(surface.areas(x)) for x in shapes])
-    i, j = pairs.within((a + b) / 2, slack + (MAX_OVERLAP + OWN_DISTANCE) * float(pairs.radius.max()))
-    start, end = a[i] - pairs.of_all(a)[j], b[i] - pairs.of_all(b)[j]
+    surface, count, share = pairs.surface, len(pairs.surface.owner), MAX_OVERLAP + OWN_DISTANCE
+    places, areas = [surface.places(x) for x in shapes], [surface.areas(x) for x in shapes]
+    middle = (places[0] + places[1]) / 2
+
+    def at_ends(i: pressing.Numbers, j: pressing.Numbers) -> tuple[list[Array], list[Array]]:
+        """Return the ways to points from samples in both shapes, shape (p, d), and the heights above the walls, shape (p,)."""
+        ways = [np.take(x, i, axis=0) - np.take(pairs.of_all(x), j, axis=0) for x in places]
+        normals = [np.take(pairs.of_all(x / np.linalg.norm(x, axis=1)[:, None]), j, axis=0) for x in areas]
+        return ways, [np.einsum("pi,pi->p", way, normal) for way, normal in zip(ways, normals, strict=True)]
+
+    i, j, _ = pairs.within(middle, share, slack)
+    (start, end), above = at_ends(i, j)
     limit = -MAX_OVERLAP * pairs.radius[j % count]
-    above = [np.einsum("pi,pi->p", r, v[j]) / np.linalg.norm(v[j], axis=1) for r, v in ((start, m), (end, n))]
     for k in np.flatnonzero((above[0] > limit) & (above[1] <= limit)):
         t = (above[0][k] - limit[k]) / (above[0][k] - above[1][k])
         place = start[k] + t * (end[k] - start[k])
         if place @ place - limit[k] ** 2 > (OWN_DISTANCE * surface.edges[j[k] % count]) ** 2:
             continue
         # Beside a sharp edge of the wall a point is behind one of its faces and in front of the other, nearer one.
-        same = slice(*np.searchsorted(i, [i[k], i[k] + 1]))
-        ways = start[same] + t * (end[same] - start[same])
-        nearest = int(np.einsum("pi,pi->p", ways, ways).argmin())
-        height = (1 - t) * above[0][same][nearest] + t * above[1][same][nearest]
+        others, walls, _ = pairs.within(middle, 0.0, slack + share * float(pairs.radius.max()))
+        same = slice(*np.searchsorted(others, [i[k], i[k] + 1]))
+        ways, heights = ((1 - t) * np.array(x[0]) + t * np.array(x[1]) for x in at_ends(others[same], walls[same]))
+        height = heights[int(pressing.squares(ways).argmin())]
         if height < limit[k] / 2:
             return True
     return False

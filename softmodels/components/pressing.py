@@ -175,7 +175,7 @@ class Pairs:
     surface: Surface
     meets: npt.NDArray[np.bool_]
     images: Array
-    _last_pairs: tuple[Array, float, Numbers, Numbers] | None = dataclasses.field(default=None, init=False, repr=False)
+    _last_pairs: _SearchedPairs | None = dataclasses.field(default=None, init=False, repr=False)
 
     @functools.cached_property
     def radius(self) -> Array:
@@ -213,35 +213,51 @@ class Pairs:
         may[may] = ~(through | ((length < NEIGHBOUR_DISTANCE * radius) & ~across))
         return may
 
-    def within(self, places: Array, reach: float) -> tuple[Numbers, Numbers]:
-        """Return at least the pairs that may touch and are nearer than ``reach`` at samples' places, shape (s, d), sorted by
-        the first. They are looked for a little farther, and again only once samples have moved by as much."""
-        if self._last_pairs is not None:
-            before, far, i, j = self._last_pairs
-            moved = float(np.sqrt(np.einsum("si,si->s", places - before, places - before).max(initial=0.0)))
-            if reach + 2 * moved <= far:
-                return i, j
-        far = max(reach, float(self.radius.max())) * (1 + SEARCH_MARGIN)
-        i, j = _pairs_within(places, scipy.spatial.cKDTree(self.of_all(places)), far)
-        may = self.allowed(i, j)
-        i, j = i[may], j[may]
-        object.__setattr__(self, "_last_pairs", (places.copy(), far, i, j))
-        return i, j
+    def within(self, places: Array, share: float, slack: float = 0.0) -> tuple[Numbers, Numbers, Array]:
+        """Return the pairs that may touch and are nearer than ``share`` of the second one's radius plus ``slack`` at samples'
+        places, shape (s, d), sorted by the first, and the ways from the second to the first, shape (p, d). They are looked for
+        a little farther, and again only once samples have moved by as much; until then only those are measured that may have
+        come near enough since."""
+        reach, last = share * float(self.radius.max()) + slack, self._last_pairs
+        moved = 0.0 if last is None else float(np.sqrt(((places - last.places) ** 2).sum(axis=1).max(initial=0.0)))
+        if last is None or reach + 2 * moved > last.far:
+            moved, far = 0.0, max(reach, float(self.radius.max())) * (1 + SEARCH_MARGIN)
+            i, j = _pairs_within(places, scipy.spatial.cKDTree(self.of_all(places)), far)
+            may = self.allowed(i, j)
+            i, j = i[may], j[may]
+            way = np.take(places, i, axis=0) - np.take(self.of_all(places), j, axis=0)
+            last = _SearchedPairs(places.copy(), far, i, j, np.sqrt(squares(way)), self.radius[j % len(places)])
+            object.__setattr__(self, "_last_pairs", last)
+        chosen = np.flatnonzero(last.distances - share * last.radii < slack + 2 * moved * (1 + 1e-9) + 1e-12)
+        i, j = last.i[chosen], last.j[chosen]
+        way = np.take(places, i, axis=0) - np.take(self.of_all(places), j, axis=0)
+        close = squares(way) < (share * last.radii[chosen] + slack) ** 2
+        return i[close], j[close], way[close]
 
-    def near(self, places: Array) -> tuple[Numbers, Numbers]:
-        """Return the pairs that may touch and are nearer than the second one's radius at samples' places, shape (s, d), sorted
-        by the first."""
-        i, j = self.within(places, float(self.radius.max()))
-        way = places[i] - self.of_all(places)[j]
-        close = np.einsum("pi,pi->p", way, way) < self.radius[j % len(places)] ** 2
-        return i[close], j[close]
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _SearchedPairs:
+    """The result of a search at places, shape (s, d), up to a distance: pairs with their distances and the radii of the second
+    ones, shape (p,)."""
+
+    places: Array
+    far: float
+    i: Numbers
+    j: Numbers
+    distances: Array
+    radii: Array
+
+
+def squares(vectors: Array) -> Array:
+    """Return the squared lengths of vectors, shape (p, d) to (p,)."""
+    return np.asarray(np.einsum("pi,pi->p", vectors, vectors))
 
 
 def _pairs_within(places: Array, others: scipy.spatial.cKDTree, reach: float) -> tuple[Numbers, Numbers]:
     """Return the pairs of places and others in a tree that are nearer than ``reach``, sorted by the first, then the second."""
     pairs = scipy.spatial.cKDTree(places).sparse_distance_matrix(others, reach, output_type="ndarray")
-    order = np.lexsort((pairs["j"], pairs["i"]))
-    return pairs["i"][order].astype(np.int64), pairs["j"][order].astype(np.int64)
+    i, j = np.divmod(np.sort(pairs["i"].astype(np.int64) * others.n + pairs["j"]), max(others.n, 1))
+    return i, j
 
 
 def facing(surface: Surface, images: Array, reach: float) -> npt.NDArray[np.bool_]:
@@ -342,10 +358,9 @@ class Near:
     @classmethod
     def of(cls, pairs: Pairs, places: Array, areas: Array) -> Near:
         """Return the pairs in a shape of the walls, by places and areas of the samples, shape (s, d) each."""
-        i, number = pairs.near(places)
+        i, number, r = pairs.within(places, 1.0)
         image, j = np.divmod(number, len(places))
-        r, R = places[i] - pairs.of_all(places)[number], pairs.radius[j]
-        return cls(i, j, image, r, pairs.of_all(areas)[number], kernels(r, R))
+        return cls(i, j, image, r, np.take(pairs.of_all(areas), number, axis=0), kernels(r, pairs.radius[j]))
 
     def sums(self, count: int) -> tuple[Array, Array]:
         """Return N, shape (count,), and S, shape (count, d), of each point."""

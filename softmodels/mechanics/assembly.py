@@ -165,10 +165,12 @@ class AssembledTerm[P: Pressing](component.EnergyTerm):
         d); or with ``whole`` the derivative of the forces, where that is another one."""
         self._take(w)
         if whole not in self._matrices:
-            turn = scipy.sparse.kron(scipy.sparse.eye_array(len(self.nodes.places)), self.nodes.skew, format="csr")
-            free = scipy.sparse.diags_array(self._free.ravel().astype(float))
             stiffness = self._force_rates() if whole else self.stiffness_here()
-            self._matrices[whole] = scipy.sparse.csr_array(free @ (turn.T @ stiffness @ turn) @ free)
+            if stiffness.nnz:
+                turn = scipy.sparse.kron(scipy.sparse.eye_array(len(self.nodes.places)), self.nodes.skew, format="csr")
+                free = scipy.sparse.diags_array(self._free.ravel().astype(float))
+                stiffness = scipy.sparse.csr_array(free @ (turn.T @ stiffness @ turn) @ free)
+            self._matrices[whole] = stiffness
         return self._matrices[whole]
 
     def add_product(self, w: Array, x: Array, y: Array, whole: bool = False) -> None:

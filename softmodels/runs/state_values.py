@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import itertools
 import math
 from collections.abc import Sequence
 
@@ -374,6 +373,12 @@ MAX_PROJECTIONS = 5
 MAX_OVERLAP_SHARE = 0.01
 """Overlap, relative to the wall thickness, above which walls count as overlapping."""
 PLACES_AT_ONCE = 200_000
+FIRST_PAIRS = 500
+"""Number of pairs of facets, those least apart, whose gaps bound the least gap."""
+BENT_FACET_COSINE = 0.85
+"""Cosine of the angle between normals of a facet above which all of it faces what its middle faces."""
+HULL_TOLERANCE = 0.01
+"""Part of a facet's radius by which a closest point may lie outside the facet."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -506,7 +511,7 @@ class FacingWalls:
     def least(self, displacement: Array, reach: float | None = None) -> Gap | None:
         """Return the smallest gap, in m, for displacements of the nodes in m, shape (n, 3); None if no walls are near each
         other. See `gaps`."""
-        gaps = self.gaps(displacement, reach)
+        gaps = self.gaps(displacement, reach, all_places=False)
         if not len(gaps.values):
             return None
         at = int(np.argmin(gaps.values))
@@ -519,13 +524,14 @@ class FacingWalls:
             rates = np.concatenate([own, -gaps.weights[at]])[:, None] * normal
         return Gap(float(gaps.values[at]), gaps.places[at], nodes, rates, gaps.share)
 
-    def gaps(self, displacement: Array, reach: float | None = None) -> Gaps:
+    def gaps(self, displacement: Array, reach: float | None = None, all_places: bool = True) -> Gaps:
         """Return the gaps of the places near other walls, up to ``reach`` in m (None for `reach`), for displacements of the
-        nodes in m, shape (n, 3); where some overlap, all that overlap."""
+        nodes in m, shape (n, 3); where some overlap, all that overlap. With ``all_places`` false only the least gap and all
+        overlaps are certain to be among them."""
         at, before = self.points + displacement, np.inf
         reach = self.reach if reach is None else reach
         while True:
-            seen = self._within(at, reach)
+            seen = self._within(at, reach, all_places)
             least = float(np.min(seen.values, initial=np.inf))
             # A deep overlap is as far from the wall it has passed through.
             if least >= 0.0 or least >= before or reach >= OVERLAP_REACH * self.size:
@@ -534,16 +540,12 @@ class FacingWalls:
 
     def cross(self, displacement: Array) -> bool:
         """Return whether walls pass through each other anywhere; quicker than `least`, which looks for the deepest place."""
-        return bool((self._within(self.points + displacement, self.reach).values < 0.0).any())
+        return bool((self._within(self.points + displacement, self.reach, all_places=False).values < 0.0).any())
 
     def folded(self, displacement: Array) -> bool:
         """Return whether a facet is folded onto itself, in a crease that the cells do not resolve: it turns by more than
         `CLOSED_FOLD_ANGLE`, and its middle is compressed until it creases (`softmodels.components.creases.find_crease`)."""
         at = self.points + displacement
-        near = self._middle + creases.CORNER_SHARE * (self._lattice - self._middle)
-        every = np.arange(len(self.facets))
-        n = np.stack([self._normal(self._tangents(at, own), every) for own in near], axis=1)
-        turned = (np.einsum("fpi,fqi->fpq", n, n) < math.cos(creases.CLOSED_FOLD_ANGLE)).any(axis=(1, 2))
         rest, now = (self._tangents(shape, self._middle) for shape in (self.points, at))
         squares = np.linalg.eigvals(
             np.linalg.solve(np.einsum("fai,fbi->fab", rest, rest), np.einsum("fai,fbi->fab", now, now))
@@ -551,21 +553,25 @@ class FacingWalls:
         if self.flat:
             hoop = self._middles(at)[0][:, :1] / self._rest[0][:, :1]
             squares = np.concatenate([squares, hoop**2], axis=1)
-        return bool((turned & (squares.min(axis=1) * np.sqrt(squares.max(axis=1)) < creases.CREASE_LIMIT)).any())
+        creased = np.flatnonzero(squares.min(axis=1) * np.sqrt(squares.max(axis=1)) < creases.CREASE_LIMIT)
+        near = self._middle + creases.CORNER_SHARE * (self._lattice - self._middle)
+        n = np.stack([self._normal(self._tangents(at, own, creased), creased) for own in near], axis=1)
+        return bool((np.einsum("fpi,fqi->fpq", n, n) < math.cos(creases.CLOSED_FOLD_ANGLE)).any())
 
-    def _tangents(self, at: Array, own: Array) -> Array:
-        """Return the tangents of a shape's facets at one place of each in its own coordinates, shape (f, d, 3)."""
-        return _patch(at[self.facets], np.tile(own, (len(self.facets), 1)))[1]
+    def _tangents(self, at: Array, own: Array, facets: npt.NDArray[np.int64] | None = None) -> Array:
+        """Return the tangents of a shape's facets, of all or some, at one place of each in its own coordinates, (f, d, 3)."""
+        nodes = at[self.facets if facets is None else self.facets[facets]]
+        return _patch(nodes, np.tile(own, (len(nodes), 1)))[1]
 
     def shapes(self, points: npt.NDArray[np.int64]) -> Array:
         """Return the shape functions of a facet's nodes at some of the places that gaps are taken at, shape (p, 3 or 6)."""
         return _weights(self._lattice, self.flat)[points]
 
-    def _within(self, at: Array, reach: float) -> Gaps:
-        """Return the gaps up to a distance."""
+    def _within(self, at: Array, reach: float, all_places: bool = True) -> Gaps:
+        """Return the gaps up to a distance; see `gaps`."""
         hits = [
             *(self._of_plane(at, number, reach) for number in range(len(self.planes))),
-            *self._of_facets(at, reach),
+            *self._of_facets(at, reach, all_places),
         ]
         values, facets, points, others, weights, normals = (np.concatenate(side) for side in zip(*hits, strict=True))
         far = np.where((others < 0) & (values < 0.0), 0.0, np.abs(values))  # a cut plane has only one side
@@ -593,8 +599,8 @@ class FacingWalls:
         normals = np.tile(-plane, (len(facet), 1))
         return -2.0 * beyond, facet, point, np.full(len(facet), -1 - number), np.zeros((len(facet), k)), normals
 
-    def _of_facets(self, at: Array, reach: float) -> list[tuple[np.ndarray, ...]]:
-        """Return the places that face a facet."""
+    def _of_facets(self, at: Array, reach: float, all_places: bool) -> list[tuple[np.ndarray, ...]]:
+        """Return the places that face a facet; see `gaps`."""
         middle, normal = self._middles(at)
         corners = at[self.facets]
         radius = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1)
@@ -618,17 +624,50 @@ class FacingWalls:
         straight = (aside < (1 + CURVATURE_REACH) * wide + CURVATURE_REACH * np.abs(far)) & (
             np.abs(far) < reach + CURVATURE_REACH * wide
         )
-        i, j = i[straight], j[straight]
-        apart = (self.facets[i][:, :, None] != self.facets[j][:, None, :]).all(axis=(1, 2))
-        i, j = np.concatenate([i[apart], j[apart]]), np.concatenate([j[apart], i[apart]])
+        i, j, between = i[straight], j[straight], between[straight]
+        corner = self.facets[:, : 2 if self.flat else 3].T
+        apart = np.all([a[i] != b[j] for a in corner for b in corner], axis=0)
+        i, j, between = i[apart], j[apart], between[apart]
+        i, j, room = np.concatenate([i, j]), np.concatenate([j, i]), np.tile(self._room(at, i, j, between, radius), 2)
         places = np.einsum("sk,fki->fsi", _weights(self._lattice, self.flat), corners)
-        faced, number = np.unique(j, return_inverse=True)
-        planes = self._planes_of(corners[faced])
-        step = PLACES_AT_ONCE // len(self._lattice)
-        return [
-            self._projected(corners, places, i[a:b], j[a:b], [each[number[a:b]] for each in planes], reach)
-            for a, b in itertools.pairwise([*range(0, max(len(i), 1), step), len(i)])
-        ]
+
+        def hits(chosen: npt.NDArray[np.int64]) -> list[tuple[np.ndarray, ...]]:
+            faced, number = np.unique(j[chosen], return_inverse=True)
+            planes, step = self._planes_of(corners[faced]), PLACES_AT_ONCE // len(self._lattice)
+            return [
+                self._projected(corners, places, i[part], j[part], [each[of] for each in planes], reach)
+                for part, of in ((chosen[a : a + step], number[a : a + step]) for a in range(0, max(len(chosen), 1), step))
+            ]
+
+        if all_places:
+            return hits(np.arange(len(i)))
+        # The pairs that are least apart bound the least gap. Facets farther apart than that are in front of each other.
+        order = np.argsort(room, kind="stable")
+        nearest = hits(order[:FIRST_PAIRS])
+        least = max(min(float(hit[0].min(initial=np.inf)) for hit in nearest), 0.0)
+        left = order[FIRST_PAIRS:]
+        near = room[left] <= least
+        nearest += hits(left[near])
+        # Of a place that overlaps the closest facet counts.
+        overlaps = np.unique(np.concatenate([hit[1][hit[0] < 0.0] for hit in nearest]))
+        return [*nearest, *hits(left[~near & np.isin(i[left], overlaps)])]
+
+    def _room(self, at: Array, i: npt.NDArray[np.int64], j: npt.NDArray[np.int64], between: Array, radius: Array) -> Array:
+        """Return a lower bound of the distance of pairs of facets along unit vectors from the first to the second, (p, 3):
+        a quadratic patch is in the convex hull of its Bernstein points. It is minus infinity for facets that bend so much that
+        a place in front of the whole may be behind a part."""
+        hull, sides = at[self.facets], np.array([[0, 1]] if self.flat else [[0, 1], [1, 2], [2, 0]])
+        hull[:, -len(sides) :] = 2 * hull[:, -len(sides) :] - hull[:, sides].mean(axis=2)
+        every = np.arange(len(hull))
+        normal = self._normal(self._tangents(at, self._middle), every)
+        bent = np.zeros(len(hull), dtype=bool)
+        for corner in np.vstack([np.zeros(len(self._middle)), np.eye(len(self._middle))]):
+            bent |= np.einsum("fi,fi->f", self._normal(self._tangents(at, corner), every), normal) < BENT_FACET_COSINE
+        low = functools.reduce(np.minimum, (np.einsum("pi,pi->p", point[j], between) for point in np.swapaxes(hull, 0, 1)))
+        high = functools.reduce(np.maximum, (np.einsum("pi,pi->p", point[i], between) for point in np.swapaxes(hull, 0, 1)))
+        far = low - high - HULL_TOLERANCE * (radius[i] + radius[j])
+        far[bent[i] | bent[j]] = -np.inf
+        return np.asarray(far)
 
     def _planes_of(self, nodes: Array) -> list[Array]:
         """Return of facets with nodes (p, k, 3) the tangents of the plane through their corners as columns, their
@@ -792,16 +831,17 @@ def _overlapping(places: Array, radii: Array, count: int) -> tuple[npt.NDArray[n
     strides = np.append(np.cumprod((box.max(axis=0) + 2)[:0:-1])[::-1], 1)
     key = box @ strides
     order = np.argsort(key, kind="stable")
-    ordered, pairs = key[order], []
+    ordered, sizes, coordinates = key[order], radii[order], np.ascontiguousarray(places[order].T)
+    first, pairs = np.flatnonzero(order < count), []
     for step in np.stack(np.meshgrid(*[(-1, 0, 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2) @ strides[:2]:
-        start = np.searchsorted(ordered, key[:count] + step - 1, side="left")  # three boxes in a row
-        many = np.searchsorted(ordered, key[:count] + step + 1, side="right") - start
-        i = np.repeat(np.arange(count), many)
-        j = order[np.arange(len(i)) - np.repeat(np.cumsum(many) - many - start, many)]
-        once = j > i
-        i, j = i[once], j[once]
-        near = ((places[i] - places[j]) ** 2).sum(axis=1) < (radii[i] + radii[j]) ** 2
-        pairs.append((i[near], j[near]))
+        start = np.searchsorted(ordered, ordered[first] + step - 1, side="left")  # three boxes in a row
+        many = np.searchsorted(ordered, ordered[first] + step + 1, side="right") - start
+        i = np.repeat(first, many)
+        j = np.arange(len(i)) - np.repeat(np.cumsum(many) - many - start, many)
+        far = np.sum([(np.take(x, i) - np.take(x, j)) ** 2 for x in coordinates], axis=0)
+        near = np.flatnonzero(far < (np.take(sizes, i) + np.take(sizes, j)) ** 2)
+        i, j = order[i[near]], order[j[near]]
+        pairs.append((i[j > i], j[j > i]))
     i, j = (np.concatenate(side) for side in zip(*pairs, strict=True))
     return i, j
 

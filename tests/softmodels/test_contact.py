@@ -87,6 +87,26 @@ def test_a_thin_wall_does_not_face_itself(made):
     assert walls.gaps(np.outer(squeezed, [0.0, 0.0, 1.0])).share == 0.0
 
 
+@pytest.mark.parametrize("device", [COARSE, Bellows()], ids=["finger", "bellows"])
+def test_the_least_gap_is_that_of_all_places(device, tmp_path):
+    """Walls apart, rough, and some or all far through each other: the search leaves out pairs of facets."""
+    points, cells, name = drawings.grid_of(device, tmp_path)
+    walls, random = FacingWalls(points, cells, name, [plane.normal for plane in device.cut_planes]), np.random.default_rng(3)
+    seen = set()
+    for waves, rough in ((0.0, 0.0), (0.003, 1e-5), (0.02, 0.0), (0.06, 1e-5), (0.2, 0.0)):
+        shift = device.size * waves * np.sin(points / device.size * 23.0 + 1.0) + rough * random.standard_normal(points.shape)
+        gaps, least = walls.gaps(shift), walls.least(shift)
+        if least is None:
+            assert not len(gaps.values)
+            continue
+        at = int(np.argmin(gaps.values))
+        assert (least.value, least.share) == (gaps.values[at], gaps.share)
+        assert np.array_equal(least.place, gaps.places[at])
+        assert walls.cross(shift) == (gaps.values < 0.0).any()
+        seen.add(least.value < 0.0)
+    assert True in seen
+
+
 def test_a_wall_that_goes_through_its_mirror_plane_is_seen(tmp_path):
     """The side of a chamber, bulged towards the plane that cuts the finger in two."""
     finger = PneuNet(chambers=2, gap=0.0)
