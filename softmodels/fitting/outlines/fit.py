@@ -45,6 +45,11 @@ from softmodels.materials import specimens
 from softmodels.mechanics import mpi
 from softmodels.runs.fields import Fields
 
+OF_COLUMNS = (
+    f"heights of a column are {units.COLUMN.unit} ({units.DENSITY_NOTE}), also where photographs were measured by them without "
+    "--water-density"
+)
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Task:
@@ -68,11 +73,7 @@ class _Task:
         if len(named) > 1 and self.options.silicone is None:
             compared = f"the fit is compared with that of {self.devices[0].name}"
             more = [*more, f"the cases have {len(named)} materials; {compared}"]
-        liquid = (
-            f"heights of a column are {units.COLUMN.unit} ({units.DENSITY_NOTE}), also where photographs were measured by "
-            "them without --water-density"
-        )
-        return [*filter(None, (comparison.caution(self.known), *more)), *left_out, liquid]
+        return [*filter(None, (comparison.caution(self.known), *more)), *left_out]
 
     def changes(self, choice: problem.LawChoice) -> problem.Changes:
         """Return the changes without those of other laws."""
@@ -80,7 +81,7 @@ class _Task:
         return {name: change for name, change in self.options.changes.items() if name not in foreign}
 
     def with_outlines(self, outlines: Sequence[Sequence[Outline | SideView]], comm: MPI.Comm) -> comparison.FitReport:
-        notes, rows = self.notes(), tuple[tuple[checks.HeightRow, ...], ...]()
+        notes, rows = [*self.notes(), OF_COLUMNS], tuple[tuple[checks.HeightRow, ...], ...]()
         notes += [
             f"{own_match.source} is used in spite of doubts: {'; '.join(own_match.reasons)}"
             for own in outlines for own_match in own if own_match.reasons
@@ -163,7 +164,7 @@ class _Task:
             "mean square deviation of the largest deflections at the raw readings, errors from the "
             "scatter and from the bench's priors"
         )
-        return self._report(trials, self.notes([HEIGHTS_ALONE]), how)
+        return self._report(trials, [*self.notes([HEIGHTS_ALONE]), OF_COLUMNS], how)
 
     def with_inflation(self, inflation: Inflation, comm: MPI.Comm) -> comparison.FitReport:
         trials: dict[str, LawTrial[HeightResiduals]] = {}
