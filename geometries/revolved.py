@@ -116,7 +116,7 @@ class Revolved(actuator.Wedged):
         """Return the edge length in m of cells that do not lie in rows."""
         size = self.wedge_size
         near = (math.hypot(radius - r, height - z) for r, z in self.sharp_edges)
-        return min(size, *(size / SHARP_EDGE_REFINEMENT + SHARP_EDGE_GROWTH * distance for distance in near), math.inf)
+        return min([size, *(size / SHARP_EDGE_REFINEMENT + SHARP_EDGE_GROWTH * distance for distance in near)])
 
     @property
     def expected_cells(self) -> float:
@@ -488,21 +488,25 @@ class Drawing:
 def build_section(device: Revolved) -> None:
     """Fill the current Gmsh model with the axisymmetric profile: x is the radius, y the height (m)."""
     drawing = Drawing(device.panels, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-    in_rows = not device.sharp_edges
     gmsh.model.occ.synchronize()
     for region, faces in drawing.faces.items():
         meshing.name_group(2, faces, region)
-        for face in faces if in_rows else ():
-            gmsh.model.mesh.setTransfiniteSurface(face)
-    for key, tag in drawing.curves.items() if in_rows else ():
-        side = drawing.sides[key]
-        cells = meshing.divided(side.cells)
-        gmsh.model.mesh.setTransfiniteCurve(tag, cells + 1, "Progression", side.growth ** (side.cells / cells))
-    if not in_rows:
+    if device.sharp_edges:
         gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: device.size_at(x, y))
+    else:
+        _mesh_in_rows(drawing)
     meshing.name_groups(1, drawing.roles)
     for role, place in device.anchors.items():
         meshing.name_group(0, [drawing.points[place]], role)
+
+
+def _mesh_in_rows(drawing: Drawing) -> None:
+    for face in itertools.chain(*drawing.faces.values()):
+        gmsh.model.mesh.setTransfiniteSurface(face)
+    for key, tag in drawing.curves.items():
+        side = drawing.sides[key]
+        cells = meshing.divided(side.cells)
+        gmsh.model.mesh.setTransfiniteCurve(tag, cells + 1, "Progression", side.growth ** (side.cells / cells))
 
 
 def build_full_turn(device: Revolved) -> None:

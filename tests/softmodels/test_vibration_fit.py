@@ -41,7 +41,7 @@ def stiffnesses(tmp_path_factory):
 
 
 def released(relaxed, creeping, periods=8, count=320):
-    """Times and displacements of a beam that is let go from its relaxed first mode, with two branches as dashpots that creep
+    """Times and displacements of a beam that is released from its relaxed first mode, with two branches as dashpots that creep
     after it: x'' + mu K x + mu C sum g (x - v) = 0 and tau v' = x - v, by exponentials of its matrix."""
     n, unit, zero = len(relaxed), np.eye(len(relaxed)), np.zeros_like(relaxed)
     pull = MODULUS * (relaxed + sum(SHARES) * creeping)
