@@ -89,7 +89,7 @@ class Vibration(FrequencyTest):
 
     def sources(
         self, choice: problem.LawChoice, error: residuals.StressError, spectrum: residuals.Spectrum, gauge: str
-    ) -> list[FrequencyResiduals]:
+    ) -> list[FrequencyResiduals[Vibration]]:
         least = 0.0 if error.stated else MODE_ERROR * abs(self.root)
         return [VibrationResiduals(self, choice, spectrum, np.hypot(self.errors, least), gauge)]
 
@@ -99,39 +99,21 @@ MODE_ERROR = 1e-3
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class VibrationResiduals:
-    """Residuals of a law with branches against a vibration, with exact derivatives.
+class VibrationResiduals(FrequencyResiduals[Vibration]):
+    """Residuals against a vibration.
 
     The root s of (s^2 + mu (K + z(s) C)) x = 0, with z = sum g s tau/(1 + s tau), changes by any parameter p as
     -(x.D_p x)/(x.D_s x), D the matrix in brackets, because it is symmetric.
 
     Attributes:
-        errors: Standard errors of real and imaginary part in 1/s, shape (2,).
-        gauge: Name of the factor on the device's stiffness, or empty.
+        errors: Of real and imaginary part.
     """
-
-    test: Vibration
-    choice: problem.LawChoice
-    spectrum: residuals.Spectrum
-    errors: Array
-    gauge: str = ""
 
     unit = "1/s"
 
     @property
     def label(self) -> str:
         return f"{self.test.name} (vibration)"
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        return (*self.choice.names, *self.spectrum.all_names, *([self.gauge] if self.gauge else []))
-
-    def on_yardstick(self) -> VibrationResiduals:
-        """Return itself: it does not distinguish laws."""
-        return self
-
-    def scaled(self, by: float) -> VibrationResiduals:
-        return dataclasses.replace(self, errors=self.errors * by)
 
     def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, list[str]]:
         """See `softmodels.fitting.problem.Residuals`."""

@@ -413,7 +413,9 @@ def fit_law_to_curves(
     return least_squares.settled(best) if spectrum else best
 
 
-def _plain_start(choice: problem.LawChoice, oscillating: Sequence[oscillation.FrequencyResiduals]) -> dict[str, float]:
+def _plain_start(
+    choice: problem.LawChoice, oscillating: Sequence[oscillation.FrequencyResiduals[oscillation.FrequencyTest]]
+) -> dict[str, float]:
     """Return a start without curves: the modulus of the slowest oscillation, if one was measured, and usual weights."""
     modulus = min((source.test.start_modulus for source in oscillating), default=math.inf)
     weights = dict.fromkeys(oscillating[0].spectrum.names, 0.1) if oscillating else {}

@@ -8,7 +8,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Self
 
 import numpy as np
 
@@ -52,20 +52,46 @@ class FrequencyTest(abc.ABC):
     @abc.abstractmethod
     def sources(
         self, choice: problem.LawChoice, error: residuals.StressError, spectrum: residuals.Spectrum, gauge: str
-    ) -> list[FrequencyResiduals]:
+    ) -> Sequence[FrequencyResiduals[FrequencyTest]]:
         """Return its residuals, with the name of a factor on its moduli, empty for none."""
 
 
-@runtime_checkable
-class FrequencyResiduals(problem.Residuals, Protocol):
-    """Residuals of a `FrequencyTest`."""
+@dataclasses.dataclass(frozen=True, eq=False)
+class FrequencyResiduals[Test: FrequencyTest](abc.ABC):
+    """Residuals of a law with branches against a `FrequencyTest`, with exact derivatives; see
+    `softmodels.fitting.problem.Residuals`.
+
+    Attributes:
+        errors: Standard errors in their unit, shape (n,).
+        gauge: Name of the test's own factor on its moduli, or empty.
+    """
+
+    test: Test
+    choice: problem.LawChoice
+    spectrum: residuals.Spectrum
+    errors: Array
+    gauge: str
 
     @property
-    def test(self) -> FrequencyTest: ...
+    @abc.abstractmethod
+    def label(self) -> str: ...
     @property
-    def spectrum(self) -> residuals.Spectrum: ...
-    def scaled(self, by: float) -> FrequencyResiduals:
-        """Return them with their errors scaled."""
+    @abc.abstractmethod
+    def unit(self) -> str: ...
+    @abc.abstractmethod
+    def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, list[str]]: ...
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        return (*self.choice.names, *self.spectrum.all_names, *([self.gauge] if self.gauge else []))
+
+    def on_yardstick(self) -> Self:
+        """Return itself: it does not distinguish laws."""
+        return self
+
+    def scaled(self, by: float) -> Self:
+        """Return it with its errors scaled."""
+        return dataclasses.replace(self, errors=self.errors * by)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -132,15 +158,15 @@ class Oscillation(FrequencyTest):
 
     def sources(
         self, choice: problem.LawChoice, error: residuals.StressError, spectrum: residuals.Spectrum, gauge: str
-    ) -> list[FrequencyResiduals]:
-        made: list[FrequencyResiduals] = []
+    ) -> list[FrequencyResiduals[FrequencyTest]]:
+        made: list[FrequencyResiduals[FrequencyTest]] = []
         for kind, values in self.measured.items():
             absolute: float | Array = 0.0 if error.absolute is None or not QUANTITIES[kind] else error.absolute
             if not error.stated and kind != "storage-modulus":
                 absolute = LOSS_RESOLUTION * (self.measured.get("storage-modulus", 0.0) if QUANTITIES[kind] else 1.0)
             relative = error.relative or (0.0 if QUANTITIES[kind] else residuals.DEFAULT_RELATIVE_ERROR)
             errors = np.hypot(relative * values, absolute)
-            made.append(OscillationResiduals(self, kind, choice, spectrum, errors, gauge if QUANTITIES[kind] else ""))
+            made.append(OscillationResiduals(self, choice, spectrum, errors, gauge if QUANTITIES[kind] else "", kind))
         return made
 
 
@@ -152,21 +178,14 @@ def _part(kind: str, modulus: Array) -> Array:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class OscillationResiduals:
-    """Residuals of a law with branches against one quantity of an oscillation, with exact derivatives.
+class OscillationResiduals(FrequencyResiduals[Oscillation]):
+    """Residuals against one quantity of an oscillation.
 
     Attributes:
         kind: One of `QUANTITIES`.
-        errors: Standard errors in its unit, shape (n,).
-        gauge: Name of the test's own factor on its moduli, or empty.
     """
 
-    test: Oscillation
     kind: str
-    choice: problem.LawChoice
-    spectrum: residuals.Spectrum
-    errors: Array
-    gauge: str = ""
 
     @property
     def label(self) -> str:
@@ -175,17 +194,6 @@ class OscillationResiduals:
     @property
     def unit(self) -> str:
         return QUANTITIES[self.kind]
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        return (*self.choice.names, *self.spectrum.all_names, *([self.gauge] if self.gauge else []))
-
-    def on_yardstick(self) -> OscillationResiduals:
-        """Return itself: it does not distinguish laws."""
-        return self
-
-    def scaled(self, by: float) -> OscillationResiduals:
-        return dataclasses.replace(self, errors=self.errors * by)
 
     def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, list[str]]:
         """See `softmodels.fitting.problem.Residuals`."""
@@ -233,7 +241,7 @@ def residuals_of(
 ) -> problem.Extra:
     """Return the sources for tests, each with a factor on its moduli of relative error ``gauge_error``, numbered from
     ``first``."""
-    sources: list[FrequencyResiduals] = []
+    sources: list[FrequencyResiduals[FrequencyTest]] = []
     own = []
     for number, test in enumerate(tests, first):
         gauge = f"gauge{number}" if gauge_error and set(test.measured) != {"tan-delta"} else ""
