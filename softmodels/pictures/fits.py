@@ -222,12 +222,12 @@ def draw_measured(curves: Sequence[TensileCurve]) -> Figure | None:
 
 def draw_law(report: comparison.FitReport) -> Figure:
     """Plot the laws in uniaxial tension with the 95 % band of the fit: solid over the stretches that were fitted, dashed
-    beyond."""
+    beyond, and everywhere if they are not known, as of moduli over frequency."""
     figure, axes = style.chart(0.6 * style.WIDTH_INCHES)
-    ranges = [law.material.fitted_stretch or (1.0, 1.5) for law in report.laws]
-    least, most = min(low for low, _ in ranges), max(high for _, high in ranges)
+    known = [law.material.fitted_stretch for law in report.laws if law.material.fitted_stretch]
+    least, most = (min(low for low, _ in known), max(high for _, high in known)) if known else (1.0, 1.5)
     stretch = np.linspace(least, most + 0.35 * (most - 1.0), 300)
-    for i, (law, (low, high)) in enumerate(zip(report.laws, ranges, strict=True)):
+    for i, law in enumerate(report.laws):
         colour = style.LINE_COLOURS[i % len(style.LINE_COLOURS)]
         try:
             errors = law.errors
@@ -238,10 +238,12 @@ def draw_law(report: comparison.FitReport) -> Figure:
             )
         except materials.MaterialError:  # none was free, or the data do not determine it
             response = specimens.respond(law.material, stretch)
+        low, high = law.material.fitted_stretch or (1.0, 1.0)
         fitted = (low <= stretch) & (stretch <= high)
         for where, dashes, label in ((fitted, "-", law.choice.name), (~fitted | (stretch > high), "--", "")):
             axes.plot(stretch, np.where(where, response.stress / 1e3, np.nan), dashes, color=colour, lw=1.8, label=label)
-    axes.axvspan(least, most, color=style.SPAN, alpha=0.5, lw=0, label="fitted range")
+    if known:
+        axes.axvspan(least, most, color=style.SPAN, alpha=0.5, lw=0, label="fitted range")
     axes.set(xlabel="stretch", ylabel="nominal stress (kPa)", title="Uniaxial tension; bands: 95 % of the fit")
     axes.legend(loc="upper left")
     return figure

@@ -18,6 +18,7 @@ from softmodels.fitting.outlines.fit import fit
 from softmodels.fitting.problem import FitError, FitOptions, LawChoice
 from softmodels.materials.laws import Yeoh
 from softmodels.materials.specimens import nominal_stress
+from softmodels.pictures.fits import draw_law
 
 MODULUS, SHARES, TIMES = 30e3, (0.3, 0.2), (4e-3, 0.15)
 TRUTH = {"shear_modulus": MODULUS, "share1": 0.3, "share2": 0.2, "time1": 4e-3, "time2": 0.15}
@@ -222,6 +223,13 @@ def test_tables_that_are_refused(tmp_path, header, test, rows, why):
 
 def test_a_curve_with_a_frequency_is_still_a_curve():
     assert columns.recognise("Frequency (Hz)", 0) is None and columns.recognise("Storage modulus (MPa)", 0) is None
+
+
+def test_moduli_have_no_fitted_range_of_stretch(moduli):
+    report = fit_curves(noisy(moduli, np.random.default_rng(0), 0.0), "neo-hookean", HOW)
+    (axes,) = draw_law(report).axes
+    assert report.chosen.material.fitted_stretch is None
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["neo-hookean"]
 
 
 # ----------------------------------------------------------------------------------------------------------------------
