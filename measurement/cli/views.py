@@ -90,7 +90,13 @@ def _scene(setup: Setup, given: dict[str, Any]) -> views.Scene:
     be, and for what is missing."""
     if given["case"] is not None:
         sizes = size_of(given["case"])
-        given = {**given, **{name: given[name] or f"{size!r} m" for name, size in zip(("depth", "length"), sizes, strict=True)}}
+        given = {
+            **given,
+            **{
+                name: given[name] or (f"{size!r} m" if size else "0")
+                for name, size in zip(("depth", "length"), sizes, strict=True)
+            },
+        }
     for name, why in (
         ("camera_distance", "how large its front and rear faces appear depends on it; such as 80cm+-1cm"),
         ("depth", "the outline is that of its front or rear face; 0 for a round device (or --device CASE.toml)"),
@@ -99,7 +105,7 @@ def _scene(setup: Setup, given: dict[str, Any]) -> views.Scene:
             raise SetupError(f"give --{name.replace('_', '-')}: {why}")
     far, far_error = cli.with_error(given["camera_distance"], cli.length)
     ahead = cli.with_error(given["ahead"], lambda text: 0.0 if text.strip() == "0" else cli.length(text))
-    depth = 0.0 if given["depth"].strip() in ("0", "0.0 m") else cli.length(given["depth"])
+    depth = 0.0 if given["depth"].strip() == "0" else cli.length(given["depth"])
     length = None if given["length"] is None else cli.with_error(given["length"], cli.length)
     base = None
     if given["base"] is not None:

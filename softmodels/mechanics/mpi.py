@@ -100,7 +100,6 @@ def _start_petsc(options: Sequence[str]) -> None:
         with _nobodys_folder(), processes.handlers_kept():
             petsc4py.init(["softmodels", *options])  # the -c of python -c would be read as an option
             _read_compilers_options()
-            _keep_cells()
     except RuntimeError as error:  # petsc4py.PETSc.Error, which cannot be imported before PETSc has started
         words = " ".join(options)
         raise StartError(
@@ -250,21 +249,6 @@ def _read_compilers_options() -> None:
 
     dolfinx.jit.get_options()
     ffcx.options.get_options()
-
-
-def _keep_cells() -> None:
-    """Let Basix's elements share their cells: each access to one makes all its faces, edges and corners anew otherwise."""
-    import basix.ufl
-
-    make, kept = basix.ufl._ElementBase.cell.fget, {}
-
-    def cell(element):  # type: ignore[no-untyped-def]
-        kind = element.cell_type
-        if kind not in kept:
-            kept[kind] = make(element)
-        return kept[kind]
-
-    basix.ufl._ElementBase.cell = property(cell)
 
 
 def _check_shared_memory() -> None:
