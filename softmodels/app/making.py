@@ -31,7 +31,7 @@ FIT, MOULD, DESIGN = f"{RESULTS}/fit", f"{RESULTS}/mould", f"{RESULTS}/design"
 # The material: measured curves and outlines to a fitted law with intervals.
 
 
-TESTS = ("uniaxial", "planar", "equibiaxial", "balloon")
+TESTS = ("uniaxial", "compression", "planar", "equibiaxial", "balloon")
 CURVE = FileKind("curves", "CSV or Excel (.xlsx)", (".csv", ".txt", ".tsv", ".xlsx"), 40 << 20)
 
 

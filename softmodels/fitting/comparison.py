@@ -657,9 +657,11 @@ def caution(known: Expected) -> str:
 
 
 def correlation_rows(law: FittedLaw) -> list[list[str]]:
-    """Return the correlations of the free parameters below the diagonal, as texts; empty for one parameter."""
+    """Return the correlations of the free parameters below the diagonal, as texts; empty for one parameter, and where a
+    parameter at its bound has none."""
     names, R = [p.name for p in law.fit.free if not p.hidden], law.fit.correlations
-    return [[names[i], *(f"{R[i, j]:+.3f}" for j in range(i))] for i in range(1, len(names))]
+    texts = np.where(np.isfinite(R), np.char.mod("%+.3f", R), "")
+    return [[names[i], *texts[i, :i].tolist()] for i in range(1, len(names))]
 
 
 def residual_rows(law: FittedLaw) -> list[tuple[str, str, str, str, str]]:
@@ -682,8 +684,8 @@ def as_text(report: FitReport) -> str:
             f"  {name:14s} {value:>12s} {unit:4s} 95 %: {interval}" for name, value, unit, interval in parameter_rows(law)
         ]
         for name, *others in correlation_rows(law):
-            pairs = zip(law.fit.free, others, strict=False)
-            lines.append(f"  correlation of {name}: " + ", ".join(f"{p.name} {text}" for p, text in pairs))
+            pairs = ", ".join(f"{p.name} {text}" for p, text in zip(law.fit.free, others, strict=False) if text)
+            lines += [f"  correlation of {name}: {pairs}"] if pairs else []
         for name, rms, mean, largest, run in residual_rows(law):
             lines.append(f"  {name}: rms {rms}, mean {mean}, largest {largest}; residual correlation length: {run}")
         lines += [

@@ -586,7 +586,8 @@ def hot_spot(states: StoredStates, step: int) -> HotSpot:
     name = {None: "inside the silicone", grid.OUTSIDE_LABEL: "on the outer face"}.get(part, f"on the wall of cavity {part}")
     name = "on the cavity's wall" if part == skin.cavities == 1 else name
     words = states.words
-    under = labels.load(row, words) if "load_step" in row else words.under(row, f"{labels.number(row.shown('pressure'))} cm")
+    pressure = f"{labels.number(row.shown('pressure'))} {words.unit}"
+    under = labels.load(row, words) if "load_step" in row else words.under(row, pressure)
     at = ", ".join(f"{axis} = {1e3 * x:.2f}" for axis, x in zip("xyz", rest, strict=True))
     return HotSpot(
         value, flat + states.field(step, "displacement")[near[:4]].mean(axis=0), part, name,

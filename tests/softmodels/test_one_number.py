@@ -74,7 +74,7 @@ def test_the_largest_stress_and_stretch_are_the_same_everywhere(inflated):
     drawn = solid.section_stress(seen, states.main)
     assert f"largest, at an integration point: {stress} kPa" in texts(drawn)
     assert any(artist._image is scale.foot[1] for artist in drawn.artists if isinstance(artist, Pixels))
-    assert f"largest stretch {stretch} at 177 cm" in offscreen.hot_spot(states, states.main).note
+    assert f"largest stretch {stretch} at 177 cm, 0.97 g/ml; at" in offscreen.hot_spot(states, states.main).note
 
 
 def test_a_picture_has_the_largest_value_of_its_own_state(inflated):

@@ -350,6 +350,9 @@ PRESSES = {
     "true": (["True compressive strain", "Compressive stress (Pa)"], -np.log(SQUEEZED), PRESSED),
     "stretch": (["Compressive stretch", "Compressive stress (Pa)"], SQUEEZED, PRESSED),
     "one signed": (["Strain (%)", "Compressive stress (Pa)"], -100 * SHORTER, PRESSED),
+    "abbreviated": (["Comp. strain (%)", "Comp. stress (kPa)"], 100 * SHORTER, PRESSED / 1e3),
+    "in Italian": (["Deformazione a compressione (%)", "Sforzo di compressione (kPa)"], 100 * SHORTER, PRESSED / 1e3),
+    "in Japanese": (["圧縮ひずみ (%)", "圧縮応力 (kPa)"], 100 * SHORTER, PRESSED / 1e3),
     "both signed": (["Strain (%)", "Stress (Pa)"], -100 * SHORTER, -PRESSED),
 }  # fmt: skip
 
@@ -403,6 +406,26 @@ def test_a_sign_that_contradicts_its_header_or_the_other_column_is_refused(heade
     path = write(table(header, 100 * signs[0] * SHORTER, signs[1] * PRESSED / 1e3))
     with pytest.raises(TensileError, match=words):
         read_curve(path)
+
+
+@pytest.mark.parametrize("title", ["Test type,Compression", "Stauchversuch DIN 53421,", ""])
+def test_a_title_or_a_files_name_that_says_compression_is_asked_about(title, write, tmp_path):
+    """Where the columns are positive and do not say it."""
+    rows = table(["Displacement (mm)", "Force (N)"], 1e3 * LENGTH * SHORTER, PRESSED * SECTION)
+    path = write(f"{title}\n{rows}" if title else rows)
+    path = path if title else path.rename(tmp_path / "compression_1.csv")
+    with pytest.raises(TensileError, match=r"says compression, but .* are positive, as in tension; give the test as"):
+        read_curve(path, specimen=BODY)
+    curve = read_curve(path, "compression", specimen=BODY)
+    assert curve.stretch == pytest.approx(SQUEEZED[::-1], abs=1e-7) and small_modulus(curve) == pytest.approx(30e3, rel=1e-5)
+    assert read_curve(path, "tension", specimen=BODY).stretch == pytest.approx(1 + SHORTER, abs=1e-7)
+
+
+@pytest.mark.parametrize("signs", [(1, 1), (-1, -1), (-1, 1), (1, -1)])
+def test_a_test_told_as_compression_may_have_any_signs(signs, write):
+    path = write(table(["Strain (%)", "Stress (kPa)"], 100 * signs[0] * SHORTER, signs[1] * PRESSED / 1e3))
+    curve = read_curve(path, "compression")
+    assert curve.stretch.max() == pytest.approx(1.0) and small_modulus(curve) == pytest.approx(30e3, rel=1e-5)
 
 
 def test_the_loop_of_a_compression_is_measured(write):

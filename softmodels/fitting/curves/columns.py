@@ -91,7 +91,8 @@ INFLATION = Layout(
 WORDS = {
     "time": ["time", "elapsed", "*zeit", "temps", "tiempo", "tempo", "zaman", "时间", "時間"],
     "stretch": ["stretch*", "lambda", "extension ratio", "streckgrad", "etirement"],
-    "strain": ["strain", "elongation", "*dehnung", "allongement", "deformation", "verformung", "*stauchung",
+    "strain": ["strain", "elongation", "*dehnung", "allongement", "deformation", "deformacion", "deformazione",
+               "verformung", "*stauchung", "*ひすみ",
                "alargamiento", "allungamento", "birim uzama", "epsilon", "*应变"],
     "radius": ["radius", "rayon"],
     "extension": ["extension", "extensometer", "verlangerung", "*langenanderung", "extensometre", "uzama", "伸长",
@@ -167,9 +168,13 @@ def register_words(kind: str, *words: str) -> None:
     _pattern.cache_clear()
 
 
-_COMPRESSION = re.compile(r"[ck]ompr[eéi]s|stauch|druc?k|压缩|圧縮", re.IGNORECASE)
+_COMPRESSION = re.compile(
+    r"[ck]ompr[eéi]s|(?<![a-z])comp(?![a-z])|squeez|stauch|druc?k|schiacci|[eé]cras|apla[st]|сжат|压缩|圧縮|압축", re.IGNORECASE
+)
 _TENSION = re.compile(r"\btens(ile|ion)|\bzug|拉伸|\btra[ck]tion|\btracci[oó]n|\btrazione", re.IGNORECASE)
 """What says in a header that positive numbers are compression, or tension; in the languages of test machines."""
+COMPRESSION_TEST = re.compile(r"(?<!de)[ck]ompres+[iã][oóv]|stauch|druckversuch|压缩|圧縮", re.IGNORECASE)
+"""What says in a line above the columns, or in a file's name, that the test is one."""
 _CLOCK = re.compile(r"(?:(\d{4}-\d\d-\d\d)[ T])?(?:(\d+):)?(\d+):(\d+(?:[.,]\d+)?)")
 _TAIL = re.compile(
     r"[ _](%|percent|g?pa|kpa|mpa|hpa|psi|ksi|bar|mbar|cmh2o|mmhg|mn|kn|n|lbf|ml|cc|mm3|cm3|m3|mm|cm|m|um|"
@@ -212,7 +217,8 @@ class CurveColumn:
 class CurveTable:
     """A specimen's two columns with their raw numbers x and y, shape (n,), and the line of each row; times in s since the
     first row, shape (n,), or None and a clause why they cannot be used; what reads the same rows with other loads; the
-    specimen's name where there are several, and its sizes in SI units by the names of `SIZES`."""
+    specimen's name where there are several, and its sizes in SI units by the names of `SIZES`; what above its columns says
+    that the test is a compression, or empty."""
 
     deformation: CurveColumn
     load: CurveColumn
@@ -224,6 +230,7 @@ class CurveTable:
     others: Sequence[Callable[[], CurveTable]] = ()
     label: str = ""
     sizes: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    compression: str = ""
 
 
 def recognise(header: str, place: int, layout: Layout = CURVE) -> CurveColumn | None:
@@ -356,14 +363,15 @@ LEAST_POINTS = 4
 
 @dataclasses.dataclass(frozen=True)
 class _Block:
-    """A header with the rows below it up to the next one: their places in the sheet, the recognised columns, and whether
-    these were given."""
+    """A header with the rows below it up to the next one: their places in the sheet, the recognised columns, whether these were
+    given, and of `CurveTable` what stands above."""
 
     start: int
     end: int
     known: tuple[CurveColumn, ...]
     told: bool
     sizes: Mapping[str, float]
+    compression: str
     names: Sequence[str] = ()
 
 
@@ -460,9 +468,12 @@ def _blocks(sheet: tables.Worksheet, told: Mapping[str, tuple[str, str | None]],
         last = end
         while end in ends and last > start and not _is_numeric(rows[last - 1][1], columns):
             last -= 1  # text above the next header
-        sizes = sizes_of([row for _, row in rows[above : start - 1]]) or (blocks[-1].sizes if blocks else {})
+        lines = [row for _, row in rows[above : start - 1]]
+        sizes = sizes_of(lines) or (blocks[-1].sizes if blocks else {})
+        said = next((cell.strip() for row in lines for cell in row if COMPRESSION_TEST.search(cell)), "")
+        said = said or (blocks[-1].compression if blocks else "")
         names = rows[start - 2][1] if start > 1 else ()
-        blocks.append(_Block(start, last, columns, bool(told), sizes, names))
+        blocks.append(_Block(start, last, columns, bool(told), sizes, said, names))
         above = last
     return blocks
 
@@ -566,7 +577,8 @@ def _specimens(sheet: tables.Worksheet, block: _Block, sure: Collection[str], la
         for name, rows in _named_rows(sheet, block, lines):
             table = _numbers(sheet, rows, columns)
             more = [functools.partial(_numbers, sheet, rows, (columns[0], other)) for other in further]
-            made.append(dataclasses.replace(table, others=more, label=name or label, sizes=block.sizes))
+            about = {"label": name or label, "sizes": block.sizes, "compression": block.compression}
+            made.append(dataclasses.replace(table, others=more, **about))
     return made
 
 

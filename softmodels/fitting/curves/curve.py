@@ -199,7 +199,7 @@ def read_curves(
     columns with their units; or the units stand in a row below it. `TensileError`, which names the file, if it cannot be used.
 
     Args:
-        test: One of `TESTS`, or a synonym.
+        test: One of `TESTS`, or a synonym; ``"compression"`` is uniaxial, with positive numbers for what is compressed.
         columns: Which columns to take, see `columns.columns_of_text`; empty to go by the headers.
         specimen: Its sizes, where the file has forces, extensions or pressures but no such sizes itself.
         history: Return the whole test with its times; else the loading ramp.
@@ -212,6 +212,10 @@ def read_curves(
         tables = machine.read_tables(path, told)
     except TensileError as error:
         raise TensileError(f"{path}: {error}") from None
+    if test.lower() == COMPRESSION:
+        tables = [_pressed(table) for table in tables]
+    elif test.lower() == "uniaxial":
+        _check_title(path, tables)
     kind = SYNONYMS[test.lower()]
     return [_curve_of(path, table, kind, bool(told), specimen or Specimen(), history, rate) for table in tables]
 
@@ -252,6 +256,27 @@ def _curve_of(
         except TensileError as error:
             raise TensileError(f"{where}: {error}") from None
     return dataclasses.replace(curve, name=name)
+
+
+def _pressed(table: CurveTable) -> CurveTable:
+    """Return the table of a compression: columns of which nothing tells the sign and whose numbers are positive say it."""
+    own = [
+        dataclasses.replace(column, sign=-1) if not column.sign and (column.kind == "stretch" or values.sum() > 0.0) else column
+        for column, values in ((table.deformation, table.x), (table.load, table.y))
+    ]
+    return dataclasses.replace(table, deformation=own[0], load=own[1])
+
+
+def _check_title(path: Path, tables: Sequence[CurveTable]) -> None:
+    """Reject numbers that count as tension where the lines above them or the file's name say compression."""
+    for table in tables:
+        said = table.compression or (path.name if machine.COMPRESSION_TEST.search(path.name) else "")
+        rest = 1.0 if table.deformation.kind == "stretch" else 0.0
+        if said and not table.deformation.sign and not table.load.sign and (table.x - rest).sum() > 0.0:
+            raise TensileError(
+                f"{path}: {said!r} says compression, but {table.deformation.header!r} and {table.load.header!r} are positive, as "
+                f"in tension; give the test as compression or tension, such as {path.name}:{COMPRESSION}"
+            )
 
 
 def _as_compression(table: CurveTable) -> CurveTable:
@@ -465,11 +490,13 @@ def _check_directions(stretch: Array, stress: Array, deformation: CurveColumn, l
 
 TESTS = (*specimens.MODES, "balloon")
 SYNONYMS = {
-    "uniaxial": "uniaxial", "ut": "uniaxial", "tension": "uniaxial",
+    "uniaxial": "uniaxial", "ut": "uniaxial", "tension": "uniaxial", "compression": "uniaxial",
     "planar": "planar", "pure-shear": "planar", "ps": "planar",
     "equibiaxial": "equibiaxial", "biaxial": "equibiaxial", "et": "equibiaxial", "bulge": "equibiaxial",
     "balloon": "balloon",
 }  # fmt: skip
+COMPRESSION = "compression"
+"""The synonym that says in which direction the numbers are positive."""
 SOFTEST_TEST = 1e3
 """Minimum shear modulus in Pa of a silicone's test; below it a wrong unit is assumed."""
 AT_STRETCH_1 = 0.005
