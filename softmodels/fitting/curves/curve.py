@@ -274,8 +274,8 @@ def _check_title(path: Path, tables: Sequence[CurveTable]) -> None:
         rest = 1.0 if table.deformation.kind == "stretch" else 0.0
         if said and not table.deformation.sign and not table.load.sign and (table.x - rest).sum() > 0.0:
             raise TensileError(
-                f"{path}: {said!r} says compression, but {table.deformation.header!r} and {table.load.header!r} are positive, as "
-                f"in tension; give the test as compression or tension, such as {path.name}:{COMPRESSION}"
+                f"{path}: {said!r} says compression, but {table.deformation.header!r} and {table.load.header!r} are positive, "
+                f"as in tension; give the test as compression or tension, such as {path.name}:{COMPRESSION}"
             )
 
 
