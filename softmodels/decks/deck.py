@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import io
+import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -115,7 +116,11 @@ def deck_of(case: Case, mesh: Path, system: System | None = None) -> Deck:
         }
     supports = supports_of(case, arrays, freedoms)
     # Other programs want each cell once: a region with a law of its own keeps all of its cells.
-    arrays = arrays.parted([part.name for part in case.components if isinstance(part, Region)])
+    own = [(part, arrays.regions[part.name]) for part in case.components if isinstance(part, Region)]
+    for (part, first), (other, second) in itertools.combinations(own, 2):
+        if common := len(np.intersect1d(first, second)):
+            raise regions.shared_cells(part, other, common, len(first), len(second))
+    arrays = arrays.parted([part.name for part, _ in own])
     silicones = silicones_of(case.material, case.components, arrays.regions)
     return Deck(case, arrays, _pressures(case), supports, silicones, forces)
 

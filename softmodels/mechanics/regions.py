@@ -65,10 +65,7 @@ class Regions:
             sizes = [len(np.intersect1d(own[i], own[j])), len(own[i]), len(own[j])]
             common, first, second = self._body.mesh.comm.allreduce(np.array(sizes)).tolist()
             if common:
-                raise other.error(
-                    f"{common} of its {second} cells are also among the {first} of {part.where}, and a cell has one material: "
-                    "change the conditions (within), or the regions of the mesh, so that they exclude each other"
-                )
+                raise shared_cells(part, other, common, first, second)
 
     def _owned(self) -> int:
         topology = self._body.mesh.topology
@@ -92,6 +89,14 @@ class Regions:
         assert self.numbers is not None
         cells = np.flatnonzero(self.numbers == number).astype(np.int32)
         return cells[cells < self._owned()], cell_measure(self._body, cells)
+
+
+def shared_cells(part: Component, other: Component, common: int, first: int, second: int) -> ComponentError:
+    """Return the error of two regions with so many cells in common, of which the first and the second have so many."""
+    return other.error(
+        f"{common} of its {second} cells are also among the {first} of {part.where}, and a cell has one material: "
+        "change the conditions (within), or the regions of the mesh, so that they exclude each other"
+    )
 
 
 def constants(mesh: meshes.Mesh, material: Material) -> types.SimpleNamespace:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import dataclasses
 import re
 
+import gmsh
 import numpy as np
 import pytest
 
 import softmodels as sm
+from geometries.meshing import private_model
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.load import steps_of
@@ -148,3 +150,29 @@ def test_contact_and_fibres_are_refused(tmp_path, part):
     with pytest.raises(CaseError, match=f"{part.table}.*decks do not support.*clamps, rigid parts, dead loads"):
         export(FINGER, tmp_path / "x.inp", components=(part,))
     assert not list(tmp_path.iterdir())
+
+
+def test_regions_of_a_foreign_mesh_that_share_cells_are_refused(tmp_path):
+    """Whatever the order of their tables, which would decide their silicone."""
+    with private_model():
+        occ, model = gmsh.model.occ, gmsh.model
+        slices = [(3, occ.addBox(0, 0, z, 30, 30, 10)) for z in (0, 10, 20)]
+        occ.cut(slices[1:2], [(3, occ.addBox(10, 10, 10, 10, 10, 10))])
+        occ.fragment(slices[:1], [solid for solid in occ.getEntities(3) if solid != slices[0]])
+        occ.synchronize()
+        solids = sorted((tag for _, tag in occ.getEntities(3)), key=lambda tag: occ.getCenterOfMass(3, tag)[2])
+        for name, box in (("support", (-1, -1, -1, 1, 31, 31)), ("air", (9, 9, 9, 21, 21, 21))):
+            model.addPhysicalGroup(2, [tag for _, tag in model.getEntitiesInBoundingBox(*box, 2)], name=name)
+        for name, tags in (("rubber", solids), ("high", solids[1:]), ("low", solids[:2])):
+            model.addPhysicalGroup(3, tags, name=name)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 30)
+        gmsh.option.setNumber("Mesh.ElementOrder", 2)
+        model.mesh.generate(3)
+        gmsh.write(str(tmp_path / "part.msh"))
+    part = sm.ImportedMesh(file=str(tmp_path / "part.msh"), cavities=("named air",), support="named support")
+    case = Case("part", part, LAW, steps=steps_of(pressure_cm=(4.0,)))
+    high, low = (sm.Region(sm.Yeoh(c1, 0.0, 0.0, 0.49), name=name) for name, c1 in (("high", 1e6), ("low", 1e5)))
+    for one, two in ((high, low), (low, high)):
+        with pytest.raises(sm.ComponentError, match=rf"\[region.{two.name}\]: \d+ of its \d+ cells are also among"):
+            export(case, tmp_path / "x.inp", components=(one, two))
+    assert len(export(case, tmp_path / "x.inp", components=(low,)).silicones) == 2
