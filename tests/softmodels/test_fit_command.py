@@ -139,6 +139,7 @@ def test_fix_bounds_and_priors(says, tmp_path):
     words = ["--tensile", "uniaxial.csv", "--fix", "c3=0Pa", "--bounds", "c2=:50Pa", "--prior", "c1=8kPa+-1Pa"]
     status, said, _ = says("fit", *words, "--no-pictures", "-o", str(tmp_path))
     assert status == 0 and "fixed" in said and "c2 ended at its bound 50" in said
+    assert "nan" not in said
     assert material_from(str(tmp_path / "fitted.toml"), {}).c3 == 0.0
 
 
