@@ -230,6 +230,7 @@ def test_heights_name_their_wrong_row_and_what_they_cannot_tell(measured, case, 
     file.write_text(told(measured))
     done = fit(case, "--heights", file, *WORDS, "-o", tmp_path / "fit")
     assert done.exit_code == 0 and "heights cannot separate a leak" in done.output
+    assert "column are cm, 0.97 g/ml (3 % less than water at 20 degC), also where photographs" in done.output
 
 
 @pytest.mark.campaign
