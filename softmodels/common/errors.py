@@ -162,11 +162,12 @@ def near_paths(path: Path | str) -> str:
     try:
         while not wanted.parent.exists():
             wanted = wanted.parent
-        beside = {file.name: file for file in itertools.islice(wanted.parent.iterdir(), MOST_BESIDE)}
+        beside = list(itertools.islice(wanted.parent.iterdir(), MOST_BESIDE))
     except (OSError, ValueError):  # the folder may not be read, or a name has a zero byte in it
         return ""
-    alike = [name for name, file in beside.items() if file.suffix == wanted.suffix and not name.startswith(".")]
-    near = [str(beside[name]) for name in _nearest(wanted.name, alike)]
+    # Without the ending, which all of them share: zz.toml is not near to aa.toml.
+    alike = {file.stem: file for file in beside if file.suffix == wanted.suffix and not file.name.startswith(".")}
+    near = [str(alike[stem]) for stem in _nearest(wanted.stem, alike)]
     return f"; did you mean {' or '.join(near)}?" if near else ""
 
 

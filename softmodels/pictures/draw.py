@@ -63,7 +63,9 @@ def draw(
         own.remove(own.files)
         own.claim(store.picture_files(states.actuator.gauge))
         with style.PictureFolder(folder, each) as out, matplotlib.rc_context(style.STYLE):
-            apart = beside and beside.submit(_draw_charts, folder, name, wanted.colormap, each)
+            apart = None
+            with contextlib.suppress(BrokenExecutor):  # its process was killed before this folder's turn
+                apart = beside and beside.submit(_draw_charts, folder, name, wanted.colormap, each)
             shown = offscreen.look(states, wanted.colormap)
             charts = None if apart else _charts(shown, folder, each)
             _draw(shown, out, wanted, at_rest or solid.AtRest(), say)

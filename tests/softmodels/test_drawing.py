@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import shutil
 import subprocess
 import sys
+from concurrent.futures import BrokenExecutor
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -19,12 +21,13 @@ from softmodels.case.case import Case
 from softmodels.cli import run as module
 from softmodels.cli.run import DrawingProcess
 from softmodels.common.commands import DrawingOptions, RunOptions
-from softmodels.pictures import offscreen, solid
+from softmodels.pictures import draw, offscreen, solid
 from softmodels.pictures.offscreen import can_render, look
 from softmodels.pictures.solid import AtRest
 from softmodels.pictures.style import PictureFolder, png
 from softmodels.runs.states import FolderStates
 from tests.support import made_up as drawings, runs
+from tests.support.campaigns import sampled
 
 
 @pytest.fixture
@@ -113,6 +116,17 @@ def test_a_process_that_died_meanwhile_costs_no_results(section, drawing, capsys
     assert drawing.draw(section) is None
     said = capsys.readouterr().err
     assert said == "softmodels: the pictures could not be drawn (exit status -9); the results are complete\n"
+
+
+@pytest.mark.parametrize("already", sampled([True, False]), ids=["before its turn", "in its turn"])
+def test_a_second_process_that_is_killed_costs_no_picture(already, section, monkeypatch):
+    monkeypatch.setattr(draw.processes, "cores", lambda: 2)
+    with draw.second_process() as beside:
+        killed = beside.submit(os._exit, 9)
+        if already:
+            assert isinstance(killed.exception(), BrokenExecutor)
+        draw.draw_folder(section.folder, "disk", DrawingOptions(pictures="few"), beside=beside)
+    assert {"apex.png", "report.html"} <= {file.name for file in section.folder.iterdir()}
 
 
 def test_a_run_that_is_not_drawn_leaves_no_process(drawing):

@@ -145,6 +145,7 @@ def test_files_that_are_not_there(asked, arguments, ends):
         (["run", "part.step"], "softmodels run --device ImportedActuator --file part.step --cavities"),
         (["run", "part.stl"], "device = 'ImportedMesh', file = 'part.stl'"),
         (["run", "csae.toml"], "No such file or directory; did you mean case.toml?"),
+        (["run", "ab.toml"], "No such file or directory; softmodels examples writes some to begin with"),
         (["run", "other"], "No such file or directory; softmodels examples writes some to begin with"),
         (["run", "results"], "it is a results folder; its case file is results/case.toml"),
     ],

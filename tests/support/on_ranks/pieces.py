@@ -39,9 +39,20 @@ cavities = ["at 10, 0, 0 mm", "at 50, 0, 0 mm"]
 support = "x = 0 mm"
 cell_size = "5 mm"
 """
-DEVICES = {"cavity": TUBE, "seal": CUP, "two cavities": BLOCK}
+BODIES = """
+material = {law = "neo-hookean", shear_modulus = "30 kPa", poisson = 0.45}
+[geometry]
+device = "ImportedActuator"
+file = "bodies.step"
+cavities = ["none"]
+support = "z = 0 mm"
+surfaces = ["lid = z = 12 mm"]
+cell_size = "5 mm"
+loose = ["solid_2"]
+"""
+DEVICES = {"cavity": TUBE, "seal": CUP, "two cavities": BLOCK, "bodies": BODIES}
 """By the beginning of a case's name; all others are of a beam."""
-MISSING = {"seal": "lip", "two cavities": "cavity2"}
+MISSING = {"seal": "lip", "two cavities": "cavity2", "bodies": "lid"}
 """Faces that some rank has nothing of, by the same; of a beam it is the end."""
 PUSH = """
 [force.push]
@@ -101,6 +112,18 @@ face = "bottom {END}"
 along = "z"
 [hold.edge]
 face = "edge of tip and bottom"
+""" + ON_TOP,
+    "hinge": """
+[hold.pin]
+face = "edge of support and bottom"
+[hold.roller]
+face = "edge of tip and bottom"
+along = "z"
+""" + ON_TOP,
+    "springs": f"""
+[spring.foot]
+on = "bottom {END}"
+stiffness = "2 N/m"
 """ + ON_TOP,
     "loads": f"""
 [gravity]
@@ -175,6 +198,19 @@ at_pressure_cm = -30
 cavity1.pressure_cm = [0, 5, 5]
 cavity2.volume_ml = [0, 0, 0.05]
 """,
+    "bodies": """
+[contact.joint]
+between = ["solid_1", "solid_2"]
+friction = 0.3
+[spring.weak]
+on = "solid_2"
+stiffness = "0.1 N/m"
+[force.push]
+face = "lid"
+direction = "-z"
+[load]
+force.push.force_N = [0.2]
+""",
     "no such piece": PUSH.replace('"tip"', '"tip within x < 5 mm"'),
 }  # fmt: skip
 """Tables beside those of the device."""
@@ -203,6 +239,19 @@ def write_block(file: Path) -> None:
         gmsh.write(str(file))
 
 
+def write_bodies(file: Path) -> None:
+    """Write a block of 60 x 10 x 8 mm, and one of 8 x 8 x 4 mm that stands on its end, as a STEP file."""
+    import gmsh
+
+    from geometries.meshing import private_model
+
+    with private_model():
+        for corner, edges in (((0, -5, 0), (60, 10, 8)), ((51, -4, 8), (8, 8, 4))):
+            gmsh.model.occ.addBox(*corner, *edges)
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(file))
+
+
 def is_missing(comm, body, name) -> bool:
     """Whether some rank has nothing of a case's face, or no cell of the beam's end."""
     from softmodels.mechanics.mpi import any_rank, largest
@@ -224,6 +273,7 @@ def figures(comm, folder: Path, names: str = ";".join(CASES)) -> dict[str, dict[
 
     on_root(comm, lambda: stl_files.write_stl(folder / "ball.stl", *stl_files.ball(0.005)))
     on_root(comm, lambda: write_block(folder / "block.step"))
+    on_root(comm, lambda: write_bodies(folder / "bodies.step"))
     found: dict[str, dict[str, list[float]] | str] = {}
     for name in names.split(";"):
         file = folder / f"{comm.size}.toml"
