@@ -281,8 +281,12 @@ class Sampling:
         """Return the dimensionless unknown p at owned nodes, linear between its vertices; None without one."""
         if self.pressures is None:
             return None
-        corners = np.array(self.system.space.sub(1).dofmap.list)[: len(self.system.cells)]
-        return self.average(w[corners] @ self.between.T)
+        return self.average(w[self._pressure_corners] @ self.between.T)
+
+    @functools.cached_property
+    def _pressure_corners(self) -> npt.NDArray[np.int32]:
+        """Dofs of p at the corners of this rank's own cells, shape (cells, corners)."""
+        return np.array(self.system.space.sub(1).dofmap.list)[: len(self.system.cells)]
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -547,17 +551,23 @@ class FacingWalls:
         """Return whether a facet is folded onto itself, in a crease that the cells do not resolve: it turns by more than
         `CLOSED_FOLD_ANGLE`, and its middle is compressed until it creases (`softmodels.components.creases.find_crease`)."""
         at = self.points + displacement
-        rest, now = (self._tangents(shape, self._middle) for shape in (self.points, at))
-        squares = np.linalg.eigvals(
-            np.linalg.solve(np.einsum("fai,fbi->fab", rest, rest), np.einsum("fai,fbi->fab", now, now))
-        ).real
+        now = self._tangents(at, self._middle)
+        squares = np.linalg.eigvals(self._compliances @ np.einsum("fai,fbi->fab", now, now)).real
         if self.flat:
             hoop = self._middles(at)[0][:, :1] / self._rest[0][:, :1]
             squares = np.concatenate([squares, hoop**2], axis=1)
         creased = np.flatnonzero(squares.min(axis=1) * np.sqrt(squares.max(axis=1)) < creases.CREASE_LIMIT)
+        if not len(creased):
+            return False
         near = self._middle + creases.CORNER_SHARE * (self._lattice - self._middle)
         n = np.stack([self._normal(self._tangents(at, own, creased), creased) for own in near], axis=1)
         return bool((np.einsum("fpi,fqi->fpq", n, n) < math.cos(creases.CLOSED_FOLD_ANGLE)).any())
+
+    @functools.cached_property
+    def _compliances(self) -> Array:
+        """Inverse metric of each undeformed facet at its middle, shape (f, d, d)."""
+        rest = self._tangents(self.points, self._middle)
+        return np.linalg.inv(np.einsum("fai,fbi->fab", rest, rest))
 
     def _tangents(self, at: Array, own: Array, facets: npt.NDArray[np.int64] | None = None) -> Array:
         """Return the tangents of a shape's facets, of all or some, at one place of each in its own coordinates, (f, d, 3)."""
