@@ -766,6 +766,7 @@ class MeshMotion:
         points = self._places[self._nodes[self._boundary]] * body.actuator.size
         self._boundary_points = body.actuator.device_points(points)
         self._volumes = self._cell_volumes()
+        self._velocities: dict[str, Array] = {}
 
     @property
     def entries(self) -> int:
@@ -794,6 +795,7 @@ class MeshMotion:
         moved[self._nodes, : self.dimension] += self._extension.extend(shift / self.base.size)
         self.body.mesh.geometry.x[:] = moved
         self.device = device
+        self._velocities.clear()
         for follow in self.followers:
             follow()
 
@@ -862,7 +864,9 @@ class MeshMotion:
     def velocity(self, name: str) -> Array:
         """Return the motion of all dimensionless nodes with a parameter at the current device, per its SI unit; see
         `nodes_rate`."""
-        return self.nodes_rate(self._velocity(name))
+        if name not in self._velocities:  # the same in every state of a device
+            self._velocities[name] = self.nodes_rate(self._velocity(name))
+        return self._velocities[name]
 
     def nodes_rate(self, velocity: Array) -> Array:
         """Return the motion of all dimensionless nodes with one of `boundary_velocities`, shape (nodes of `space`, d)."""

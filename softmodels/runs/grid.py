@@ -343,23 +343,25 @@ class QuadraticCurve:
         points = np.asarray(points, dtype=float)
         _, near = tree.query(points, k=min(PIECES_TRIED, len(pieces)))
         near = near.reshape(len(points), -1)
-        piece, s, target = pieces[near], places[near], points[:, None, :]
+        target, pieces, s = np.repeat(points, near.shape[1], axis=0), pieces[near].ravel(), places[near].ravel()
+        left = np.arange(len(s))
         for _ in range(MAX_ITERATIONS):
-            place, slope, bend = self.at(piece, s)
-            gap = place - target
+            place, slope, bend = self.at(pieces[left], s[left])
+            gap = place - target[left]
             square = (slope * slope).sum(-1)
             curvature = square + (gap * bend).sum(-1)
             # Without a minimum nearby, the step of a straight piece still leads towards it.
             step = -(gap * slope).sum(-1) / np.where(curvature > 0.1 * square, curvature, square)
-            moved = np.clip(s + step, -1.0, 1.0)
-            done = np.abs(moved - s).max() < 1e-15
-            s = moved
-            if done:
+            moved = np.clip(s[left] + step, -1.0, 1.0)
+            moves = np.abs(moved - s[left]) >= 1e-15
+            s[left] = moved
+            left = left[moves]
+            if not len(left):
                 break
-        place, slope, _ = self.at(piece, s)
-        best = np.argmin(((place - target) ** 2).sum(-1), axis=1)
-        pick = np.arange(len(points)), best
-        return self._signed(points, piece[pick], s[pick], place[pick], slope[pick])
+        place, slope, _ = self.at(pieces, s)
+        best = np.argmin(((place - target) ** 2).sum(-1).reshape(near.shape), axis=1)
+        pick = np.ravel_multi_index((np.arange(len(points)), best), near.shape)
+        return self._signed(points, pieces[pick], s[pick], place[pick], slope[pick])
 
     def _signed(self, points: Array, piece: Indices, s: Array, place: Array, slope: Array) -> Closest:
         slope = slope / np.linalg.norm(slope, axis=1)[:, None]

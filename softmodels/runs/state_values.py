@@ -281,8 +281,12 @@ class Sampling:
         """Return the dimensionless unknown p at owned nodes, linear between its vertices; None without one."""
         if self.pressures is None:
             return None
-        corners = np.array(self.system.space.sub(1).dofmap.list)[: len(self.system.cells)]
-        return self.average(w[corners] @ self.between.T)
+        return self.average(w[self._pressure_corners] @ self.between.T)
+
+    @functools.cached_property
+    def _pressure_corners(self) -> npt.NDArray[np.int32]:
+        """Dofs of p at the corners of this rank's own cells, shape (cells, corners)."""
+        return np.array(self.system.space.sub(1).dofmap.list)[: len(self.system.cells)]
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -373,8 +377,9 @@ MAX_PROJECTIONS = 5
 MAX_OVERLAP_SHARE = 0.01
 """Overlap, relative to the wall thickness, above which walls count as overlapping."""
 PLACES_AT_ONCE = 200_000
-FIRST_PAIRS = 500
-"""Number of pairs of facets, those least apart, whose gaps bound the least gap."""
+FIRST_PAIRS, PAIRS_GROWTH = 500, 4
+"""Number of pairs of facets, those least apart, whose gaps bound the least gap first, and its growth from one bound to the
+next."""
 BENT_FACET_COSINE = 0.85
 """Cosine of the angle between normals of a facet above which all of it faces what its middle faces."""
 HULL_TOLERANCE = 0.01
@@ -531,7 +536,7 @@ class FacingWalls:
         at, before = self.points + displacement, np.inf
         reach = self.reach if reach is None else reach
         while True:
-            seen = self._within(at, reach, all_places)
+            seen = self._within(at, reach, None if all_places else reach)
             least = float(np.min(seen.values, initial=np.inf))
             # A deep overlap is as far from the wall it has passed through.
             if least >= 0.0 or least >= before or reach >= OVERLAP_REACH * self.size:
@@ -540,23 +545,29 @@ class FacingWalls:
 
     def cross(self, displacement: Array) -> bool:
         """Return whether walls pass through each other anywhere; quicker than `least`, which looks for the deepest place."""
-        return bool((self._within(self.points + displacement, self.reach, all_places=False).values < 0.0).any())
+        return bool((self._within(self.points + displacement, self.reach, 0.0).values < 0.0).any())
 
     def folded(self, displacement: Array) -> bool:
         """Return whether a facet is folded onto itself, in a crease that the cells do not resolve: it turns by more than
         `CLOSED_FOLD_ANGLE`, and its middle is compressed until it creases (`softmodels.components.creases.find_crease`)."""
         at = self.points + displacement
-        rest, now = (self._tangents(shape, self._middle) for shape in (self.points, at))
-        squares = np.linalg.eigvals(
-            np.linalg.solve(np.einsum("fai,fbi->fab", rest, rest), np.einsum("fai,fbi->fab", now, now))
-        ).real
+        now = self._tangents(at, self._middle)
+        squares = np.linalg.eigvals(self._compliances @ np.einsum("fai,fbi->fab", now, now)).real
         if self.flat:
             hoop = self._middles(at)[0][:, :1] / self._rest[0][:, :1]
             squares = np.concatenate([squares, hoop**2], axis=1)
         creased = np.flatnonzero(squares.min(axis=1) * np.sqrt(squares.max(axis=1)) < creases.CREASE_LIMIT)
+        if not len(creased):
+            return False
         near = self._middle + creases.CORNER_SHARE * (self._lattice - self._middle)
         n = np.stack([self._normal(self._tangents(at, own, creased), creased) for own in near], axis=1)
         return bool((np.einsum("fpi,fqi->fpq", n, n) < math.cos(creases.CLOSED_FOLD_ANGLE)).any())
+
+    @functools.cached_property
+    def _compliances(self) -> Array:
+        """Inverse metric of each undeformed facet at its middle, shape (f, d, d)."""
+        rest = self._tangents(self.points, self._middle)
+        return np.linalg.inv(np.einsum("fai,fbi->fab", rest, rest))
 
     def _tangents(self, at: Array, own: Array, facets: npt.NDArray[np.int64] | None = None) -> Array:
         """Return the tangents of a shape's facets, of all or some, at one place of each in its own coordinates, (f, d, 3)."""
@@ -567,12 +578,12 @@ class FacingWalls:
         """Return the shape functions of a facet's nodes at some of the places that gaps are taken at, shape (p, 3 or 6)."""
         return _weights(self._lattice, self.flat)[points]
 
-    def _within(self, at: Array, reach: float, all_places: bool = True) -> Gaps:
-        """Return the gaps up to a distance; see `gaps`."""
-        hits = [
-            *(self._of_plane(at, number, reach) for number in range(len(self.planes))),
-            *self._of_facets(at, reach, all_places),
-        ]
+    def _within(self, at: Array, reach: float, bound: float | None) -> Gaps:
+        """Return the gaps up to a distance; of those below a ``bound`` only the least one and all overlaps, None for all gaps."""
+        hits = [self._of_plane(at, number, reach) for number in range(len(self.planes))]
+        if bound is not None:
+            bound = max(min([bound, *(float(hit[0].min(initial=np.inf)) for hit in hits)]), 0.0)
+        hits += self._of_facets(at, reach, bound)
         values, facets, points, others, weights, normals = (np.concatenate(side) for side in zip(*hits, strict=True))
         far = np.where((others < 0) & (values < 0.0), 0.0, np.abs(values))  # a cut plane has only one side
         order = np.lexsort((far, points, facets))
@@ -599,8 +610,8 @@ class FacingWalls:
         normals = np.tile(-plane, (len(facet), 1))
         return -2.0 * beyond, facet, point, np.full(len(facet), -1 - number), np.zeros((len(facet), k)), normals
 
-    def _of_facets(self, at: Array, reach: float, all_places: bool) -> list[tuple[np.ndarray, ...]]:
-        """Return the places that face a facet; see `gaps`."""
+    def _of_facets(self, at: Array, reach: float, bound: float | None) -> list[tuple[np.ndarray, ...]]:
+        """Return the places that face a facet; see `_within`."""
         middle, normal = self._middles(at)
         corners = at[self.facets]
         radius = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1)
@@ -639,18 +650,17 @@ class FacingWalls:
                 for part, of in ((chosen[a : a + step], number[a : a + step]) for a in range(0, max(len(chosen), 1), step))
             ]
 
-        if all_places:
+        if bound is None:
             return hits(np.arange(len(i)))
-        # The pairs that are least apart bound the least gap. Facets farther apart than that are in front of each other.
-        order = np.argsort(room, kind="stable")
-        nearest = hits(order[:FIRST_PAIRS])
-        least = max(min(float(hit[0].min(initial=np.inf)) for hit in nearest), 0.0)
-        left = order[FIRST_PAIRS:]
-        near = room[left] <= least
-        nearest += hits(left[near])
+        # Facets farther apart than the least gap so far are in front of each other; those least apart come first.
+        left, found, count = np.argsort(room, kind="stable"), hits(np.arange(0)), FIRST_PAIRS
+        while count := min(count, int(np.searchsorted(room[left], bound, side="right"))):
+            new = hits(left[:count])
+            bound = max(min([bound, *(float(hit[0].min(initial=np.inf)) for hit in new)]), 0.0)
+            found, left, count = [*found, *new], left[count:], PAIRS_GROWTH * count
         # Of a place that overlaps the closest facet counts.
-        overlaps = np.unique(np.concatenate([hit[1][hit[0] < 0.0] for hit in nearest]))
-        return [*nearest, *hits(left[~near & np.isin(i[left], overlaps)])]
+        overlaps = np.unique(np.concatenate([hit[1][hit[0] < 0.0] for hit in found]))
+        return [*found, *hits(left[np.isin(i[left], overlaps)])] if len(overlaps) else found
 
     def _room(self, at: Array, i: npt.NDArray[np.int64], j: npt.NDArray[np.int64], between: Array, radius: Array) -> Array:
         """Return a lower bound of the distance of pairs of facets along unit vectors from the first to the second, (p, 3):
