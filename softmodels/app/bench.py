@@ -13,7 +13,8 @@ import io
 import math
 import re
 import tempfile
-from collections.abc import Iterable
+import tomllib
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import tomli_w
@@ -48,6 +49,35 @@ class Bench:
         self._loading.append(asyncio.create_task(self.photographs.begin()))
         self.jobs.begin()
 
+    async def take_samples(self, tell: Callable[[str], object]) -> None:
+        """Fill a project without photographs with the sample ones: lens, screen, pressures, device and a curve, as a user would
+        by hand; ``tell`` gets a sentence at each step. FieldError for a project that has photographs, AnswerError if a step
+        fails, OSError if a file cannot be written."""
+        project, photographs = self.project, self.photographs
+        if photographs.listed:
+            raise errors.FieldError("this project has photographs already; start the page with another folder for the samples")
+        made = SAMPLES / "made"
+        for file in sorted((made / "boards").iterdir()):
+            project.keep(BOARDS, file.name, file.read_bytes(), PHOTOGRAPH)
+        files.write_bytes(project / CURVES / "pull.csv", (made / "pull.csv").read_bytes())
+        if not (project / CASE).exists():
+            project.change_text(files.read_text(SAMPLES / "cases" / "disk.toml"))
+        boards = [f"{BOARDS}/{file.name}" for file in project.files(BOARDS, photo_list.PICTURES)]
+        tell("calibrating the lens by photographs of a chessboard")
+        lens = self.jobs.start(["measurement", "calibrate", *boards, *SAMPLE_BOARD, "-o", LENS], LENS)
+        samples = sorted((made / "photographs").iterdir(), key=lambda file: (file.suffix != ".csv", file.name))
+        for number, file in enumerate(samples):
+            tell(f"photograph {number} of {len(samples) - 1}")
+            await photographs.add(file.name, file.read_bytes())
+        while lens.active:
+            tell("calibrating the lens by photographs of a chessboard")
+            await asyncio.sleep(0.3)
+        if lens.state != jobs.DONE:
+            raise jobs.AnswerError(f"the lens was not calibrated: {self.jobs.log(lens).strip()}")
+        tell("finding the grid, and the edge in each photograph")
+        await photographs.find_plane(SAMPLE_GRID, SAMPLE_PITCH, LENS)
+        tell("filled: look at the photographs, then measure all outlines")
+
     def end(self) -> None:
         self.jobs.end()
         for warm in (self.solver, self.slower, self.tracer):
@@ -56,7 +86,11 @@ class Bench:
 
 OUTLINES, LENS = "outlines", "lens.toml"
 CASE, PHOTOS, SETUP, FITTED = "case.toml", "photos.csv", "setup.toml", "fitted.toml"
-PHOTOGRAPHS, BOARDS, CURVES, RESULTS = "photographs", "boards", "curves", "results"
+PHOTOGRAPHS, BOARDS, CURVES, PARTS, RESULTS = "photographs", "boards", "curves", "parts", "results"
+SAMPLES = Path(__file__).parents[1] / "cli" / "files"
+"""The examples that come with the package: `softmodels.cli.examples`."""
+SAMPLE_GRID, SAMPLE_PITCH = "grid.jpg", "9mm"
+SAMPLE_BOARD = ("--pattern", "9x6", "--pitch", "25mm")
 AUTO = "auto"
 """How photographs store light: as their edges show; `measurement.series.measuring.AUTO`, which this process does not import."""
 FIRST_PRESSURES = "0:60 cm"
@@ -91,7 +125,7 @@ class Project:
 
     def __init__(self, folder: Path):
         self.folder = folder.absolute()
-        for name in (PHOTOGRAPHS, BOARDS, CURVES, RESULTS):
+        for name in (PHOTOGRAPHS, BOARDS, CURVES, PARTS, RESULTS):
             (self.folder / name).mkdir(parents=True, exist_ok=True)
         self.changed: Event[str] = Event()
         self.case_error = ""
@@ -156,6 +190,14 @@ class Project:
         files.write_text(self / CASE, text)
         self.case, self._text, self.case_error = case, text, ""
         self.changed.emit(CASE)
+
+    def case_for(self, work: str, *without: str) -> dict[str, str]:
+        """Return the name and the text of the case that a task is given: without its load, which does not matter there, and
+        without some other tables. What does not matter does not put results out of date."""
+        water = self.case.water_density
+        made = dataclasses.replace(self.case, steps=load.steps_of(pressure=FIRST_PRESSURES, water_density=water), band=None)
+        tables = tomllib.loads(made.to_toml())
+        return {f"{work}-case.toml": tomli_w.dumps({name: table for name, table in tables.items() if name not in without})}
 
     def case_file(self) -> str:
         """Return the name of the case's file, which is written if it is not there yet."""
@@ -308,7 +350,9 @@ class Photographs:
         table = csv.DictWriter(text, names, extrasaction="ignore", lineterminator="\n")
         table.writeheader()
         table.writerows(rows)
-        files.write_text(self.project / PHOTOS, text.getvalue())
+        listing = self.project / PHOTOS
+        if not listing.exists() or files.read_file(listing) != text.getvalue().encode():
+            files.write_text(listing, text.getvalue())
 
     def pressure_of(self, photograph: ListedPhotograph) -> float:
         """Return the pressure in Pa as typed; NaN where there is none. ColumnError if it cannot be read."""

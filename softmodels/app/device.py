@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 
 OUTPUT = f"{bench.RESULTS}/device"
+ABOUT = "Here comes the report of the whole path: pictures, tables, the 3-D view, files for ParaView."
 
 
 class DevicePage(forms.TabPage):
@@ -48,6 +49,8 @@ class DevicePage(forms.TabPage):
                 self.controls()
             with ui.column().classes("w-full min-w-0"):
                 self.message = forms.tagged(ui.label(), "message", "text-negative", "")
+                self.busy = forms.tagged(ui.linear_progress(show_value=False), "busy", "w-full", "indeterminate")
+                self.busy.set_visibility(False)
                 self.picture = ui.html("", sanitize=False).classes("w-full")
                 self.scale = ui.html("", sanitize=False).classes("w-full")
                 with ui.row().classes("w-full items-center no-wrap gap-3"):
@@ -62,7 +65,7 @@ class DevicePage(forms.TabPage):
                 self.limit = forms.tagged(ui.label(), "limit", "", "")
                 self.spread = forms.tagged(ui.label(), "spread", "text-sm", "")
                 self.notes = ui.column().classes("gap-1")
-                forms.job_panel(bench, OUTPUT, "Run with all pictures", self._run, f"{OUTPUT}/report.html")
+                forms.job_panel(bench, OUTPUT, "Run with all pictures", self._run, f"{OUTPUT}/report.html", ABOUT)
                 self._whole_case()
                 with ui.expansion("The same in a terminal, and in Python").classes("w-full").props("dense"):
                     self.terminal = forms.tagged(ui.code("", language="bash"), "terminal", props="")
@@ -73,14 +76,17 @@ class DevicePage(forms.TabPage):
         ui.timer(1.0, self._follow)
 
     def _run(self) -> forms.Command:
-        return ["softmodels", "run", self.project.case_file(), "-o", OUTPUT], OUTPUT, True
+        return forms.Command(["softmodels", "run", self.project.case_file(), "-o", OUTPUT], OUTPUT, True)
 
     # -- controls -----------------------------------------------------------------------------------------------------
 
     def _controls(self) -> None:
         case = self.project.case
-        kinds = sorted(name for name, kind in ACTUATORS.items() if not kind.__dataclass_fields__.get("file"))
-        device = forms.tagged(ui.select(kinds, value=type(case.actuator).__name__, label="Device"), "device")
+        own_kind = type(case.actuator).__name__
+        kinds = sorted(
+            name for name, kind in ACTUATORS.items() if name == own_kind or not kind.__dataclass_fields__.get("file")
+        )
+        device = forms.tagged(ui.select(kinds, value=own_kind, label="Device"), "device")
         device.on_value_change(lambda event: self._take_device(event.value))
         forms.field_controls(case.actuator, self._take_field, self._move_field)
         ui.separator()
@@ -152,15 +158,19 @@ class DevicePage(forms.TabPage):
         case, text = self.project.case, self.project.case.to_toml()
         self.say(f"{bench.CASE} cannot be used: {self.project.case_error}" if self.project.case_error else "")
         if not is_section(case.actuator):
+            self._wait(False)
             return await self._solve_solid()
         self.linear = None
         self.about.set_text("")
+        self._wait(True)
         try:
             answer: replies.PathAnswer = await self.bench.solver.ask("path", text, kind="path")
         except jobs.SupersededError:
-            return
+            return  # the newer question ends the waiting
         except jobs.AnswerError as error:
+            self._wait(False)
             return self.say(str(error))
+        self._wait(text != self.project.case.to_toml())
         self.answer, self.text = answer, text
         self.tops = max(float(state.section.values.max()) for state in answer.states)
         both = [curve for state in answer.states for curve in (state.section.edges, state.section.rest)]
@@ -186,6 +196,12 @@ class DevicePage(forms.TabPage):
             if self.text != text:  # another device is shown by now
                 return
             label.set_text(sentence)
+
+    def _wait(self, waits: bool) -> None:
+        """Show that what is drawn belongs to an older question, until the newest is answered."""
+        self.busy.set_visibility(waits)
+        for element in (self.picture, self.numbers, self.chart):
+            element.classes("outdated") if waits else element.classes(remove="outdated")
 
     # -- solids -------------------------------------------------------------------------------------------------------
 
@@ -328,7 +344,7 @@ class DevicePage(forms.TabPage):
         assert self.answer is not None
         if self.answer.breaks_at:
             share = (row["max_stretch"] - 1.0) / (self.answer.breaks_at - 1.0)
-            figures.append(("of the least strain at break", f"{share:.0%}: {self.answer.breaks}"))
+            figures.append(("share of the strain at break", f"{share:.0%}; {self.answer.breaks}"))
         return figures
 
     def _draw(self, section: replies.Section, pressure: float) -> None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING
 from urllib.parse import quote
@@ -17,7 +18,7 @@ from measurement.series.photo_list import ColumnError, PhotoListError
 from softmodels.app import jobs
 from softmodels.case import entries
 from softmodels.case.case import Case
-from softmodels.common import errors, schema, units
+from softmodels.common import errors, files, schema, units
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
 from softmodels.materials import silicones
@@ -140,25 +141,52 @@ def stored_picture(project: bench.Project, place: str, words: str) -> str:
 # Commands.
 
 
-Command = tuple[list[str], str, bool] | str
-"""The words of a command, its folder of results and whether it has ``--resume``; or the sentence why it cannot be given."""
+@dataclasses.dataclass(frozen=True)
+class Command:
+    """The words of a command after ``python -m``, its folder of results, whether it has ``--resume``, and texts of files of the
+    project, by their names, that are written before it is started."""
+
+    words: list[str]
+    output: str
+    resumable: bool = False
+    written: Mapping[str, str] = dataclasses.field(default_factory=dict)
+
+
 ALLOWED = "allow-scripts allow-popups allow-downloads allow-modals"
 """What a report may do inside the page: its 3-D view, and saving and printing what it shows."""
 
 
-def job_panel(bench: Bench, output: str, title: str, command: Callable[[], Command], report: str = "") -> None:
+OUTDATED = "out of date"
+"""What is said of results that are not those of today's inputs."""
+
+
+def job_panel(
+    bench: Bench, output: str, title: str, command: Callable[[], Command | str], report: str = "", about: str = "",
+    shown: Sequence[Element] = (), kept: Callable[[], bool] = bool,
+) -> None:  # fmt: skip
     """Add a button that starts a command in the current place of a page, with what it prints, its folder of results, and
-    their report, a page from the project's folder; empty for none. ``command`` is called when the button is pressed."""
+    their report, a page from the project's folder; empty for none. ``command`` returns it, or the sentence why it cannot be
+    given yet. ``about`` says what will stand there. Results that are not those of today's inputs are marked, what is ``shown``
+    of them elsewhere too, unless ``kept`` says that they are in use."""
     jobs, file = bench.jobs, bench.project / report
 
-    def start() -> None:
+    def asked() -> Command | str:
         try:
-            made = command()
+            return command()
         except ERRORS as error:
-            made = page_words(errors.reason(error))
+            return page_words(errors.reason(error))
+
+    def start() -> None:
+        made = asked()
         sentence.set_text(made if isinstance(made, str) else "")
         if not isinstance(made, str):
-            jobs.start(made[0], made[1], resumable=made[2])
+            try:
+                for name, text in made.written.items():
+                    files.write_text(bench.project / name, text)
+            except OSError as error:
+                return sentence.set_text(errors.reason(error))
+            jobs.start(made.words, made.output, resumable=made.resumable)
+        return None
 
     def stop() -> None:
         if (job := jobs.latest(output)) is not None:
@@ -170,6 +198,7 @@ def job_panel(bench: Bench, output: str, title: str, command: Callable[[], Comma
             stop_button = tagged(ui.button("Stop", on_click=stop), f"stop-{output}", "", "outline")
             spinner, state = ui.spinner(), tagged(ui.label(), f"state-{output}", "", "")
         sentence = tagged(ui.label(), f"why-{output}", "text-negative", "")
+        empty = tagged(ui.label(about), f"about-{output}", "quiet", "")
         line = tagged(ui.label(), f"line-{output}", "text-sm font-mono whitespace-pre-wrap break-words", "")
         with ui.expansion("Log").classes("w-full").props("dense") as log:
             whole = ui.code("", language="text").classes("w-full")
@@ -182,20 +211,42 @@ def job_panel(bench: Bench, output: str, title: str, command: Callable[[], Comma
         for element in (stop_button, spinner):
             element.set_visibility(active)
         log.set_visibility(job is not None)
+        empty.set_visibility(job is None and bool(about))
         if job is None:
             return
         text = jobs.log(job)
         lines = [text_line for text_line in text.splitlines() if text_line.strip()]
         state.set_text(job.state)
+        mark()
         line.set_text(page_words(lines[-1]) if lines else "")
         whole.set_content(f"$ {job.command}\n{text}")
         if report and not active and file.is_file():
             address = f"/files/{quote(report)}?{int(file.stat().st_mtime)}"
             frame.set_content(f'<iframe src="{address}" title="{title}" sandbox="{ALLOWED}"></iframe>')
 
+    def mark() -> None:
+        """Mark results that are not those of today's inputs."""
+        if (job := jobs.latest(output)) is None or job.active:
+            return
+        outdated = not kept() and is_outdated(bench, job, asked())
+        state.set_text(f"{OUTDATED}: what it was made of has changed; start it again" if outdated else job.state)
+        for element in (frame, line, *shown):
+            element.classes("outdated") if outdated else element.classes(remove="outdated")
+
     jobs.changed.subscribe(lambda job: show() if job.output == output else None)
-    ui.timer(1.0, lambda: show() if (job := jobs.latest(output)) is not None and job.active else None)
+    ui.timer(1.0, lambda: show() if (job := jobs.latest(output)) is not None and job.active else mark())
     show()
+
+
+def is_outdated(bench: Bench, job: jobs.Job, made: Command | str = "") -> bool:
+    """Return whether a job's results are not those of the project's files as they are now, or of the command that would be
+    started now."""
+    if isinstance(made, str):
+        return bench.jobs.is_outdated(job)
+    with contextlib.suppress(OSError):
+        if any(files.read_text(bench.project / name) != text for name, text in made.written.items()):
+            return job.state == jobs.DONE
+    return bench.jobs.is_outdated(job, made.words)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -6,14 +6,19 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import dataclasses
+import functools
 import hashlib
 import hmac
+import itertools
 import json
 import os
+import re
 import secrets
 import shlex
 import signal
+import time
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,14 +33,15 @@ WAITING, RUNNING, DONE, STOPPED, FAILED = "waiting", "running", "done", "stopped
 @dataclasses.dataclass
 class Job:
     """A command of the project, numbered from 1: the words after ``python -m``, such as ``["softmodels", "run",
-    "case.toml"]``, its folder of results, from the project's, whether it has ``--resume``, and its state: one of `WAITING`,
-    `RUNNING`, `DONE`, `STOPPED` and `FAILED`."""
+    "case.toml"]``, its folder of results, from the project's, whether it has ``--resume``, its state: one of `WAITING`,
+    `RUNNING`, `DONE`, `STOPPED` and `FAILED`; and the `digest` of the files it reads when it was started."""
 
     number: int
     words: list[str]
     output: str
     resumable: bool = False
     state: str = WAITING
+    inputs: str = ""
 
     @property
     def command(self) -> str:
@@ -47,13 +53,32 @@ class Job:
     def active(self) -> bool:
         return self.state in (WAITING, RUNNING)
 
+    @property
+    def asked(self) -> list[str]:
+        """The words as first given, without ``--resume``."""
+        return [word for word in self.words if word != RESUME]
+
+    def options(self, name: str) -> list[str]:
+        """Return the values that an option was given."""
+        return [value for word, value in itertools.pairwise(self.words) if word == name]
+
     @classmethod
     def from_table(cls, table: Any, number: int) -> Job:
         """Return the job of a record with a number; ValueError or TypeError if the record is not one."""
         job = cls(**table)
-        types = (job.number, int), (job.words, list), (job.output, str), (job.resumable, bool), (job.state, str)
-        texts = job.words and all(isinstance(word, str) for word in job.words)
-        if not texts or job.number != number or not all(isinstance(value, kind) for value, kind in types):
+        types = (
+            (job.number, int),
+            (job.words, list),
+            (job.output, str),
+            (job.resumable, bool),
+            (job.state, str),
+            (job.inputs, str),
+        )
+        if (
+            not (job.words and all(isinstance(word, str) for word in job.words))
+            or job.number != number
+            or not all(isinstance(value, kind) for value, kind in types)
+        ):
             raise ValueError("not a record of a job")
         return job
 
@@ -94,16 +119,23 @@ class Jobs:
         """Resume the jobs of a server that was killed."""
         for job in self.all:
             if job.active:
-                if job.resumable and job.state == RUNNING and "--resume" not in job.words:
-                    job.words.append("--resume")
+                if job.resumable and job.state == RUNNING and RESUME not in job.words:
+                    job.words.append(RESUME)
                 self._launch(job)
 
     def start(self, words: list[str], output: str, *, resumable: bool = False) -> Job:
         """Start a command, once those before it have ended."""
         job = Job(1 + max((started.number for started in self.all), default=0), words, output, resumable)
+        job.inputs = digest(words, self.project)
         self.all.append(job)
         self._launch(job)
         return job
+
+    def is_outdated(self, job: Job, words: Sequence[str] = ()) -> bool:
+        """Return whether the results of a job that is done are not those of the files as they are now, or of the words that
+        would be given now."""
+        changed = bool(words) and list(words) != job.asked
+        return job.state == DONE and bool(job.inputs) and (changed or job.inputs != digest(job.asked, self.project))
 
     def latest(self, output: str) -> Job | None:
         """Return the newest job with a folder of results."""
@@ -240,10 +272,12 @@ COMMANDS = {
         "-o", "--silicone", *(f"--{field.name.replace('_', '-')}" for field in dataclasses.fields(settings.Workshop)),
     ),
     "softmodels design": ("-o",),
-    "measurement photos": ("-o", "--setup", "--tone"),
+    "measurement calibrate": ("-o", "--pattern", "--pitch"),
+    "measurement photos": ("-o", "--setup", "--tone", "--water-density"),
 }  # fmt: skip
 """Options with a value that the page's commands have, by module and command."""
-FLAGS = {"softmodels run": ("--resume",), "softmodels design": ("--resume",)}
+RESUME = "--resume"
+FLAGS = {"softmodels run": (RESUME,), "softmodels design": (RESUME,)}
 """The same without a value."""
 
 
@@ -265,6 +299,37 @@ def check_command(words: list[str], project: Path) -> None:
         for file in (value, value.rpartition(":")[0]):  # a curve has its test behind a colon
             if not (project / file).resolve().is_relative_to(project.resolve()):
                 raise errors.FieldError(f"{value} lies outside of the project's folder, which the page's commands do not leave")
+
+
+CLOCK_STEP = 1.0
+"""Seconds within which a file may change twice and keep its time."""
+MAX_LISTED_BYTES = 1 << 20
+"""Size of the largest table or list that is searched for the names of further files."""
+
+
+def digest(words: Sequence[str], project: Path) -> str:
+    """Return SHA-256 of the words after ``python -m`` and of the files of a project that they name, but for the results; and of
+    the files that these tables and lists name, such as photographs."""
+    named = [word for before, word in itertools.pairwise(["", *words[2:]]) if before != "-o"]
+    seen: dict[str, str] = {}
+    while named:
+        word = named.pop()
+        for name in (word, word.rpartition(":")[0]):
+            file = project / name
+            if name in seen or not name or not file.exists():
+                continue
+            written = file.stat().st_mtime
+            seen[name] = _fingerprint(file, written if time.time() - written > CLOCK_STEP else time.time())
+            if file.suffix in (".csv", ".toml") and file.is_file() and file.stat().st_size < MAX_LISTED_BYTES:
+                text = files.read_file(file).decode("utf-8", "replace")
+                named += [part for part in re.split(r"[\s\"',]+", text) if "." in part[1:]]
+    return hashlib.sha256("\n".join([*words, *(f"{name} {seen[name]}" for name in sorted(seen))]).encode()).hexdigest()
+
+
+@functools.lru_cache(maxsize=4096)
+def _fingerprint(file: Path, stamp: float) -> str:
+    """Return the fingerprint of a file or folder that was last written at a time."""
+    return files.fingerprint(file)
 
 
 KEY_BYTES = 32

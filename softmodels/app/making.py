@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import math
+from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 import tomli_w
@@ -15,7 +16,7 @@ from softmodels.app.jobs import Job
 from softmodels.case import materials
 from softmodels.case.case import Case
 from softmodels.casting import settings
-from softmodels.common import errors, files, schema, units
+from softmodels.common import errors, files, schema, tables, units
 from softmodels.materials import silicones
 from softmodels.materials.laws import DEFAULT_POISSON_RATIO, LAWS
 from softmodels.path import steps
@@ -25,6 +26,15 @@ if TYPE_CHECKING:
 
 
 FIT, MOULD, DESIGN = f"{RESULTS}/fit", f"{RESULTS}/mould", f"{RESULTS}/design"
+ABOUT_FIT = (
+    "Drop a table of a test machine on the left, or measure photographs. Here come the law that fits best, its numbers with "
+    "95 % intervals, and their report."
+)
+ABOUT_MOULD = "Here come the bodies to print, an exploded view, and the sheet for the bench: what to print, mix, pour and open."
+ABOUT_DESIGN = (
+    "Choose on the left what may change, what the device should do and which limits it keeps. Here come every trial and the "
+    "best device."
+)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -40,6 +50,9 @@ class MaterialPage(forms.TabPage):
 
     def __init__(self, bench: Bench):
         super().__init__(bench)
+        last = bench.jobs.latest(FIT)
+        given = last.options if last else lambda name: []
+        self.given_tests = dict(text.removeprefix(f"{CURVES}/").rpartition(":")[::2] for text in given("--tensile"))
         with ui.element("div").classes("two-columns"):
             with ui.card().classes("w-full"):
                 kinds = ",".join(CURVE.endings)
@@ -49,16 +62,21 @@ class MaterialPage(forms.TabPage):
                 self.with_outlines = ui.switch("Outlines of the photographs", value=(self.project / OUTLINES).is_dir())
                 forms.tagged(self.with_outlines, "with-outlines", "", "")
                 self.with_outlines.tooltip("Without those that are not trusted, unless they shall be used anyway")
-                laws = ui.select(sorted(LAWS), value=["yeoh"], label="Laws to compare", multiple=True)
+                chosen = ",".join(given("--material")).split(",") if last else ["yeoh"]
+                laws = ui.select(sorted(LAWS), value=chosen, label="Laws to compare", multiple=True)
                 self.laws = forms.tagged(laws, "laws", props="dense use-chips")
-                self.fixed = forms.tagged(ui.input("Fixed parameters", placeholder="c3=0, leak=0"), "fixed")
-                self.poisson = forms.tagged(ui.input("Poisson's ratio", value=f"{DEFAULT_POISSON_RATIO:g}"), "poisson")
-                products = ui.select(["any", *sorted(silicones.PRODUCTS)], value="any", label="Cast from", with_input=True)
+                self.fixed = forms.tagged(
+                    ui.input("Fixed parameters", value=", ".join(given("--fix")), placeholder="c3=0, leak=0"), "fixed"
+                )
+                (ratio,) = given("--poisson") or [f"{DEFAULT_POISSON_RATIO:g}"]
+                self.poisson = forms.tagged(ui.input("Poisson's ratio", value=ratio), "poisson")
+                (product,) = given("--silicone") or ["any"]
+                products = ui.select(["any", *sorted(silicones.PRODUCTS)], value=product, label="Cast from", with_input=True)
                 self.product = forms.tagged(products, "product")
             with ui.column().classes("w-full min-w-0"):
                 self.message = forms.tagged(ui.label(), "material-message", "text-negative", "")
                 self.answer = ui.column().classes("gap-1")
-                forms.job_panel(bench, FIT, "Fit", self._command, f"{FIT}/report.html")
+                forms.job_panel(bench, FIT, "Fit", self._command, f"{FIT}/report.html", ABOUT_FIT, [self.answer])
         bench.jobs.changed.subscribe(self._ended)
         self._show()
 
@@ -67,18 +85,20 @@ class MaterialPage(forms.TabPage):
         for file in self.project.files(CURVES, CURVE.endings):
             with ui.row().classes("w-full items-center no-wrap gap-2"):
                 ui.label(file.name).classes("grow truncate")
-                self.tests[file.name] = ui.select(["not used", *TESTS], value=TESTS[0]).props("dense").classes("w-32")
+                test = self.given_tests.get(file.name, TESTS[0])
+                self.tests[file.name] = ui.select(["not used", *TESTS], value=test).props("dense").classes("w-32")
 
     async def _uploaded(self, event: MultiUploadEventArguments) -> None:
         await self.keep(event, CURVES, CURVE)
         self.curves.refresh()
 
-    def _command(self) -> forms.Command:
-        words = ["softmodels", "fit"]
+    def _command(self) -> forms.Command | str:
+        words, case = ["softmodels", "fit"], {}
         if self.with_outlines.value:
             if not (self.project / OUTLINES).is_dir():
                 return "there are no outlines yet: measure the photographs first, or switch the outlines off"
-            words += [self.project.case_file(), f"{OUTLINES}/"]
+            case = self.project.case_for("fit", "material")
+            words += [*case, f"{OUTLINES}/"]
             for name, row in self.bench.photographs.measured.items():
                 words += ["--exclude", name] if row["trusted"] == "no" else []
         for name, test in self.tests.items():
@@ -91,7 +111,7 @@ class MaterialPage(forms.TabPage):
         words += ["--silicone", str(self.product.value)] if self.product.value else []
         for text in str(self.fixed.value or "").replace(";", ",").split(","):
             words += ["--fix", text.strip()] if text.strip() else []
-        return [*words, "-o", FIT], FIT, False
+        return forms.Command([*words, "-o", FIT], FIT, written=case)
 
     async def _ended(self, job: Job) -> None:
         if job.output == OUTLINES and not job.active:
@@ -131,6 +151,8 @@ class MaterialPage(forms.TabPage):
 # The mould.
 
 
+FIRST_SETTINGS = ("inlet", "tube", "bolt", "least_wall")
+"""What differs between workshops; the other settings are folded away."""
 FILES = (".3mf", ".stl", ".step", ".html", ".md")
 """Endings of the files to download."""
 
@@ -143,30 +165,44 @@ class MouldPage(forms.TabPage):
         with ui.element("div").classes("two-columns"):
             with ui.card().classes("w-full"):
                 ui.label("Mould").classes("font-bold")
+                last = bench.jobs.latest(MOULD)
+                self.given = last.options if last else lambda name: []
                 products = ["as simulated", *sorted(silicones.PRODUCTS)]
-                silicone = ui.select(products, value=products[0], label="Silicone to cast")
-                self.silicone = forms.tagged(silicone, "cast-silicone", "")
-                self.settings = {}
-                for name, field in schema.about(settings.Workshop).items():
-                    default = getattr(settings.Workshop, name)
-                    text = schema.shown(default, field.kind.unit) if isinstance(default, float) else str(default)
-                    box = ui.input(name.replace("_", " "), placeholder="" if default is None else text)
-                    self.settings[name] = forms.tagged(box, f"mould-{name}", props="dense stack-label").tooltip(field.help)
+                (product,) = self.given("--silicone") or products[:1]
+                self.silicone = forms.tagged(ui.select(products, value=product, label="Silicone to cast"), "cast-silicone")
+                self.settings: dict[str, ui.input] = {}
+                for name in FIRST_SETTINGS:
+                    self._setting(name)
+                with ui.expansion("More").classes("w-full").props("dense"):
+                    for name in schema.about(settings.Workshop):
+                        if name not in FIRST_SETTINGS:
+                            self._setting(name)
                 ui.label("Files").classes("font-bold")
                 self.files = forms.tagged(ui.column(), "mould-files", "gap-1", "")
             with ui.column().classes("w-full min-w-0"):
                 self.exploded = forms.tagged(ui.html("", sanitize=False), "exploded", props="")
-                forms.job_panel(bench, MOULD, "Make the mould", self._command, f"{MOULD}/sheet.html")
+                dimmed = [self.exploded, self.files]
+                forms.job_panel(bench, MOULD, "Make the mould", self._command, f"{MOULD}/sheet.html", ABOUT_MOULD, dimmed)
         bench.jobs.changed.subscribe(self._ended)
         self._show()
 
+    def _setting(self, name: str) -> None:
+        """Add a box; empty it means the default, which it shows."""
+        field, default = schema.about(settings.Workshop)[name], getattr(settings.Workshop, name)
+        text = schema.shown(default, field.kind.unit) if isinstance(default, float) else str(default)
+        (given,) = self.given(f"--{name.replace('_', '-')}") or [""]
+        box = ui.input(name.replace("_", " "), value=given, placeholder="" if default is None else text)
+        box.props(f'hint="{field.help}"') if name in FIRST_SETTINGS else box.tooltip(field.help)
+        self.settings[name] = forms.tagged(box, f"mould-{name}", props="dense stack-label")
+
     def _command(self) -> forms.Command:
-        words = ["softmodels", "mould", self.project.case_file(), "-o", MOULD]
+        case = self.project.case_for("mould")
+        words = ["softmodels", "mould", *case, "-o", MOULD]
         words += ["--silicone", str(self.silicone.value)] if self.silicone.value != "as simulated" else []
         for name, box in self.settings.items():
             if text := str(box.value or "").strip():
                 words += [f"--{name.replace('_', '-')}", text]
-        return words, MOULD, False
+        return forms.Command(words, MOULD, written=case)
 
     async def _ended(self, job: Job) -> None:
         if job.output == MOULD and job.state == jobs.DONE:
@@ -223,36 +259,65 @@ class DesignPage(forms.TabPage):
                 self.controls()
             with ui.column().classes("w-full min-w-0"):
                 self.message = forms.tagged(ui.label(), "design-message", "text-negative", "")
-                forms.job_panel(bench, DESIGN, "Search", self._command, f"{DESIGN}/report.html")
+                forms.job_panel(
+                    bench, DESIGN, "Search", self._command, f"{DESIGN}/report.html", ABOUT_DESIGN, kept=self._in_use
+                )
                 forms.tagged(ui.button("Use this device", on_click=self._use), "use-design", "", "outline")
         self.project.changed.subscribe(lambda file: self.controls.refresh())
 
     def _controls(self) -> None:
         device = self.project.case.actuator
+        last = self._last()
         ui.label("What may change").classes("font-bold")
         names = [name for name in actuator.parameter_names(device) if actuator.is_length(device, name)]
-        varied = ui.select(names, value=names[:1], label="lengths", multiple=True)
+        bounds = {name: entry for name, entry in last.get("parameters", {}).items() if name in names}
+        varied = ui.select(names, value=[*bounds] or names[:1], label="lengths", multiple=True)
         self.varied = forms.tagged(varied, "varied", props="dense use-chips")
-        self.reach = forms.tagged(ui.input("from and to, as a factor both ways", value=f"{LENGTH_FACTOR:g}"), "reach")
+        ends = [[units.quantity(entry[end], "m") for end in ("from", "to")] for entry in bounds.values()]
+        factor = math.sqrt(ends[0][1] / ends[0][0]) if ends else LENGTH_FACTOR
+        self.reach = forms.tagged(ui.input("from and to, as a factor both ways", value=f"{factor:.4g}"), "reach")
         ui.label("What it should do").classes("font-bold")
-        self.objective = forms.tagged(ui.select(list(OBJECTIVES), value="most rise", label="objective"), "objective")
+        goals = {(table, last[table].get("quantity")): last[table] for table in ("maximise", "minimise") if table in last}
+        objective = next((name for name, goal in OBJECTIVES.items() if goal in goals), "most rise")
+        goal = goals.get(OBJECTIVES[objective], {})
+        self.objective = forms.tagged(ui.select(list(OBJECTIVES), value=objective, label="objective"), "objective")
         probes = list(device.probes)
-        self.probe = forms.tagged(ui.select(probes, value=probes[0], label="of"), "probe")
+        probe = goal["of"] if goal.get("of") in probes else probes[0]
+        self.probe = forms.tagged(ui.select(probes, value=probe, label="of"), "probe")
         highest = max(self.project.case.load.of(steps.PRESSURE), default=0.0) / self.project.case.column.pascal
-        self.at = forms.tagged(ui.input("at", value=f"{highest:g} cm"), "design-pressure")
+        self.at = forms.tagged(ui.input("at", value=goal.get("at", f"{highest:g} cm")), "design-pressure")
         ui.label("Limits that it keeps").classes("font-bold")
-        defaults = {"limit_margin": "1.25", "clearances": "0.8 mm"}
+        kept = {entry["quantity"]: entry for entry in last.get("keep", ())}
+        defaults = {} if last else {"limit_margin": "1.25", "clearances": "0.8 mm"}
         self.limits = {
-            name: forms.tagged(ui.input(name, value=defaults.get(quantity, "")), f"keep-{quantity}")
-            for name, (quantity, _) in LIMITS.items()
+            name: forms.tagged(
+                ui.input(name, value=str(kept.get(quantity, {}).get(side, defaults.get(quantity, "")))), f"keep-{quantity}"
+            )
+            for name, (quantity, side) in LIMITS.items()
         }
 
-    def _command(self) -> forms.Command:
-        files.write_text(self.project / PROBLEM, tomli_w.dumps(self._problem()))
-        return ["softmodels", "design", PROBLEM, "-o", DESIGN], DESIGN, True
+    def _last(self) -> dict[str, Any]:
+        """Return the problem that was asked last; empty without one that the page has written."""
+        try:
+            problem = tables.read_toml(self.project / PROBLEM)
+        except (OSError, tables.TomlError):
+            return {}
+        return problem if problem.get("case") in self.project.case_for("design") else {}
 
-    def _problem(self) -> dict[str, object]:
-        """Return the problem as its file has it."""
+    def _command(self) -> forms.Command:
+        case = self.project.case_for("design")
+        written = {PROBLEM: tomli_w.dumps(self._problem(*case)), **case}
+        return forms.Command(["softmodels", "design", PROBLEM, "-o", DESIGN], DESIGN, True, written)
+
+    def _in_use(self) -> bool:
+        """Return whether the project's device is the design already."""
+        try:
+            return Case.from_file(self.project / DESIGN / "design.toml").actuator == self.project.case.actuator
+        except (*forms.ERRORS, ValueError):
+            return False
+
+    def _problem(self, case: str) -> dict[str, object]:
+        """Return the problem on a case as its file has it."""
         device, reach = self.project.case.actuator, units.number(str(self.reach.value))
         if not self.varied.value:
             raise errors.FieldError("choose at least one length that may change")
@@ -268,7 +333,7 @@ class DesignPage(forms.TabPage):
             for name, box in self.limits.items()
             if str(box.value or "").strip()
         ]
-        case, asked = self.project.case_file(), self._asked(quantity)
+        asked = self._asked(quantity)
         return {"name": "design", "case": case, "parameters": bounds, table: asked, "keep": kept}
 
     def _asked(self, quantity: str) -> dict[str, object]:

@@ -25,6 +25,11 @@ if TYPE_CHECKING:
 
 
 TONE_WORDS = {"srgb": "sRGB, as a camera's JPEG", "linear": "linear, in proportion to the light"}
+ABOUT = (
+    "Drop the photograph of the empty grid and those of the shadow on the left, type the pressure beside each (0 cm: the "
+    "undeformed body), choose the grid's photograph and its pitch, and find the grid. Edges are drawn as they are found. "
+    "Here come the measured outlines of all photographs."
+)
 HANDLE_REACH_PX = 40.0
 """Pixels of a preview within which a press takes hold of a handle."""
 
@@ -55,7 +60,7 @@ class PhotographsPage(forms.TabPage):
                 self.image.set_visibility(False)  # until there is one
                 self._controls()
                 self.about = forms.tagged(ui.label(), "about-photograph", "", "")
-                forms.job_panel(bench, OUTLINES, "Measure all outlines", self._measure, f"{OUTLINES}/overview.html")
+                forms.job_panel(bench, OUTLINES, "Measure all outlines", self._measure, f"{OUTLINES}/overview.html", ABOUT)
         self.photos.changed.subscribe(self._changed)
         bench.jobs.changed.subscribe(self._job_changed)
         self.say(self.photos.error)
@@ -152,12 +157,12 @@ class PhotographsPage(forms.TabPage):
         await self.keep(event, BOARDS, PHOTOGRAPH)
         self._update()
 
-    def _calibrate(self) -> forms.Command:
+    def _calibrate(self) -> forms.Command | str:
         files = [f"{BOARDS}/{file.name}" for file in self.project.files(BOARDS, photo_list.PICTURES)]
         if not files:
             return "drop photographs of the board first"
         options = ["--pattern", str(self.pattern.value), "--pitch", str(self.square.value), "-o", LENS]
-        return ["measurement", "calibrate", *files, *options], LENS, False
+        return forms.Command(["measurement", "calibrate", *files, *options], LENS)
 
     async def _find(self) -> None:
         if not self.grid.value:
@@ -204,6 +209,12 @@ class PhotographsPage(forms.TabPage):
         await self._show()
 
     async def _changed(self, name: str) -> None:
+        if not self.shown and name:
+            self.shown = name
+        if name == self.photos.grid:  # the plane was found, perhaps by another tab
+            self.lens.set_value(self.photos.lens)
+            self.pitch.set_value(self.photos.pitch)
+            self.grid.set_value(name)
         self._update()
         self._settled()
         if name in ("", self.shown):
@@ -349,7 +360,7 @@ class PhotographsPage(forms.TabPage):
 
     # -- all of them --------------------------------------------------------------------------------------------------
 
-    def _measure(self) -> forms.Command:
+    def _measure(self) -> forms.Command | str:
         """Return the command that measures all; a sentence where it cannot be given yet."""
         if not self.photos.setup:
             return "choose the photograph that shows the grid, and find the grid first"
@@ -364,7 +375,7 @@ class PhotographsPage(forms.TabPage):
         words += ["--tone", self.photos.tone] if self.photos.tone != AUTO else []
         density = self.photos.column.density
         words += ["--water-density", units.exact_text(density, "kg/m^3")] if density != units.WATER_DENSITY else []
-        return words, OUTLINES, False
+        return forms.Command(words, OUTLINES)
 
 
 def _attribute(name: str) -> str:

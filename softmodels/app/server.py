@@ -15,7 +15,7 @@ from urllib.parse import parse_qsl, urlencode, urlsplit
 import segno
 from nicegui import app, background_tasks, core, ui
 
-from softmodels.app import device, forms, making, photographs
+from softmodels.app import device, forms, making, photographs, start
 from softmodels.app.bench import Bench, Project
 from softmodels.common import processes
 
@@ -176,8 +176,9 @@ svg.section .scale-bar text { fill: currentColor; }
 .q-header .q-tabs { min-width: 0; }
 @media (max-width: 700px) {
   .brand { position: absolute; clip-path: inset(50%); }
-  .q-header .q-tab__label { display: none; }
-  .q-header .q-tab { min-width: 0; padding: 0 8px; }
+  .q-header .q-tab__content { flex-direction: column; min-width: 0; }
+  .q-header .q-tab__label { font-size: 10px; line-height: 1.2; margin: 0; text-transform: none; }
+  .q-header .q-tab { min-width: 0; padding: 0 6px; }
 }
 .colour-bar { display: flex; gap: 0.6rem; align-items: center; font-size: 0.85rem; max-width: 30rem; margin: 0 auto; }
 .colour-bar div { flex: 1; height: 0.7rem; }
@@ -200,6 +201,8 @@ svg.section .scale-bar text { fill: currentColor; }
 .photograph svg .mask { fill: #f5823166; stroke: #f58231; stroke-width: 1.5; }
 .photograph img { touch-action: none; }
 img.stored { max-height: 60vh; max-width: 100%; margin: 0 auto; display: block; border-radius: 4px; }
+.outdated { opacity: 0.4; }
+.steps { display: grid; grid-template-columns: repeat(auto-fill, minmax(17rem, 1fr)); gap: 0.75rem; width: 100%; }
 iframe { width: 100%; height: 80vh; border: 0; background: white; }
 .nicegui-content { padding: 0.75rem; }
 """
@@ -219,6 +222,7 @@ new MutationObserver(() => document.querySelectorAll("img:not([alt])").forEach(i
 def build_page(bench: Bench) -> None:
     """Build the page of one tab."""
     pages = {
+        "Start": ("home", lambda bench: start.StartPage(bench, tabs.set_value)),
         "Photographs": ("photo_camera", photographs.PhotographsPage),
         "Material": ("science", making.MaterialPage),
         "Device": ("tune", device.DevicePage),
@@ -240,7 +244,7 @@ def build_page(bench: Bench) -> None:
         dark = ui.dark_mode(None)
         switch = ui.button(icon="dark_mode", on_click=lambda: dark.set_value(not dark.value))
         switch.props('flat round dense color=white aria-label="light or dark"')
-    with ui.tab_panels(tabs, value="Device").classes("w-full bg-transparent"):
+    with ui.tab_panels(tabs, value="Start").classes("w-full bg-transparent"):
         for name, (_, page) in pages.items():
             with ui.tab_panel(name).classes("p-0"):
                 page(bench)

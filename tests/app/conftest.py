@@ -53,13 +53,14 @@ def page(browser, server):
 
 
 @contextlib.contextmanager
-def tab(browser, address, **options):
-    """Open a tab with the key."""
+def tab(browser, address, shown="Device", **options):
+    """Open a tab with the key, on one of its pages."""
     context = browser.new_context(**{"viewport": {"width": 1280, "height": 900}, **options})
     opened, errors = context.new_page(), []
     opened.set_default_timeout(120_000)
     opened.on("pageerror", lambda error: errors.append(str(error)))
     opened.goto(address)
+    opened.get_by_role("tab", name=shown).click()
     yield opened
     context.close()
     assert not errors
