@@ -61,11 +61,9 @@ def run(
         with progress, interrupts() as stopped:
             yield stopped
 
-    place = recording.ResultsPlace(folder, how.resume, inputs, how.draws)
+    place = recording.ResultsPlace(folder, how.resume, inputs, how.draws, how.budget != "none")
     try:
-        recording.solved_into(
-            place, case, comm, progress, branch=how.branch, stated=how.budget != "none", observer=reporter, solving=solving
-        )
+        recording.solved_into(place, case, comm, progress, branch=how.branch, observer=reporter, solving=solving)
     finally:
         if drawing is not None:
             drawing.leave()

@@ -25,6 +25,8 @@ from softmodels.runs import columns, fields, labels, mesh_error, table
 
 MATERIAL, MESH = "material", "mesh"
 """Contributions beside those of a case's deviations, which have the names of what deviates."""
+MOST_SHOWN = 6
+"""Contributions that a line has one by one."""
 WORDS = {MATERIAL: "silicone", tolerances.COLUMN: "column's density"}
 """Contributions that are printed under another name than their own."""
 
@@ -188,8 +190,9 @@ def _digits(row: table.Row, name: str, half: float) -> int:
 
 
 def _shares(row: table.Row, name: str, told: Sequence[Contribution]) -> list[str]:
-    digits = _digits(row, name, _sum(told))
-    return [f"{part.text} {mesh_error.in_unit(row, name, part.half):.{digits}f}" for part in told]
+    digits, others = _digits(row, name, _sum(told)), told[MOST_SHOWN:]
+    shown = [*told[:MOST_SHOWN], *([Contribution("", _sum(others), f"{len(others)} others")] if others else [])]
+    return [f"{part.text} {mesh_error.in_unit(row, name, part.half):.{digits}f}" for part in shown]
 
 
 def _sum(told: Sequence[Contribution]) -> float:

@@ -668,8 +668,9 @@ def _sideways(row: table.Row, gauge: str) -> str:
     if math.isnan(at_volume) or not at_volume:
         return ""
     same = "" if math.isnan(rising) else f"+- {rising:.3g} cm at equal rise of the {gauge}, "
+    errors = "errors of material, lengths and readings" if budget.causes_in(row, "pressure") else "material's errors"
     return (
-        f"95 % intervals from the material's errors: rise and volume at the requested value; pressure {same}+- "
+        f"95 % intervals from the {errors}: rise and volume at the requested value; pressure {same}+- "
         f"{at_volume:.3g} cm at equal added volume"
     )
 

@@ -154,12 +154,14 @@ class ResultsPlace:
         resume: Go on from what an interrupted run of the same case has left.
         inputs: Files that the user has given: they are never written.
         draw: Whether pictures are to be drawn there too.
+        budget: Whether the mesh error is estimated too, where that costs little.
     """
 
     folder: Path | None = None
     resume: bool = False
     inputs: Sequence[Path] = ()
     draw: bool = False
+    budget: bool = False
 
 
 def begin(case: Case, place: ResultsPlace) -> tuple[store.Results, bool]:
@@ -333,16 +335,14 @@ def solved_into(
     listener: outcomes.Listener | None = None,
     *,
     branch: bool = False,
-    stated: bool = False,
     observer: Observer | None = None,
     solving: Callable[[], contextlib.AbstractContextManager[Callable[[], bool]]] = unstopped,
 ) -> tuple[Path | None, bool, outcomes.Ended]:
     """Solve a case and store each state in a folder at once; all ranks call it.
 
-    The listener gets each state, the observer the folder; ``stated`` as of `record`. ``solving`` is entered while states are
-    solved, and gives whether to stop, asked between them. Return the folder, None where none could be taken;
-    whether a state that is not at rest is stored; and how the run ended: `Ended.error` has the error of the input, PETSc, the
-    memory or the disk.
+    The listener gets each state, the observer the folder. ``solving`` is entered while states are solved, and gives
+    whether to stop, asked between them. Return the folder, None where none could be taken; whether a state that is not at rest
+    is stored; and how the run ended: `Ended.error` has the error of the input, PETSc, the memory or the disk.
     """
     results: store.Results | None = None
     ended, observer, begun = outcomes.Ended(), observer or Observer(), monotonic()
@@ -355,7 +355,7 @@ def solved_into(
                     if mpi.is_root(comm):
                         results.started = begun
                         observer.opened(results)
-                    record(simulation, results, resumed, branch, observer.begun, stated)
+                    record(simulation, results, resumed, branch, observer.begun, place.budget)
             except Exception as error:
                 if not (isinstance(error, errors.OptionMessage) and mpi.together(comm)):
                     raise
