@@ -140,6 +140,11 @@ class Budget:
         if not self.finer:
             yield "the mesh (--mesh-error)"
 
+    def half_text(self, row: table.Row, name: str) -> str:
+        """Return half the 95 % interval of a variable of a state, such as ``"+- 0.21 mm (95 %)"``; "" if nothing is known."""
+        told = self.contributions(row, name)
+        return f"+- {rounded(row, name, _sum(told))[1]} {row.unit(name)}".rstrip() + " (95 %)" if told else ""
+
     def next_step(self, row: table.Row, name: str) -> str:
         """Return which contribution to narrow first and what half of it would give, as a sentence; "" if nothing is known."""
         told = self.contributions(row, name)
