@@ -32,6 +32,7 @@ from softmodels.path.continuation import Continuation
 from softmodels.path.steps import STROKE, one_step
 from softmodels.runs import analyses, columns, formats, labels, mesh_error, notes, outcomes, recording, states, store
 from softmodels.runs.analyses import Limit
+from softmodels.runs.budget import Budget
 from softmodels.runs.fields import OUTPUTS, OutputField, requestable
 from softmodels.runs.outcomes import RunError
 from softmodels.runs.simulation import MemoryStates, Simulation
@@ -163,6 +164,11 @@ class Run(cards.ResultCard):
         """Half widths of the 95 % intervals due to the mesh, in SI by variable (such as ``"apex"``), of the last requested
         state that the path with smaller cells reaches too; empty unless the case has ``mesh_error``."""
         return mesh_error.MeshErrors(self.case, self.table, self._source.finer).last[1]
+
+    @property
+    def budget(self) -> Budget:
+        """What is known of the errors of the run's numbers, by their causes: ``run.budget.lines()`` says it."""
+        return Budget(self.case, self.table, self._source.finer, self._source.sources)
 
     @property
     def notes(self) -> list[str]:

@@ -15,7 +15,7 @@ from typing import Any, ClassVar, TypedDict, Unpack
 
 from geometries import Actuator, faces, meshing, registry as geometry_table
 from geometries.actuator import changed, parameter, parameter_names
-from softmodels.case import load, materials
+from softmodels.case import load, materials, tolerances
 from softmodels.case.entries import (
     MISSING,
     NO_PROBES,
@@ -230,6 +230,9 @@ class Case:
     band: materials.AnyBand | None = dataclasses.field(default=None, metadata=_written(materials.ErrorsEntry(
         "errors of the material, whose 95 % band is computed for every state; or the name of a silicone, each of whose sources "
         "is solved too; or the file of a fit")))  # fmt: skip
+    tolerance: tolerances.Tolerances | None = dataclasses.field(default=None, metadata=_written(tolerances.TolerancesEntry(
+        "how well lengths of the device and readings of the bench are known, as half widths of 95 % intervals, such as "
+        "{'membrane': '0.1 mm', 'gauge': '1 %'}; they widen the bands of every state")))  # fmt: skip
     solver: str = _value(
         "solver", schema.Choice(METHODS),
         "linear solver: factorisation (direct), multigrid iterations (iterative, with memory linear "
@@ -280,6 +283,8 @@ class Case:
             if self.band is not None:
                 self.band.check(self.material)
                 self.load.check_band()
+            if self.tolerance is not None:
+                self._check_tolerance()
             if not (self.accuracy == 0.0 or LEAST_ACCURACY <= self.accuracy <= 1.0):
                 raise CaseError(f"--accuracy is {self.accuracy:g}; it must be 0 (none), or from {LEAST_ACCURACY:.4%} to 100%")
             if (self.mesh_error or self.accuracy) and not self.actuator.refinable:
@@ -308,12 +313,26 @@ class Case:
         )
         for name, (kinds, wanted) in _KINDS.items():
             names.one_of(name, getattr(self, name), (*kinds, types.NoneType), wanted)
+        if isinstance(self.tolerance, Mapping):
+            object.__setattr__(self, "tolerance", tolerances.Tolerances.of(self.tolerance))
         if self.gauges is None:
             object.__setattr__(self, "gauges", NO_PROBES)
         object.__setattr__(
             self, "steps", names.several("steps", self.steps, Step, "load steps, such as steps_of(pressure='0:5 kPa')")
         )
         object.__setattr__(self, "steps", settled(self))
+
+    def _check_tolerance(self) -> None:
+        """Reject tolerances of other lengths than the device's, and loads that have none."""
+        self.load.check_band()
+        if self.quantity not in (PRESSURE, VOLUME):
+            raise CaseError("[tolerance] is available for requested pressures and volumes only; leave it out")
+        _ = self.deviations
+
+    @functools.cached_property
+    def deviations(self) -> list[tolerances.Deviation]:
+        """The tolerances in SI; empty without any."""
+        return self.tolerance.deviations(self.actuator, self.column.pascal) if self.tolerance else []
 
     def _check_inertia(self) -> None:
         """Reject tolerances out of range, and inertia without times or mass, or with volumes or travels in time."""
@@ -500,6 +519,7 @@ def _check_case_file(path: Path) -> None:
 _KINDS: dict[str, tuple[tuple[type, ...], str]] = {
     "supply": ((AirSupply,), "a supply of air, such as sm.Syringe()"),
     "gauges": ((Probes,), "gauges"),
+    "tolerance": ((tolerances.Tolerances, Mapping), "a table such as {'membrane': '0.1 mm', 'gauge': '1 %'}"),
     "band": (
         (materials.MaterialErrors, materials.SourceBand),
         "errors of a fitted material, or the name of a silicone",
@@ -700,6 +720,7 @@ class RequestOptions(SolveOptions, total=False):
     control: str
     gauges: Probes | None
     band: materials.AnyBand | str | Path | None
+    tolerance: tolerances.Tolerances | Mapping[str, str] | None
     load_unload: bool
     water_density: float | str
     fields: Sequence[str]

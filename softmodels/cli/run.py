@@ -23,7 +23,7 @@ from softmodels.common import commands, processes
 from softmodels.common.errors import OWN_MODULES, reason, spoken
 from softmodels.common.lazy import MPI, PETSc, consoles, progress
 from softmodels.mechanics import mpi
-from softmodels.runs import fields, labels, mesh_error, notes, outcomes, recording, store
+from softmodels.runs import budget, fields, labels, mesh_error, notes, outcomes, recording, store
 from softmodels.runs.simulation import accurate
 
 
@@ -61,7 +61,7 @@ def run(
         with progress, interrupts() as stopped:
             yield stopped
 
-    place = recording.ResultsPlace(folder, how.resume, inputs, how.draws)
+    place = recording.ResultsPlace(folder, how.resume, inputs, how.draws, how.budget != "none")
     try:
         recording.solved_into(place, case, comm, progress, branch=how.branch, observer=reporter, solving=solving)
     finally:
@@ -127,7 +127,8 @@ def _summarise(case: Case, results: store.Results, drawn: str, stability: str) -
     """Print the last state of a run that has reached all its values, its stability, and what there is in its folder."""
     last = results.rows[-1]
     meshed = mesh_error.MeshErrors(case, results.rows, results.finer(case)).of(last)
-    for text in (*notes.closing(case, last, meshed), stability):
+    stated = budget.Budget(case, results.rows, results.finer(case), results.sources(case))
+    for text in (*notes.closing(case, last, meshed), *stated.lines(), stability):
         if text:
             processes.say(text)
     drawn = f"; {drawn}" if drawn else ""

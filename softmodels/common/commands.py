@@ -231,6 +231,11 @@ class RunOptions(DrawingOptions, SolvingOptions):
     """The options of a run, none of which changes a number."""
 
     pictures: str = _pictures("all", "few", "none")
+    budget: str = option(
+        type=Choice(("auto", "none")), default="auto", show_default=True,
+        help="Mesh error of the main numbers; auto: of devices with an axisymmetric section, from that section with cells half "
+        "as large, if the path took less than a minute.",
+    )  # fmt: skip
     no_pictures: bool = flag_option("The same as --pictures none.")
 
     @property

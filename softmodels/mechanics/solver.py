@@ -206,11 +206,11 @@ class Solver:
         w = np.concatenate([direction.array, pressures[1:]])
         return controls.Tangent(w, float(pressures[0]), bordered.q.dot(self._y))
 
-    def aside(self, state: State, control: Control, force: Array, tolerance: float) -> controls.Tangent:
-        """Return the response of a state to a ``force`` on the body (owned entries, shape (n,)) on a control's line; see
-        `linear_response`. It does not count as the path's."""
+    def aside(self, state: State, control: Control, force: Array, tolerance: float, gap: float = 0.0) -> controls.Tangent:
+        """Return the response of a state to a ``force`` on the body (owned entries, shape (n,)) and a ``gap`` of a control's
+        line; see `linear_response`. It does not count as the path's."""
         self._border(state, control)
-        self._solve(force, np.zeros(self.bordered.scalars), tolerance)
+        self._solve(force, [gap, *np.zeros(self.bordered.scalars - 1)], tolerance)
         return self._answer()
 
     def dead_load_compliance(self, state: State, load: Array) -> float:

@@ -6,7 +6,7 @@ import io
 import itertools
 import math
 import textwrap
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -21,7 +21,7 @@ from softmodels.common import pages, units
 from softmodels.common.arrays import Array
 from softmodels.materials import silicones
 from softmodels.pictures import style
-from softmodels.runs import columns, grid, labels, notes, states, table
+from softmodels.runs import budget, columns, grid, labels, mesh_error, notes, states, table
 from softmodels.runs.states import Line, StoredStates
 
 if TYPE_CHECKING:
@@ -134,6 +134,18 @@ def kilopascals(axes: Axes, column: units.Column) -> None:
     k = column.pascal / 1e3
     functions = (lambda height: np.asarray(height) * k, lambda kPa: np.asarray(kPa) / k)
     axes.secondary_xaxis("top", functions=functions).set_xlabel("pressure in kPa", labelpad=8)
+
+
+def contributions(row: table.Row, name: str, told: Sequence[budget.Contribution]) -> Figure:
+    """Plot the contributions to half the 95 % interval of a variable as bars, the largest on top."""
+    shown = told[::-1]
+    figure, axes = style.chart(1.0 + 0.35 * len(shown))
+    halves = [mesh_error.in_unit(row, name, part.half) for part in shown]
+    bars = axes.barh([part.text for part in shown], halves, color=style.CURVE)
+    axes.bar_label(bars, [f"{half:.2g}" for half in halves], padding=3)
+    axes.set_xlabel(f"half of the 95 % interval in {row.unit(name)}")
+    axes.margins(x=0.12)
+    return figure
 
 
 def drawing(figure: Figure, column: units.Column) -> str:

@@ -32,7 +32,7 @@ from softmodels.materials.laws import parameter_fields
 from softmodels.mechanics import newton
 from softmodels.path import steps
 from softmodels.pictures import curves, offscreen, style
-from softmodels.runs import columns, grid, labels, mesh_error, table
+from softmodels.runs import budget, columns, grid, labels, mesh_error, table
 from softmodels.runs.notes import ending, left_out, notes_of, stability_text
 from softmodels.runs.states import StoredStates
 
@@ -64,6 +64,7 @@ class Report:
         if warnings is None:
             warnings = [*states.mesh_notes, *notes_of(states.case, states.rows, states.sources, states.finer)]
         self._head: list[pages.Section] = [
+            *_errors(states),
             ("3-D view", [pages.Program(viewer)]),
             ("The path", [pages.Charts(_curves(states)), pages.Text(_contact(states))]),
         ]
@@ -275,10 +276,28 @@ def facts(states: StoredStates, told: dict[str, object]) -> list[pages.Fact]:
     row, words = states.rows[states.main], states.words
     overlap = labels.overlap_text(row)
     under = labels.load(row, words).removesuffix(f" - {overlap}") if overlap else labels.load(row, words)
-    rise = pages.Fact(f"Rise of the {words.gauge}", row.told(words.gauge), overlap or f"at {under}", bool(overlap))
+    error = _budget(states).half_text(row, words.gauge)
+    note = overlap or f"at {under}{f'; {error}' if error else ''}"
+    rise = pages.Fact(f"Rise of the {words.gauge}", row.told(words.gauge), note, bool(overlap))
     device = states.case.actuator
     further = ((columns.term(row.column(name), device).name.capitalize(), row.told(name)) for name in device.headline)
     return [rise, *(pages.Fact(*fact) for fact in further), _limit(states, told), *_stretch(states)]
+
+
+def _budget(states: StoredStates) -> budget.Budget:
+    return budget.Budget(states.case, states.rows, states.finer, states.sources)
+
+
+def _errors(states: StoredStates) -> Iterator[pages.Section]:
+    """Yield the section on the error of the gauge's rise and its contributions; nothing if none is known."""
+    known, gauge = _budget(states), states.words.gauge
+    row = next((row for row in known.stated if not row.get("limit")), None)
+    if row is not None and (told := known.contributions(row, gauge)):
+        with matplotlib.rc_context(style.STYLE):
+            figure = curves.contributions(row, gauge, told)
+        drawn = [(f"{states.name}-errors.svg", curves.drawing(figure, states.case.column))]
+        texts = [*known.lines(), known.next_step(row, gauge)]
+        yield f"Error of the {gauge} rise", [pages.Charts(drawn), pages.Bullets(texts)]
 
 
 def _limit(states: StoredStates, told: dict[str, object]) -> pages.Fact:

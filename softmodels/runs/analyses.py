@@ -522,6 +522,7 @@ def case_for_modes(case: Case, pressures: Steps | None = None) -> Case:
         "supply": None,
         "load_unload": False,
         "band": None,
+        "tolerance": None,
         "inertia": False,
     }
     return (Case if any(asked) else simulation.AtRest)(**{**values, **others})

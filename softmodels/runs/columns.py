@@ -14,141 +14,24 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator
-from softmodels.case import load, materials
+from softmodels.case import load
 from softmodels.case.case import Case
 from softmodels.common import files, units
-from softmodels.common.arrays import Array
 from softmodels.materials import silicones
-from softmodels.mechanics import component, controls, mpi, newton
+from softmodels.mechanics import component, mpi
 from softmodels.path import schedule, stability, steps, supply
 from softmodels.path.supply import Reservoir
 from softmodels.runs import formats, state_values, table
-from softmodels.runs.fields import OUTPUTS, Fields, Figures, OutputField, device_columns, outputs, register_output
+from softmodels.runs.fields import OUTPUTS, Fields, Figures, OutputField, outputs, register_output
 
-# ----------------------------------------------------------------------------------------------------------------------
-# The first-order 95 % band of a path due to the errors of a fitted material.
-#
-# A state moves with the material's parameters by the derivatives of its equilibrium (`mechanics.sensitivity`). The width of a
-# band depends on the quantity that stays fixed:
-#
-# - At the same pressure (or other requested value) rises and volumes have a band: the state slides along the path by
-#   the change of pressure. It grows without bound near a limit point.
-# - At the same added volume the pressure has a band. It stays regular at a limit point, where it is the band of the limit.
-# - At the same rise the pressure has another band: the horizontal distance between the curves of rise over pressure. Pressures
-# measured
-#   at a given height compare with it. A stiffer silicone also needs another volume for the same height.
-
-
-HALF_WIDTH_95 = 1.959964
-"""Half width of a 95 % interval in standard deviations."""
-SOLVE_TOLERANCE = 1e-6
-"""Tolerance of the linear solver."""
-DIFFERENCE_STEP = 1e-3
-"""Finite-difference step for the device's own figures, in standard deviations."""
-
-
-class Band:
-    """Bands of a device's states from its material's errors. What is requested is ``kept``, and rises are reported at the same
-    value of it: ``"pressure"``, ``"volume"``, or the ``"force"`` of dead loads, such as shares of the weight."""
-
-    def __init__(
-        self,
-        fields: Fields,
-        errors: materials.MaterialErrors,
-        cm: float,
-        kept: str = stability.Pressure.name,
-    ):
-        self.fields, self.errors, self.cm, self.kept = fields, errors, cm, kept
-        from softmodels.mechanics.sensitivity import Sensitivity
-
-        self._sensitivity = Sensitivity(fields.solver)
-
-    def cells(self, point: stability.Point) -> dict[str, float | None]:
-        """Half widths of the 95 % intervals at a point of the path, by column of ``path.csv``; None if undefined.
-
-        Called by all ranks.
-        """
-        try:
-            moves = [] if point.bifurcation else [self._move(point, root) for root in self.errors.roots.T]
-        except newton.NoConvergence:
-            moves = []
-        if not moves:
-            return dict.fromkeys(self._columns())
-        changes = {name: np.array([move[name] for move in moves]) for name in moves[0]}
-        at_rest = point.state.P == 0.0 and self.fields.rest_volume == abs(point.state.V)
-        widths = {name: 0.0 if at_rest else HALF_WIDTH_95 * float(np.linalg.norm(values)) for name, values in changes.items()}
-        return {name: width if math.isfinite(width) else None for name, width in widths.items()}
-
-    def _columns(self) -> list[str]:
-        actuator = self.fields.system.body.actuator
-        rises = [*(_named(f"{probe}_mm") for probe in actuator.probes), *map(_named, actuator.figure_columns.values())]
-        if self.kept == stability.DeadForce.name:
-            return rises
-        return ["pressure_ci95_cm", f"{table.at_rise(actuator.gauge)}_cm", "added_volume_ci95_ml", *rises]
-
-    def _move(self, point: stability.Point, root: Array) -> dict[str, float]:
-        """Return the changes by column if the parameters change by ``root`` (SI units)."""
-        eq, fields, state = self.fields.system, self.fields, point.state
-        eq.load(state)
-        force, dmu = np.zeros(eq.n), 0.0
-        for name, change in zip(self.errors.names, root, strict=True):
-            own, slope = self._sensitivity.material_force(name)
-            force += change * own
-            dmu += change * slope
-        mu, forced = eq.stress_unit, self.kept == stability.DeadForce.name
-        if forced:  # P is a dead load, already fixed in newtons; the cavities' pressures are fixed too
-            cavities = len(eq.volumes())
-            force += dmu / mu * eq.pressures[:cavities] @ eq.pressure_loads()[:cavities]
-        moved = fields.solver.aside(state, controls.volume_control(state.V), -force, SOLVE_TOLERANCE)
-        dP, w, dV = moved.P * mu + (0.0 if forced else state.P * dmu), moved.w, 0.0
-        sideways = math.nan if forced else dP - self._slope(point) * self._gauge_rise(moved.w)
-        if self.kept != stability.AddedVolume.name:
-            slide = -dP / (mu * point.tangent.P) if point.tangent.P else math.inf
-            w = w + slide * point.tangent.w
-            dV = slide * point.tangent.V * eq.volume_unit
-        if forced:
-            return self._rises(state.w, w)
-        gauge = fields.system.body.actuator.gauge
-        pressures = {"pressure_ci95_cm": dP / self.cm, f"{table.at_rise(gauge)}_cm": sideways / self.cm}
-        return {**pressures, "added_volume_ci95_ml": 1e6 * dV, **self._rises(state.w, w)}
-
-    def _slope(self, point: stability.Point) -> float:
-        """Return Return the pressure in Pa by which the pressure rises along the path for each m of the gauge's rise."""
-        rise = self._gauge_rise(point.tangent.w)
-        return point.tangent.P * self.fields.system.stress_unit / rise if rise else math.inf
-
-    def _gauge_rise(self, change: Array) -> float:
-        """Return the gauge's rise in m for a change of the dofs."""
-        actuator = self.fields.system.body.actuator
-        return float(self.fields.probes_moved(change)[actuator.gauge] @ np.asarray(actuator.lift))
-
-    def _rises(self, w: Array, change: Array) -> dict[str, float]:
-        """Return the changes of the probes' rises in mm and of the device's own figures for a change of the dofs."""
-        fields, actuator = self.fields, self.fields.system.body.actuator
-        shifts = fields.probes_moved(change)
-        rises = {_named(f"{name}_mm"): 1e3 * float(shift @ np.asarray(actuator.lift)) for name, shift in shifts.items()}
-        if not all(np.isfinite(shift).all() for shift in shifts.values()):
-            return rises | {_named(name): math.inf for name in actuator.figure_columns.values()}
-        now = fields.probes_moved(w)
-        ends = []
-        for sign in (1.0, -1.0):
-            places = {
-                name: np.asarray(actuator.probes[name]) + now[name] + sign * DIFFERENCE_STEP * shifts[name] for name in shifts
-            }
-            ends.append(device_columns(actuator, {name: (p[0], p[1], p[2]) for name, p in places.items()}))
-        return rises | {_named(name): (ends[0][name] - ends[1][name]) / (2 * DIFFERENCE_STEP) for name in ends[0]}
-
-
-def _named(column: str) -> str:
-    """Return the column of another column's band: ``apex_ci95_mm`` of ``apex_mm``."""
-    name = table.split(column)[0]
-    return f"{table.band_of(name)}{column.removeprefix(name)}"
-
+if TYPE_CHECKING:
+    from softmodels.runs.budget import Band
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Variables of the table: name, description, and how each is computed from a state.
@@ -162,7 +45,7 @@ class Solved:
         nodal: Its nodal fields by name, SI units.
         number: How many rows come before.
         load_step: How many steps a program has come.
-        band: Half widths of 95 % intervals by column, where the material's errors are known; see `Band`.
+        band: Half widths of 95 % intervals by column, where errors are known; see `softmodels.runs.budget.Band`.
     """
 
     case: Case
@@ -312,17 +195,29 @@ def _named_term(column: str) -> table.ColumnText | None:
     return None
 
 
+CAUSES = "half the 95 % confidence interval from the errors of material, lengths and readings"
+
+
 def _band_term(column: str, device: Actuator | None) -> table.ColumnText | None:
     name, unit = table.split(column)
+    whole, _, cause = name.partition("_ci95_")
+    if cause and unit:
+        own = term(f"{whole}{column.removeprefix(name)}", device)
+        text = f"the share of the {cause.replace('_', ' ')} in half the 95 % interval"
+        return table.described(column, (f"{cause.replace('_', ' ')} in the band of the {own.name}", text))
     if not name.endswith("_ci95") or not unit:
         return None
     if device is not None and name == table.at_rise(device.gauge):
-        text = f"half the 95 % confidence interval from the material's errors, at the same rise of the {device.gauge}"
+        text = f"{CAUSES}, at the same rise of the {device.gauge}"
         return table.described(column, ("band of the pressure at equal rise", text))
-    whole = term(f"{name.removesuffix('_ci95')}{column.removeprefix(name)}", device)
+    own = term(f"{name.removesuffix('_ci95')}{column.removeprefix(name)}", device)
     kept = "at the same added volume" if name == "pressure_ci95" else "at the same requested value"
     return table.described(
-        column, (f"band of the {whole.name}", f"half the 95 % confidence interval from the material's errors, {kept}")
+        column,
+        (
+            f"band of the {own.name}",
+            f"{CAUSES}, {kept}",
+        ),
     )
 
 

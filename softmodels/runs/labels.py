@@ -84,8 +84,8 @@ class StateLabels:
         return ("pressure", "volume") if raised else ("load", "travel")
 
 
-OF_PRESSURE = re.compile(r"pressure(_\d+|_ci95|_at_\w+_ci95)*")
-OF_VOLUME = re.compile(r"added_volume(_\d+|_ci95)*")
+OF_PRESSURE = re.compile(r"pressure(_\d+|_ci95(_\w+)?|_at_\w+_ci95)*")
+OF_VOLUME = re.compile(r"added_volume(_\d+|_ci95(_\w+)?)*")
 
 INVALID = "invalid state"
 

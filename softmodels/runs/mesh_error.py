@@ -18,13 +18,16 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from geometries import Actuator
+from geometries import Actuator, GeometryError, actuator
 from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
 from softmodels.common.arrays import Array
 from softmodels.runs import columns, labels, table
 
 FINER: Mapping[int, float] = {2: 2.0, 3: 1.5}
 """How many times smaller the cells of the other path are, by dimension: twice the cost of a section, four times a solid's."""
+CHEAP_SECONDS = 60.0
+"""Longest time of a path of which the mesh error is estimated unasked."""
 PEAKS = ("max_stretch", "max_von_mises")
 """Peaks of the fields at integration points: at a sharp corner they grow with every refinement, so that they have no error."""
 NOT_SOLVED = table.PathTable()
@@ -40,6 +43,28 @@ LEAST_RISE = 1e-3
 def half_width[Value: (float, Array)](value: Value, finer: Value, times: float) -> Value:
     """Return half the 95 % interval of a number; ``finer`` is the number with cells so many times smaller."""
     return abs(value - finer) / (1.0 - 1.0 / times)
+
+
+def companion(case: Case, cheap: bool) -> Case | None:
+    """Return the case with whose path the mesh error is estimated: with smaller cells where it asks for that; else, if
+    ``cheap``, the axisymmetric section with smaller cells, which costs a fraction of a solid; None if there is none."""
+    device = case.actuator
+    if case.mesh_error:
+        return dataclasses.replace(case, actuator=device.refined(FINER[device.dimension]))
+    if not cheap or not device.refinable or not (device.dimension == 2 or isinstance(device, actuator.Sectioned)):
+        return None
+    try:
+        section = device if device.dimension == 2 else device.replaced(section="axisymmetric")
+        return dataclasses.replace(case, actuator=section.refined(FINER[2]))
+    except (CaseError, GeometryError):
+        return None  # such as a load that is not axisymmetric
+
+
+def described(case: Case) -> str:
+    """Return on which cells the other path of `companion` is, in words."""
+    sectioned = not case.mesh_error and case.actuator.dimension == 3
+    times = FINER[case.actuator.dimension] if case.mesh_error else FINER[2]
+    return f"{'as an axisymmetric section ' if sectioned else ''}with cells {times:g} times smaller"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,7 +83,7 @@ class MeshErrors:
     @property
     def times(self) -> float:
         """How many times smaller the other cells are."""
-        return FINER[self.case.actuator.dimension]
+        return FINER[self.case.actuator.dimension] if self.case.mesh_error else FINER[2]
 
     def paired(self, row: table.Row) -> table.Row | None:
         """Return the state with smaller cells that corresponds to a requested state or a limit point; None if there is none."""
@@ -95,7 +120,7 @@ class MeshErrors:
             for name, half in widths.items()
         )
         return (
-            f"Mesh error at {words.place(row)}, from the same path on cells {self.times:g} times smaller "
+            f"Mesh error at {words.place(row)}, from the same path {described(self.case)} "
             f"({columns.FINER_FILE}), as half a 95 % interval: {figures}."
         )
 
@@ -125,7 +150,7 @@ class MeshErrors:
             if share > LARGE_ERROR:
                 yield f"the mesh error of the {what} is {share:.1%}; use smaller cells (--finer 2, or --accuracy 2%)"
         other = self.paired(last)
-        for name in PEAKS:
+        for name in PEAKS if self.case.mesh_error else ():
             if other is not None and name in last and other[name] > (1.0 + LARGE_GROWTH) * last[name]:
                 what = columns.term(last.column(name), device).name
                 yield (

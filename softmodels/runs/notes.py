@@ -27,7 +27,7 @@ from softmodels.mechanics import compiling, component, controls, mpi
 from softmodels.path import schedule, stability, steps
 from softmodels.path.continuation import Continuation
 from softmodels.path.supply import MAX_LAMINAR_REYNOLDS, Reservoir
-from softmodels.runs import columns, labels, mesh_error, outcomes, table
+from softmodels.runs import budget, columns, labels, mesh_error, outcomes, table
 from softmodels.runs.fields import Fields
 from softmodels.runs.outcomes import RunError
 
@@ -630,9 +630,11 @@ def stability_text(
 
 
 def closing(case: Case, row: table.Row, meshed: Mapping[str, float] = MappingProxyType({})) -> list[str]:
-    """Return the last state of a run that has reached all its values, for its closing message; ``meshed`` are mesh errors by
-    variable, see `softmodels.runs.mesh_error.MeshErrors.of`."""
+    """Return the last state of a run that has reached all its values, for its closing message, with the half widths of its
+    numbers where the case asks for errors; ``meshed`` are mesh errors by variable, see
+    `softmodels.runs.mesh_error.MeshErrors.of`."""
     words, gauge = labels.state_labels(case), case.actuator.gauge
+    meshed = meshed if case.mesh_error else {}
     volume = f", added volume {row.shown('added_volume'):.5g}{_half(row, 'added_volume', meshed)} ml" if words.volume else ""
     breaks, overlap = silicones.break_words(case.material), labels.overlap_text(row)
     further = "".join(f", {_named(name, row, case.actuator)}{_half(row, name, meshed)}" for name in case.actuator.headline)
@@ -644,8 +646,7 @@ def closing(case: Case, row: table.Row, meshed: Mapping[str, float] = MappingPro
         f"{f'; {overlap}' if overlap else ''}"
     )
     gauges = ", ".join(_gauge(table.parsed(column)[0], row, meshed) for column in case.gauges.columns())
-    parts = _parts(case, row, gauge, meshed) if meshed else ""
-    return [text for text in (state, parts, _sideways(row, gauge), gauges) if text]
+    return [text for text in (state, _sideways(row, gauge), gauges) if text]
 
 
 def _gauge(name: str, row: table.Row, meshed: Mapping[str, float]) -> str:
@@ -654,43 +655,10 @@ def _gauge(name: str, row: table.Row, meshed: Mapping[str, float]) -> str:
     return f"{name.replace('_', ' ')} {row.shown(name):.5g}{_half(row, name, meshed)}{unit if unit == '°' else f' {unit}'}"
 
 
-def error_parts(row: table.Row, name: str, meshed: Mapping[str, float]) -> dict[str, float]:
-    """Return the half widths of a variable's 95 % intervals by their cause, in SI: the material's errors, the mesh."""
-    band = row.get(table.band_of(name), math.nan)
-    return {cause: half for cause, half in (("material", band), ("mesh", meshed.get(name, math.nan))) if half > 0.0}
-
-
-def errors_of(case: Case, rows: table.PathTable, finer: table.PathTable) -> list[dict[str, object]]:
-    """Return the half widths of the 95 % intervals of the last requested state and of limit points, as in ``summary.json``: a
-    table for each, by column, with the value, the half width and its causes, in the column's unit; empty if none is known."""
-    meshed, tables = mesh_error.MeshErrors(case, rows, finer), []
-    for row in [*rows.where("requested")[-1:], *rows.where("limit")]:
-        widths = meshed.of(row)
-        own = {name: parts for name in row if (parts := error_parts(row, name, widths))}
-        figures = {
-            row.column(name): {
-                "value": row.shown(name),
-                "half_width": mesh_error.in_unit(row, name, math.hypot(*parts.values())),
-                **{cause: mesh_error.in_unit(row, name, half) for cause, half in parts.items()},
-            }
-            for name, parts in own.items()
-        }
-        tables += [{"step": row["step"], **figures}] if figures else []
-    return tables
-
-
 def _half(row: table.Row, name: str, meshed: Mapping[str, float]) -> str:
     """Return half the 95 % interval of all known causes, to print after a variable; empty if unknown."""
-    parts = error_parts(row, name, meshed)
-    return f" +- {mesh_error.in_unit(row, name, math.hypot(*parts.values())):.3g} (95 %)" if parts else ""
-
-
-def _parts(case: Case, row: table.Row, gauge: str, meshed: Mapping[str, float]) -> str:
-    """Return how much each cause has in the gauge's interval, and where the mesh error comes from."""
-    causes, unit = error_parts(row, gauge, meshed), row.unit(gauge)
-    parts = ", ".join(f"{cause} {mesh_error.in_unit(row, gauge, half):.3g} {unit}" for cause, half in causes.items())
-    finer = f"by cells {mesh_error.FINER[case.actuator.dimension]:g} times smaller"
-    return f"parts of the {gauge} rise's interval: {parts} ({finer})" if len(causes) > 1 else f"mesh error found {finer}"
+    parts = budget.parts(row, name, meshed)
+    return f" +- {mesh_error.in_unit(row, name, budget.total(parts)):.3g} (95 %)" if parts else ""
 
 
 def _sideways(row: table.Row, gauge: str) -> str:
@@ -700,8 +668,9 @@ def _sideways(row: table.Row, gauge: str) -> str:
     if math.isnan(at_volume) or not at_volume:
         return ""
     same = "" if math.isnan(rising) else f"+- {rising:.3g} cm at equal rise of the {gauge}, "
+    errors = "errors of material, lengths and readings" if budget.causes_in(row, "pressure") else "material's errors"
     return (
-        f"95 % intervals from the material's errors: rise and volume at the requested value; pressure {same}+- "
+        f"95 % intervals from the {errors}: rise and volume at the requested value; pressure {same}+- "
         f"{at_volume:.3g} cm at equal added volume"
     )
 

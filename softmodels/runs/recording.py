@@ -25,7 +25,7 @@ from softmodels.mechanics import controls, mpi
 from softmodels.mechanics.system import State
 from softmodels.path import stability, steps
 from softmodels.path.continuation import LoadedState
-from softmodels.runs import columns, formats, labels, notes, outcomes, store, table
+from softmodels.runs import budget, columns, formats, labels, mesh_error, notes, outcomes, store, table
 from softmodels.runs.fields import Fields
 from softmodels.runs.notes import events
 from softmodels.runs.outcomes import RunError
@@ -154,12 +154,14 @@ class ResultsPlace:
         resume: Go on from what an interrupted run of the same case has left.
         inputs: Files that the user has given: they are never written.
         draw: Whether pictures are to be drawn there too.
+        budget: Whether the mesh error is estimated too, where that costs little.
     """
 
     folder: Path | None = None
     resume: bool = False
     inputs: Sequence[Path] = ()
     draw: bool = False
+    budget: bool = False
 
 
 def begin(case: Case, place: ResultsPlace) -> tuple[store.Results, bool]:
@@ -296,8 +298,8 @@ def gather(case: Case, results: store.Results, ended: outcomes.Ended) -> Summary
     summary: Summary = {
         "status": ended.status, "message": ended.message, "events": events(results.rows, words),
         "stretch_at_break": stretch_at_break(case.material),
-        "errors": notes.errors_of(case, results.rows, finer := results.finer(case)),
-        "notes": [*results.mesh_notes, *notes.notes_of(case, results.rows, results.sources(case), finer)],
+        "errors": budget.Budget(case, results.rows, finer := results.finer(case), sources := results.sources(case)).tables(),
+        "notes": [*results.mesh_notes, *notes.notes_of(case, results.rows, sources, finer)],
         "stability": notes.stability_text(results.rows, case.actuator, words, results.branch_rows),
     }  # fmt: skip
     started = results.started
@@ -353,7 +355,7 @@ def solved_into(
                     if mpi.is_root(comm):
                         results.started = begun
                         observer.opened(results)
-                    record(simulation, results, resumed, branch, observer.begun)
+                    record(simulation, results, resumed, branch, observer.begun, place.budget)
             except Exception as error:
                 if not (isinstance(error, errors.OptionMessage) and mpi.together(comm)):
                     raise
@@ -392,10 +394,16 @@ def is_loaded(rows: table.PathTable) -> bool:
 
 
 def record(
-    simulation: Simulation, results: store.Results, resumed: bool, branch: bool, begun: Callable[[store.Results], None]
+    simulation: Simulation,
+    results: store.Results,
+    resumed: bool,
+    branch: bool,
+    begun: Callable[[store.Results], None],
+    stated: bool = False,
 ) -> None:
     """Solve a case and store every state at once, after those of a ``resumed`` run; all ranks call it, rank 0 writes, and
-    calls ``begun`` as soon as the folder holds a state of this run.
+    calls ``begun`` as soon as the folder holds a state of this run. ``stated``: the mesh error is estimated too, where that
+    costs little.
 
     Raises:
         outcomes.PathEnded, RunError, ResultsError: The path ended, or it was stopped, or the states there are of another mesh.
@@ -414,16 +422,18 @@ def record(
     if not resumed:
         _begin(simulation, results)
     ended: outcomes.PathEnded | None = None
+    started = monotonic()
     try:
         _store(simulation.steps(start), results, comm, begun)
     except outcomes.PathEnded as end:
         if case.program:
             raise
         ended = end
+    cheap = stated and mpi.on_root(comm, lambda: monotonic() - started < mesh_error.CHEAP_SECONDS)
     if branch:
         _record_branch(simulation, results)
     sources = solve_sources(simulation, results.own.path / mesh.name)  # stored since the first state
-    finer = solve_finer(simulation)
+    finer = solve_finer(simulation, cheap)
     mpi.on_root(comm, lambda: results.write_beside(sources, finer))
     if ended is not None:
         raise ended

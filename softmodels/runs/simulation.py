@@ -37,7 +37,7 @@ from softmodels.mechanics.system import State, System
 from softmodels.path import continuation, schedule, stability, steps, supply
 from softmodels.path.continuation import Continuation, LoadedState
 from softmodels.path.stability import Stability
-from softmodels.runs import columns, formats, mesh_error, notes, outcomes, table
+from softmodels.runs import budget, columns, formats, mesh_error, notes, outcomes, table
 from softmodels.runs.fields import Fields, Figures, check_requested
 from softmodels.runs.outcomes import RunError
 from softmodels.runs.states import StoredStates
@@ -66,6 +66,8 @@ FROM_REST = RunStart()
 
 MIN_STEPS = 12
 """Minimum number of steps to the last requested value, for smooth curves."""
+MIN_COMPANION_STEPS = 3
+"""The same of a path of which only the requested values and limit points count."""
 
 
 class Simulation:
@@ -85,7 +87,7 @@ class Simulation:
         self, case: Case, comm: MPI.Comm, listener: outcomes.Listener | None = None, stopped: Callable[[], bool] = bool
     ):
         self.case, self.comm, self.stopped = case, comm, stopped
-        self.listener = listener or outcomes.Listener()
+        self.listener, self.min_steps = listener or outcomes.Listener(), MIN_STEPS
         self._path: Continuation | None = None
         self._bifurcations: list[stability.Point] = []
 
@@ -120,13 +122,10 @@ class Simulation:
             mpi.on_root(self.comm, lambda: file.write_bytes(mesh()))
             self.prepare(file)
 
-    def _make_band(self) -> columns.Band | None:
+    def _make_band(self) -> budget.Band | None:
         case = self.case
-        return (
-            columns.Band(self.fields, case.band, case.column.pascal, case.quantity)
-            if isinstance(case.band, materials.MaterialErrors)
-            else None
-        )
+        known = isinstance(case.band, materials.MaterialErrors) or case.deviations
+        return budget.Band(self.fields, case) if known else None
 
     def describe(self) -> None:
         """Report the size of the model, the tracked points, and the stable range of the law."""
@@ -220,7 +219,7 @@ class Simulation:
         case, say = self.case, self.listener.say
         quantity = self.quantity(case.quantity)
         return Continuation(
-            self.solver, quantity, case.control, last / MIN_STEPS, start=self.model.path_start(say),
+            self.solver, quantity, case.control, last / self.min_steps, start=self.model.path_start(say),
             report=lambda text: say(f"  {text}"), release=True,
         )  # fmt: skip
 
@@ -272,6 +271,8 @@ class Simulation:
 
     def release(self) -> None:
         """Release the PETSc and MPI objects of the device; see `Solver.release`."""
+        if getattr(self, "_band", None) is not None:
+            self._band.release()
         if hasattr(self, "solver"):
             self.solver.release()
 
@@ -906,15 +907,16 @@ def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, table.PathTab
     return {name: rows for name, rows in sources.items() if rows}
 
 
-def solve_finer(simulation: Simulation) -> table.PathTable:
-    """Follow the path of a case once more with smaller cells, for `softmodels.runs.mesh_error`; all ranks call it. Return its
-    rows, on all ranks; none where the case does not ask for the mesh error. `RunError` if the user stopped it."""
+def solve_finer(simulation: Simulation, cheap: bool = False) -> table.PathTable:
+    """Follow the path of a case once more with other cells, for `softmodels.runs.mesh_error`; all ranks call it. Return its
+    rows, on all ranks; none where the case does not ask for the mesh error, and it is not ``cheap`` (whether the budget has it
+    where it costs little). `RunError` if the user stopped it."""
     case = simulation.case
-    if not case.mesh_error:
+    other = mesh_error.companion(case, cheap)
+    if other is None:
         return table.PathTable()
-    finer = mesh_error.FINER[case.actuator.dimension]
-    simulation.listener.say(f"solving again with cells {finer:g} times smaller, for the mesh error")
-    return _path_on(simulation, finer)
+    simulation.listener.say(f"solving again {mesh_error.described(case)}, for the mesh error")
+    return _path_of(simulation, other, MIN_STEPS if case.mesh_error else MIN_COMPANION_STEPS)
 
 
 MOST_REFINEMENTS = 6
@@ -961,7 +963,12 @@ def accurate(case: Case, comm: MPI.Comm, listener: outcomes.Listener | None = No
 
 def _path_on(simulation: Simulation, finer: float) -> table.PathTable:
     case = simulation.case
-    aside = _aside(simulation, dataclasses.replace(case, actuator=case.actuator.refined(finer)))
+    return _path_of(simulation, dataclasses.replace(case, actuator=case.actuator.refined(finer)))
+
+
+def _path_of(simulation: Simulation, case: Case, min_steps: int = MIN_STEPS) -> table.PathTable:
+    aside = _aside(simulation, case)
+    aside.min_steps = min_steps
 
     def prepare() -> None:
         with temporary_folder(simulation.comm) as folder:
@@ -972,8 +979,9 @@ def _path_on(simulation: Simulation, finer: float) -> table.PathTable:
 
 
 def _aside(simulation: Simulation, case: Case) -> Simulation:
-    """Return the simulation of another case beside a run's, without band and mesh error."""
-    return Simulation(dataclasses.replace(case, band=None, mesh_error=False), simulation.comm, None, simulation.stopped)
+    """Return the simulation of another case beside a run's, without band, tolerances and mesh error."""
+    plain = dataclasses.replace(case, band=None, tolerance=None, mesh_error=False)
+    return Simulation(plain, simulation.comm, None, simulation.stopped)
 
 
 def _followed(simulation: Simulation, aside: Simulation, prepare: Callable[[], None], what: str) -> table.PathTable:

@@ -96,7 +96,7 @@ class Results:
 
     def finer(self, case: Case) -> table.PathTable:
         """Return the table of the path with smaller cells; empty if none was solved."""
-        return columns.read_finer(self.folder, case.column.pascal) if case.mesh_error else table.PathTable()
+        return columns.read_finer(self.folder, case.column.pascal)
 
     def sources(self, case: Case) -> dict[str, table.PathTable]:
         """Return the table of each source of the silicone, the run's own included; empty if no others were solved."""

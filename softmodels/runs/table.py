@@ -316,6 +316,11 @@ def band_of(name: str) -> str:
     return f"{name}_ci95"
 
 
+def part_of(name: str, cause: str) -> str:
+    """Return the variable of one cause's share in the 95 % band of another."""
+    return f"{band_of(name)}_{cause}"
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # Where each variable stands among the columns of a file.
 

@@ -16,7 +16,7 @@ from softmodels.case.load import steps_of
 from softmodels.case.materials import MaterialErrors
 from softmodels.components.loads import Gravity
 from softmodels.mechanics import mpi
-from softmodels.runs import mesh_error, notes, simulation
+from softmodels.runs import budget, mesh_error, simulation
 from softmodels.runs.simulation import Simulation
 from tests.support import runs
 from tests.support.campaigns import sampled
@@ -62,7 +62,7 @@ def test_all_cells_get_smaller(device, tmp_path):
 
 def test_on_the_command_line(tmp_path):
     done = runs.disk(tmp_path / "disk", "--pressure-cm", "0,50", "--mesh-error")
-    assert done.status == 0 and " +- " in done.out and "by cells 2 times smaller" in done.out
+    assert done.status == 0 and " +- " in done.out and " mm (95 %): mesh 0.000" in done.out
     errors = json.loads((tmp_path / "disk" / "summary.json").read_text())["errors"]
     assert errors[-1]["apex_mm"]["half_width"] == errors[-1]["apex_mm"]["mesh"] > 0.0
     run = sm.load(tmp_path / "disk")
@@ -144,7 +144,7 @@ def test_of_a_cup_whose_held_lip_is_a_notch():
 
 def test_with_the_materials_errors():
     run = sm.inflate(DISK, LAW, "0,50 cm", band=MaterialErrors(("c1",), ((700.0**2,),)), mesh_error=True)
-    parts = notes.error_parts(run.table[-1], "apex", run.mesh_errors)
+    parts = budget.parts(run.table[-1], "apex", run.mesh_errors)
     assert set(parts) == {"material", "mesh"} and parts["material"] > 10 * parts["mesh"]
 
 

@@ -114,7 +114,7 @@ def fields_of(thing):
 CASE = {
     "control": "choice", "formulation": "choice", "solver": "choice", "components": "components",
     "gauges": "thing", "band": "thing", "load_unload": "flag", "steps": "thing", "water_density": "quantity",
-    "supply": "thing",
+    "supply": "thing", "tolerance": "thing",
 }  # fmt: skip
 RUN = {"progress": "function", "folder": "path", "resume": "flag", "branch": "flag"}
 FIT = {"material": "laws", "options": "options"}

@@ -17,7 +17,7 @@ import h5py
 import numpy as np
 import pytest
 
-DISK = ("-m", "softmodels.disk", "--section", "axisymmetric", "--no-pictures")
+DISK = ("-m", "softmodels.disk", "--section", "axisymmetric", "--no-pictures", "--budget", "none")
 SOFT = ("--variant", "shadow", "--pressure-cm", "0,52.5,52.9,60", "--quiet")
 REPEATED = 1e-9
 """Share of a column's largest value by which two runs of one case may differ: the lowest eigenvalue has been seen to differ in

@@ -1,0 +1,399 @@
+"""The budget of a run's numbers: what the half width of each one's 95 % interval is made of, and what would narrow it.
+
+Contributions are independent, so their half widths add up as squares (GUM, JCGM 100:2008, 5.1.2): that of the silicone (the
+covariance of a fit, or how far published sources lie apart), those of the lengths as made and of the readings at the bench
+(tolerances of the case), each by the exact derivative of the state, and that of the mesh (`softmodels.runs.mesh_error`). What a
+model leaves out is in none of them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from geometries import Actuator, actuator as parameters
+from softmodels.case import materials, tolerances
+from softmodels.case.case import Case
+from softmodels.common.arrays import Array
+from softmodels.mechanics import controls, newton
+from softmodels.path import stability
+from softmodels.runs import columns, fields, labels, mesh_error, table
+
+MATERIAL, MESH = "material", "mesh"
+"""Contributions beside those of a case's deviations, which have the names of what deviates."""
+MOST_SHOWN = 6
+"""Contributions that a line has one by one."""
+WORDS = {MATERIAL: "silicone", tolerances.COLUMN: "column's density"}
+"""Contributions that are printed under another name than their own."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Contribution:
+    """A cause's half of the 95 % interval of a number in SI; ``text`` is what it is, for people."""
+
+    name: str
+    half: float
+    text: str
+
+
+def total(parts: Mapping[str, float]) -> float:
+    """Return half the 95 % interval of a number from its parts by cause."""
+    return math.hypot(*parts.values())
+
+
+def parts(row: table.Row, name: str, meshed: Mapping[str, float]) -> dict[str, float]:
+    """Return the half widths of a variable's 95 % intervals by their cause, in SI; ``meshed`` are mesh errors by variable."""
+    causes = {cause: row[table.part_of(name, cause)] for cause in causes_in(row, name)}
+    if not causes:
+        causes = {MATERIAL: row.get(table.band_of(name), math.nan)}
+    causes[MESH] = meshed.get(name, math.nan)
+    return {cause: half for cause, half in causes.items() if half > 0.0}
+
+
+def causes_in(row: table.Row, name: str) -> list[str]:
+    """Return the causes of which a row has a variable's half widths, beside their sum."""
+    start = table.part_of(name, "")
+    return [other.removeprefix(start) for other in row if other.startswith(start)]
+
+
+@dataclasses.dataclass(frozen=True)
+class Budget:
+    """The budgets of a path's numbers, from its table, the one with other cells, and those of the silicone's other sources.
+
+    Attributes:
+        case: What was solved.
+        rows, finer, sources: The tables; no sources but where the case asks for their band.
+    """
+
+    case: Case
+    rows: table.PathTable
+    finer: table.PathTable
+    sources: columns.SourceTables
+
+    @functools.cached_property
+    def _mesh(self) -> mesh_error.MeshErrors:
+        return mesh_error.MeshErrors(self.case, self.rows, self.finer)
+
+    @property
+    def stated(self) -> list[table.Row]:
+        """The states whose numbers are stated: the last requested one, and limit points."""
+        return [*self.rows.where("requested")[-1:], *self.rows.where("limit")]
+
+    def headline(self, row: table.Row) -> list[str]:
+        """Return the variables that a state is known by: of a limit point its pressure, else what was not requested."""
+        words = labels.state_labels(self.case)
+        if row.get("limit"):
+            return ["pressure"] if words.pressure else []
+        device = self.case.actuator
+        loads = [
+            name for name in labels.PRESSURE_AND_VOLUME if name != self.case.variable and not words.hides(row.column(name))
+        ]
+        forces = [name for name in ("blocked_force", "contact_force") if name in row]
+        return [name for name in dict.fromkeys((device.gauge, *device.headline, *reversed(loads), *forces)) if name in row]
+
+    def contributions(self, row: table.Row, name: str) -> list[Contribution]:
+        """Return what is known of a variable's error in a state, the largest contribution first."""
+        halves = parts(row, name, self._mesh.of(row))
+        if spread := self._spread(row, name):
+            halves[MATERIAL] = spread
+        deviations = {deviation.name: deviation for deviation in self.case.deviations}
+        told = [Contribution(cause, half, _words(cause, deviations.get(cause))) for cause, half in halves.items()]
+        return sorted(told, key=lambda contribution: -contribution.half)
+
+    def _spread(self, row: table.Row, name: str) -> float:
+        """Return how far the other sources of the silicone lie away at the same requested value; 0 if there are none."""
+        value, away = row[self.case.variable], [0.0]
+        for rows in self.sources.values():
+            same = rows.where(lambda other: name in other and columns.stands_at(other, self.case, value))
+            away += [abs(other[name] - row[name]) for other in same[:1]] if row["requested"] else []
+        return max(away)
+
+    def lines(self) -> list[str]:
+        """Return a line for each headline number whose error is known, and which causes are not in them."""
+        texts = [
+            f"{self._called(row, name)} {interval(row, name, told)}: {', '.join(_shares(row, name, told))}"
+            for row in self.stated
+            for name in self.headline(row)
+            if (told := self.contributions(row, name))
+        ]
+        return [*texts, f"not in these intervals: {missing}"] if texts and (missing := ", ".join(self._missing())) else texts
+
+    def _called(self, row: table.Row, name: str) -> str:
+        device = self.case.actuator
+        if row.get("limit"):
+            return f"limit {columns.term(row.column(name), device).name}"
+        return f"{name} rise" if name == device.gauge else columns.term(row.column(name), device).name
+
+    def _missing(self) -> Iterator[str]:
+        """Yield causes that are not in the budget, with what states them."""
+        case, given = self.case, {deviation.name for deviation in self.case.deviations}
+        if case.band is None:
+            yield "the silicone (--band)"
+        if not given - {*tolerances.READINGS}:
+            yield "lengths as made ([tolerance])"
+        if tolerances.GAUGE not in given and case.load.has_pressure:
+            yield "the gauge ([tolerance])"
+        if not self.finer:
+            yield "the mesh (--mesh-error)"
+
+    def half_text(self, row: table.Row, name: str) -> str:
+        """Return half the 95 % interval of a variable of a state, such as ``"+- 0.21 mm (95 %)"``; "" if nothing is known."""
+        told = self.contributions(row, name)
+        return f"+- {rounded(row, name, _sum(told))[1]} {row.unit(name)}".rstrip() + " (95 %)" if told else ""
+
+    def next_step(self, row: table.Row, name: str) -> str:
+        """Return which contribution to narrow first and what half of it would give, as a sentence; "" if nothing is known."""
+        told = self.contributions(row, name)
+        if not told:
+            return ""
+        first, *others = told
+        halved = math.hypot(0.5 * first.half, *(other.half for other in others))
+        now, then = (rounded(row, name, half)[1] for half in (_sum(told), halved))
+        cure = {MESH: "use smaller cells (--finer 2)", MATERIAL: "test this silicone, and fit it"}
+        return (
+            f"The largest contribution is {first.text}: {cure.get(first.name, f'measure the {first.name} of this device')}. "
+            f"Half of it would turn +- {now} into +- {then} {row.unit(name)}."
+        )
+
+    def tables(self) -> list[dict[str, object]]:
+        """Return the budgets as in ``summary.json``: a table for each stated state, by column, with the value, the half width
+        and its causes, in the column's unit; empty if none is known."""
+        made = []
+        for row in self.stated:
+            known = {name: told for name in row if (told := self.contributions(row, name))}
+            figures = {
+                row.column(name): {
+                    "value": row.shown(name),
+                    "half_width": mesh_error.in_unit(row, name, _sum(told)),
+                    **{part.name: mesh_error.in_unit(row, name, part.half) for part in told},
+                }
+                for name, told in known.items()
+            }
+            made += [{"step": row["step"], **figures}] if figures else []
+        return made
+
+
+def interval(row: table.Row, name: str, told: Sequence[Contribution]) -> str:
+    """Return a variable with half its 95 % interval, two digits of it."""
+    value, half = rounded(row, name, _sum(told))
+    return f"{value} +- {half} {row.unit(name)}".rstrip() + " (95 %)"
+
+
+def rounded(row: table.Row, name: str, half: float) -> tuple[str, str]:
+    """Return a variable and a half width in its unit, to two digits of the latter (GUM, 7.2.6)."""
+    digits, shown = _digits(row, name, half), mesh_error.in_unit(row, name, half)
+    return f"{row.shown(name):.{digits}f}", f"{shown:.{digits}f}"
+
+
+def _digits(row: table.Row, name: str, half: float) -> int:
+    """Return the decimals that show two digits of a half width in SI."""
+    return max(0, 1 - math.floor(math.log10(mesh_error.in_unit(row, name, half))))
+
+
+def _shares(row: table.Row, name: str, told: Sequence[Contribution]) -> list[str]:
+    digits, others = _digits(row, name, _sum(told)), told[MOST_SHOWN:]
+    shown = [*told[:MOST_SHOWN], *([Contribution("", _sum(others), f"{len(others)} others")] if others else [])]
+    return [f"{part.text} {mesh_error.in_unit(row, name, part.half):.{digits}f}" for part in shown]
+
+
+def _sum(told: Sequence[Contribution]) -> float:
+    return total({part.name: part.half for part in told})
+
+
+def _words(cause: str, deviation: tolerances.Deviation | None) -> str:
+    name = WORDS.get(cause, cause.replace("_", " "))
+    return name if deviation is None else f"{name} +-{deviation.text}"
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The first-order 95 % band of a path, from the errors of a fitted material and from tolerances.
+#
+# A state moves with parameters and lengths by the derivatives of its equilibrium (`mechanics.sensitivity`). The width of a
+# band depends on the quantity that stays fixed:
+#
+# - At the same pressure (or other requested value) rises and volumes have a band: the state slides along the path by
+#   the change of pressure. It grows without bound near a limit point.
+# - At the same added volume the pressure has a band. It stays regular at a limit point, where it is the band of the limit.
+# - At the same rise the pressure has another band: the horizontal distance between the curves of rise over pressure. Pressures
+#   measured at a given height compare with it. A stiffer silicone also needs another volume for the same height.
+
+
+HALF_WIDTH_95 = 1.959964
+"""Half width of a 95 % interval in standard deviations."""
+SOLVE_TOLERANCE = 1e-6
+"""Tolerance of the linear solver."""
+DIFFERENCE_STEP = 1e-3
+"""Finite-difference step for the device's own figures, in standard deviations."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Change:
+    """A change of one standard deviation: of the residual and the shear modulus (see `Sensitivity.material_force`), of the
+    added volume at the same unknowns, dimensionless, of the pressure that is read, Pa, and of the length ``name`` in m."""
+
+    cause: str
+    force: Array | None = None
+    stress: float = 0.0
+    opened: float = 0.0
+    reading: float = 0.0
+    length: float = 0.0
+
+
+class Band:
+    """Bands of a device's states from a case's errors of the material and its tolerances. What is requested is ``kept``, and
+    rises are reported at the same value of it: ``"pressure"``, ``"volume"``, or the ``"force"`` of dead loads, such as shares
+    of the weight."""
+
+    def __init__(self, made: fields.Fields, case: Case):
+        self.fields, self.cm, self.kept, self.deviations = made, case.column.pascal, case.quantity, case.deviations
+        self.errors = case.band if isinstance(case.band, materials.MaterialErrors) else None
+        self._device: Actuator = case.actuator
+        from softmodels.mechanics.sensitivity import MeshMotion, Sensitivity
+
+        lengths = [deviation.name for deviation in self.deviations if deviation.name not in tolerances.READINGS]
+        self._motion = MeshMotion(made.system.body) if lengths else None
+        self._sensitivity = Sensitivity(made.solver, self._motion)
+        self._velocities = {name: self._motion.velocity(name) for name in lengths} if self._motion else {}
+        self._opened = {name: self._opened_at_rest(X) for name, X in self._velocities.items()}
+
+    def release(self) -> None:
+        """Release the PETSc objects."""
+        if self._motion is not None:
+            self._motion.release()
+
+    def _opened_at_rest(self, X: Array) -> float:
+        w = self.fields.system.w.x.array
+        kept = w.copy()
+        w[:] = 0.0
+        opened = self._sensitivity.motion_force(X)[1]
+        w[:] = kept
+        return opened
+
+    def cells(self, point: stability.Point) -> dict[str, float | None]:
+        """Half widths of the 95 % intervals at a point of the path, by column of ``path.csv``; None if undefined.
+
+        Called by all ranks.
+        """
+        try:
+            changes = [] if point.bifurcation else list(self._changes(point))
+            moves = [(change.cause, self._move(point, change)) for change in changes]
+        except newton.NoConvergence:
+            moves = []
+        if not moves:
+            return dict.fromkeys([*self._columns(), *(column for column, _, _ in self._parts())])
+        at_rest = point.state.P == 0.0 and self.fields.rest_volume == abs(point.state.V)
+
+        def half(column: str, cause: str = "") -> float | None:
+            own = [move[column] for of, move in moves if not cause or of == cause]
+            width = 0.0 if at_rest else HALF_WIDTH_95 * float(np.linalg.norm(own))
+            return width if math.isfinite(width) else None
+
+        return {
+            **{column: half(column) for column in self._columns()},
+            **{column: half(whole, cause) for column, whole, cause in self._parts()},
+        }
+
+    def _columns(self) -> list[str]:
+        actuator = self._device
+        rises = [*(_named(f"{probe}_mm") for probe in actuator.probes), *map(_named, actuator.figure_columns.values())]
+        if self.kept == stability.DeadForce.name:
+            return rises
+        return ["pressure_ci95_cm", f"{table.at_rise(actuator.gauge)}_cm", "added_volume_ci95_ml", *rises]
+
+    def _parts(self) -> list[tuple[str, str, str]]:
+        """Return the columns of each cause's share in the main bands, with the band's column and the cause; none where only the
+        material has errors."""
+        if not self.deviations:
+            return []
+        causes = [*([MATERIAL] if self.errors else []), *(deviation.name for deviation in self.deviations)]
+        main = {table.band_of(name) for name in ("pressure", "added_volume", self._device.gauge, *self._device.headline)}
+        return [
+            (f"{name}_{cause}_{column.removeprefix(f'{name}_')}", column, cause)
+            for column in self._columns()
+            if (name := table.split(column)[0]) in main
+            for cause in causes
+        ]
+
+    def _changes(self, point: stability.Point) -> Iterator[Change]:
+        """Yield independent changes of one standard deviation each, at the loaded state of a point."""
+        eq = self.fields.system
+        eq.load(point.state)
+        known = self._sensitivity
+        for root in self.errors.roots.T if self.errors else ():
+            own = [known.material_force(name) for name in self.errors.names]  # type: ignore[union-attr]
+            force = sum((change * force for change, (force, _) in zip(root, own, strict=True)), np.zeros(eq.n))
+            yield Change(MATERIAL, force, float(sum(c * slope for c, (_, slope) in zip(root, own, strict=True))))
+        for deviation in self.deviations:
+            name, pressure = deviation.name, point.state.P * eq.stress_unit
+            if name in tolerances.READINGS:
+                yield Change(name, reading=deviation.of_pressure(pressure) / HALF_WIDTH_95)
+                continue
+            eq.load(point.state)
+            sigma = deviation.half / HALF_WIDTH_95
+            force, opened = known.motion_force(self._velocities[name])
+            yield Change(name, sigma * force, 0.0, sigma * (opened - self._opened[name]), length=sigma)
+
+    def _move(self, point: stability.Point, change: Change) -> dict[str, float]:
+        """Return the changes by column."""
+        eq, made, state = self.fields.system, self.fields, point.state
+        mu, forced, dmu = eq.stress_unit, self.kept == stability.DeadForce.name, change.stress
+        w, dP, dV = np.zeros_like(point.tangent.w), change.reading, 0.0
+        if change.force is not None:
+            force = change.force
+            if forced:  # P is a dead load, already fixed in newtons; the cavities' pressures are fixed too
+                eq.load(state)
+                cavities = len(eq.volumes())
+                force = force + dmu / mu * eq.pressures[:cavities] @ eq.pressure_loads()[:cavities]
+            line = controls.volume_control(state.V)
+            gap = -line.volume_coefficient * change.opened
+            moved = made.solver.aside(state, line, -force, SOLVE_TOLERANCE, gap)
+            w, dP = moved.w, moved.P * mu + (0.0 if forced else state.P * dmu)
+        sideways = math.nan if forced else dP - self._slope(point) * self._gauge_rise(w)
+        if self.kept != stability.AddedVolume.name:
+            slide = -dP / (mu * point.tangent.P) if point.tangent.P else math.inf
+            w = w + slide * point.tangent.w
+            dV = slide * point.tangent.V * eq.volume_unit
+        rises = self._rises(state.w, w, change)
+        if forced:
+            return rises
+        gauge = self._device.gauge
+        pressures = {"pressure_ci95_cm": dP / self.cm, f"{table.at_rise(gauge)}_cm": sideways / self.cm}
+        return {**pressures, "added_volume_ci95_ml": 1e6 * dV, **rises}
+
+    def _slope(self, point: stability.Point) -> float:
+        """Return the pressure in Pa by which the pressure rises along the path for each m of the gauge's rise."""
+        rise = self._gauge_rise(point.tangent.w)
+        return point.tangent.P * self.fields.system.stress_unit / rise if rise else math.inf
+
+    def _gauge_rise(self, change: Array) -> float:
+        """Return the gauge's rise in m for a change of the dofs."""
+        return float(self.fields.probes_moved(change)[self._device.gauge] @ np.asarray(self._device.lift))
+
+    def _rises(self, w: Array, moved: Array, change: Change) -> dict[str, float]:
+        """Return the changes of the probes' rises in mm and of the device's own figures for a change of the dofs."""
+        made, actuator = self.fields, self._device
+        shifts = made.probes_moved(moved)
+        rises = {_named(f"{name}_mm"): 1e3 * float(shift @ np.asarray(actuator.lift)) for name, shift in shifts.items()}
+        if not all(np.isfinite(shift).all() for shift in shifts.values()):
+            return rises | {_named(name): math.inf for name in actuator.figure_columns.values()}
+        now = made.probes_moved(w)
+        ends = []
+        for sign in (1.0, -1.0) if actuator.figure_columns else ():
+            step, device = sign * DIFFERENCE_STEP, actuator
+            if change.length:
+                value = parameters.parameter(actuator, change.cause) + step * change.length
+                device = parameters.changed(actuator, {change.cause: value})
+            places = {name: np.asarray(device.probes[name]) + now[name] + step * shifts[name] for name in shifts}
+            ends.append(fields.device_columns(device, {name: (p[0], p[1], p[2]) for name, p in places.items()}))
+        figures = ends[0] if ends else {}
+        return rises | {_named(name): (figures[name] - ends[1][name]) / (2 * DIFFERENCE_STEP) for name in figures}
+
+
+def _named(column: str) -> str:
+    """Return the column of another column's band: ``apex_ci95_mm`` of ``apex_mm``."""
+    name = table.split(column)[0]
+    return f"{table.band_of(name)}{column.removeprefix(name)}"

@@ -1,0 +1,140 @@
+"""The budget of a run's numbers: its parts against devices solved with other lengths and readings, and where it is printed."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import softmodels as sm
+from softmodels.api.calls import case_of
+from softmodels.case.entries import CaseError
+from softmodels.case.load import steps_of
+from softmodels.case.materials import MaterialErrors
+from softmodels.case.tolerances import Tolerances
+from softmodels.mechanics import mpi
+from softmodels.runs import budget, simulation
+from tests.support import runs
+
+LAW = sm.NeoHookean(30e3)
+DISK = sm.HollowDisk(section="axisymmetric")
+TOLERANCE = {"membrane": "0.1 mm", "cavity_radius": "1 %", "gauge": "0.5 cm", "water_density": "1 %"}
+ERRORS = MaterialErrors(("shear_modulus",), ((1500.0**2,),))
+
+
+@pytest.fixture(scope="module")
+def run():
+    return sm.inflate(DISK, LAW, "0,100 cm", band=ERRORS, tolerance=TOLERANCE)
+
+
+def meshed_anew(length, half, name):
+    """Half the difference of a variable between devices made too large and too small, each meshed anew."""
+    made = [DISK.replaced(**{length: getattr(DISK, length) + sign * half}) for sign in (1.0, -1.0)]
+    high, low = (sm.inflate(device, LAW, "0,100 cm").table[-1][name] for device in made)
+    return abs(high - low) / 2
+
+
+@pytest.mark.parametrize("length, half", [("membrane", 0.1e-3), ("cavity_radius", 0.01 * DISK.cavity_radius)])
+def test_lengths_move_the_state_as_devices_meshed_anew(run, length, half):
+    row = run.table[-1]
+    for name in ("apex", "added_volume"):
+        assert row[f"{name}_ci95_{length}"] == pytest.approx(meshed_anew(length, half, name), rel=0.03)
+
+
+def test_readings_move_the_state_along_the_path(run):
+    row, cm = run.table[-1], run.case.column.pascal
+    high, low = (sm.inflate(DISK, LAW, f"0,{100 + way} cm").table[-1] for way in (0.5, -0.5))
+    for name in ("apex", "added_volume"):
+        assert row[f"{name}_ci95_gauge"] == pytest.approx((high[name] - low[name]) / 2, rel=1e-3)
+        assert row[f"{name}_ci95_water_density"] == pytest.approx(2 * row[f"{name}_ci95_gauge"], rel=1e-6)
+    assert row["pressure_ci95_gauge"] == pytest.approx(0.5 * cm, rel=1e-9)
+
+
+def test_the_half_width_is_of_all_parts(run):
+    row = run.table[-1]
+    parts = budget.parts(row, "apex", {})
+    assert list(parts) == ["material", "cavity_radius", "membrane", "gauge", "water_density"]
+    assert row["apex_ci95"] == pytest.approx(budget.total(parts), rel=1e-12)
+    alone = sm.inflate(DISK, LAW, "0,100 cm", band=ERRORS).table[-1]
+    assert parts["material"] == pytest.approx(alone["apex_ci95"], rel=1e-6) and not budget.causes_in(alone, "apex")
+
+
+def test_volumes_that_are_requested(run):
+    volume = run.added_volume[-1]
+    kept = sm.inflate(DISK, LAW, volumes=[volume], band=ERRORS, tolerance=TOLERANCE).table[-1]
+    for cause in ("material", "membrane", "cavity_radius", "gauge"):
+        assert kept[f"pressure_ci95_{cause}"] == pytest.approx(run.table[-1][f"pressure_ci95_{cause}"], rel=1e-4)
+    assert kept["apex_ci95_gauge"] == kept["added_volume_ci95"] == 0.0 < kept["apex_ci95_membrane"]
+
+
+def test_on_the_command_line(tmp_path):
+    file = tmp_path / "case.toml"
+    file.write_text(
+        'geometry = { device = "HollowDisk", section = "axisymmetric" }\nmaterial = { law = "neo-hookean", shear_modulus = '
+        '"30 kPa" }\nload = { pressure_cm = "0,100" }\ntolerance = { process = "resin", gauge = "0.5 cm" }\n'
+    )
+    done = runs.run("-m", "softmodels", "run", file, "-o", tmp_path / "out", "--pictures", "none")
+    line = next(line for line in done.out.splitlines() if line.startswith("apex rise "))
+    number, parts = line.split(" (95 %): ")
+    halves = [float(part.rpartition(" ")[2]) for part in parts.split(", ")]
+    assert halves[:-1] == sorted(halves[:-1], reverse=True) and "3 others 0.00" in parts
+    assert "membrane +-0.1 mm 0.0" in parts and "gauge +-0.5 cm 0.0" in parts
+    assert "not in these intervals: the silicone (--band)" in done.out
+    stored = json.loads((tmp_path / "out" / "summary.json").read_text())["errors"][-1]["apex_mm"]
+    own = [half for cause, half in stored.items() if cause not in ("value", "half_width")]
+    assert stored["half_width"] == pytest.approx(np.hypot.reduce(own), rel=1e-12)
+    assert number == f"apex rise {stored['value']:.3f} +- {stored['half_width']:.3f} mm" and stored["mesh"] > 0.0
+    assert sm.load(tmp_path / "out").case.tolerance == Tolerances((("gauge", "0.5 cm"),), "resin")
+
+
+@pytest.mark.parametrize(
+    "tolerance, said",
+    [
+        ({"membrine": "0.1 mm"}, "did you mean membrane"),
+        ({"membrane": 0.1}, "write it with its unit"),
+        ({"membrane": "0.1"}, "has no unit"),
+        ({"membrane": "90 mm"}, "below 6 mm"),
+        ({"gauge": "0 %"}, "must be above 0"),
+        ({"process": "casting"}, "resin, filament, machined"),
+        ({}, "is empty"),
+    ],
+)
+def test_tolerances_that_are_none(tolerance, said):
+    with pytest.raises(CaseError, match=said):
+        case_of(DISK, LAW, "0,5 cm", tolerance=tolerance)
+
+
+def test_no_tolerance_of_what_has_no_band():
+    with pytest.raises(CaseError, match="pressures and volumes"):
+        case_of(DISK, LAW, steps=steps_of(share="0:1"), components=[sm.Gravity("-z")], tolerance=TOLERANCE)
+
+
+def last_of(device, material, pressure):
+    """The apex rise and the added volume of a device at a pressure, by its own path of few steps."""
+    case = case_of(device, material, [pressure])
+    own = simulation.Simulation(case, mpi.start())
+    own.min_steps = simulation.MIN_COMPANION_STEPS
+    with simulation.temporary_folder(own.comm) as folder:
+        own.write_mesh(folder / "disk.msh")
+        own.prepare(folder / "disk.msh")
+        *_, last = own.steps()
+    own.release()
+    return last.row["apex"], last.row["added_volume"]
+
+
+@pytest.mark.campaign
+def test_the_sum_of_the_parts_against_devices_at_random():
+    """Halton's points of membrane, shear modulus and pressure, each device meshed and solved by itself."""
+    from scipy import stats
+
+    tolerance = {"membrane": "0.08 mm", "gauge": "3 cm"}
+    run = sm.inflate(DISK, LAW, "0,100 cm", band=ERRORS, tolerance=tolerance)
+    normal = stats.norm.ppf(stats.qmc.Halton(3, seed=3).random(96)) / budget.HALF_WIDTH_95
+    sizes = 0.08e-3, budget.HALF_WIDTH_95 * 1500.0, 3.0 * run.case.column.pascal
+    values = [
+        last_of(DISK.replaced(membrane=DISK.membrane + t), sm.NeoHookean(30e3 + m), run.pressure[-1] + p)
+        for t, m, p in normal * sizes
+    ]
+    for name, own in zip(("apex", "added_volume"), np.transpose(values), strict=True):
+        assert budget.HALF_WIDTH_95 * np.std(own, ddof=1) == pytest.approx(run.table[-1][f"{name}_ci95"], rel=0.05)
