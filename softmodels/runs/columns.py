@@ -14,6 +14,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +30,9 @@ from softmodels.path import schedule, stability, steps, supply
 from softmodels.path.supply import Reservoir
 from softmodels.runs import formats, state_values, table
 from softmodels.runs.fields import OUTPUTS, Fields, Figures, OutputField, device_columns, outputs, register_output
+
+if TYPE_CHECKING:
+    from softmodels.mechanics import sensitivity
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The first-order 95 % band of a path due to the errors of a fitted material.
@@ -53,20 +57,22 @@ DIFFERENCE_STEP = 1e-3
 
 
 class Band:
-    """Bands of a device's states from its material's errors. What is requested is ``kept``, and rises are reported at the same
-    value of it: ``"pressure"``, ``"volume"``, or the ``"force"`` of dead loads, such as shares of the weight."""
+    """Bands of a case's states from its material's errors. What is requested is kept, and rises are reported at the same
+    value of it: a pressure, a volume, or the force of dead loads, such as shares of the weight. Of a program that is what each
+    step prescribes, at the same time: states of silicone with a memory depend on all states before, and so do their derivatives
+    (`softmodels.mechanics.sensitivity.InTime`), which its solver carries along."""
 
-    def __init__(
-        self,
-        fields: Fields,
-        errors: materials.MaterialErrors,
-        cm: float,
-        kept: str = stability.Pressure.name,
-    ):
-        self.fields, self.errors, self.cm, self.kept = fields, errors, cm, kept
-        from softmodels.mechanics.sensitivity import Sensitivity
+    def __init__(self, fields: Fields, case: Case):
+        assert isinstance(case.band, materials.MaterialErrors)
+        self.fields, self.errors, self.cm, self.kept = fields, case.band, case.column.pascal, case.quantity
+        from softmodels.mechanics.sensitivity import InTime, Sensitivity
 
-        self._sensitivity = Sensitivity(fields.solver)
+        self._sensitivity = Sensitivity(fields.solver, aside=SOLVE_TOLERANCE)
+        self._roots = [tuple(zip(self.errors.names, root, strict=True)) for root in self.errors.roots.T.tolist()]
+        self._in_time: InTime | None = None
+        if case.program:
+            fields.solver.carried = self._in_time = InTime(self._sensitivity, self._roots)
+            self._courses = steps.courses(case.steps)
 
     def cells(self, point: stability.Point) -> dict[str, float | None]:
         """Half widths of the 95 % intervals at a point of the path, by column of ``path.csv``; None if undefined.
@@ -74,7 +80,10 @@ class Band:
         Called by all ranks.
         """
         try:
-            moves = [] if point.bifurcation else [self._move(point, root) for root in self.errors.roots.T]
+            if self._in_time is not None:
+                moves = [self._move_in_time(point, rate) for rate in self._in_time.last.values()]
+            else:
+                moves = [] if point.bifurcation else [self._move(point, root) for root in self._roots]
         except newton.NoConvergence:
             moves = []
         if not moves:
@@ -91,34 +100,61 @@ class Band:
             return rises
         return ["pressure_ci95_cm", f"{table.at_rise(actuator.gauge)}_cm", "added_volume_ci95_ml", *rises]
 
-    def _move(self, point: stability.Point, root: Array) -> dict[str, float]:
+    def _move(self, point: stability.Point, root: sensitivity.Along) -> dict[str, float]:
         """Return the changes by column if the parameters change by ``root`` (SI units)."""
         eq, fields, state = self.fields.system, self.fields, point.state
         eq.load(state)
-        force, dmu = np.zeros(eq.n), 0.0
-        for name, change in zip(self.errors.names, root, strict=True):
-            own, slope = self._sensitivity.material_force(name)
-            force += change * own
-            dmu += change * slope
+        moved = self._sensitivity.rate(state, controls.volume_control(state.V), root)
         mu, forced = eq.stress_unit, self.kept == stability.DeadForce.name
-        if forced:  # P is a dead load, already fixed in newtons; the cavities' pressures are fixed too
-            cavities = len(eq.volumes())
-            force += dmu / mu * eq.pressures[:cavities] @ eq.pressure_loads()[:cavities]
-        moved = fields.solver.aside(state, controls.volume_control(state.V), -force, SOLVE_TOLERANCE)
-        dP, w, dV = moved.P * mu + (0.0 if forced else state.P * dmu), moved.w, 0.0
-        sideways = math.nan if forced else dP - self._slope(point) * self._gauge_rise(moved.w)
+        dP, w, dV = moved.P, moved.w, 0.0
         if self.kept != stability.AddedVolume.name:
             slide = -dP / (mu * point.tangent.P) if point.tangent.P else math.inf
             w = w + slide * point.tangent.w
             dV = slide * point.tangent.V * eq.volume_unit
         if forced:
             return self._rises(state.w, w)
+        sideways = dP - self._slope(point) * self._gauge_rise(moved.w)
         gauge = fields.system.body.actuator.gauge
         pressures = {"pressure_ci95_cm": dP / self.cm, f"{table.at_rise(gauge)}_cm": sideways / self.cm}
         return {**pressures, "added_volume_ci95_ml": 1e6 * dV, **self._rises(state.w, w)}
 
+    def _move_in_time(self, point: stability.Point, rate: sensitivity.Rate) -> dict[str, float]:
+        """Return the changes by column with a derivative of the state under the program: of each driver what is not
+        prescribed, the magnitude or what it works on."""
+        eq, state = self.fields.system, point.state
+        actuator, cavities = eq.body.actuator, len(eq.volumes())
+        eq.load(state)
+        farthest = int(np.argmax(np.abs(eq.pressures[:cavities]))) if cavities else 0
+        magnitudes = eq.coupling.shares * rate.P + eq.stress_unit * eq.coupling.constraints.T @ rate.w[eq.dofs :]
+        ends = []
+        for sign in (1.0, -1.0):
+            eq.load(dataclasses.replace(state, w=state.w + sign * DIFFERENCE_STEP * rate.w))
+            ends.append(eq.driven())
+        eq.load(state)
+        moved = (ends[0] - ends[1]) / (2 * DIFFERENCE_STEP)
+        changes, volumes = dict[str, float](), 1e6 * eq.volume_unit * moved[:cavities]
+        held = {course.of for course in self._courses if course.held}
+        for k in range(cavities):
+            number = f"_{k + 1}" if cavities > 1 else ""
+            if f"cavity{k + 1}" not in held:
+                changes[_named(f"added_volume{number}_ml")] = float(volumes[k])
+                continue
+            changes[_named(f"pressure{number}_cm")] = float(magnitudes[k]) / self.cm
+            if k == farthest:
+                changes[_named("pressure_cm")] = float(magnitudes[k]) / self.cm
+        if cavities > 1:
+            changes[_named("added_volume_ml")] = float(actuator.ratios @ volumes)
+        for k, part in enumerate(eq.dead.loads):
+            if part.key in held:
+                pascals = magnitudes[cavities + k] / eq.stress_unit
+                changes[_named(part.named_columns[0])] = float(pascals * eq.dead.units[k]) / part.column_unit
+            elif part.key in {course.of for course in self._courses}:
+                way = float(moved[cavities + k] * eq.dead.moved_units[k])
+                changes[_named(part.named_columns[1])] = way / part.moved_column_unit
+        return {**changes, **self._rises(state.w, rate.w)}
+
     def _slope(self, point: stability.Point) -> float:
-        """Return Return the pressure in Pa by which the pressure rises along the path for each m of the gauge's rise."""
+        """Return the pressure in Pa by which the pressure rises along the path for each m of the gauge's rise."""
         rise = self._gauge_rise(point.tangent.w)
         return point.tangent.P * self.fields.system.stress_unit / rise if rise else math.inf
 

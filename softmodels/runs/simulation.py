@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import functools
+import itertools
 import math
 import shutil
 import tempfile
@@ -121,12 +122,7 @@ class Simulation:
             self.prepare(file)
 
     def _make_band(self) -> columns.Band | None:
-        case = self.case
-        return (
-            columns.Band(self.fields, case.band, case.column.pascal, case.quantity)
-            if isinstance(case.band, materials.MaterialErrors)
-            else None
-        )
+        return columns.Band(self.fields, self.case) if isinstance(self.case.band, materials.MaterialErrors) else None
 
     def describe(self) -> None:
         """Report the size of the model, the tracked points, and the stable range of the law."""
@@ -239,7 +235,8 @@ class Simulation:
                 points = schedule.supply(self.solver, case.steps, gas, settings, begun.stop, preload)
             else:
                 points = schedule.follow(self.solver, case.steps, settings, begun.stop, preload)
-            for reached, point in points:
+            # Where derivatives are carried along, all is computed anew; stored states stay.
+            for reached, point in itertools.islice(points, 0 if begun.stop else len(rows), None):
                 step = self.step_of(point, len(rows), reached)
                 rows.append(step.row)
                 yield step
