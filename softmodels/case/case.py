@@ -325,8 +325,8 @@ class Case:
     def _check_tolerance(self) -> None:
         """Reject tolerances of other lengths than the device's, and loads that have none."""
         self.load.check_band()
-        if self.quantity not in (PRESSURE, VOLUME):
-            raise CaseError("[tolerance] is available for requested pressures and volumes only; leave it out")
+        if self.program or self.quantity not in (PRESSURE, VOLUME):
+            raise CaseError("[tolerance] is available for requested pressures and volumes only, not in programs; leave it out")
         _ = self.deviations
 
     @functools.cached_property

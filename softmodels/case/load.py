@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator
-from softmodels.case import entries
+from softmodels.case import entries, materials
 from softmodels.case.entries import CaseError, Entry
 from softmodels.common import errors, schema, units
 from softmodels.common.names import checked
@@ -223,14 +223,15 @@ class Load:
             )
 
     def check_band(self) -> None:
-        """Raise `CaseError` for loads without a band: a supply, a program, a cycle, or travels."""
+        """Raise `CaseError` for loads without a band: a supply, inertia, a cycle, travels, or a program of several sources."""
         if rubs := self._remembering:
             raise CaseError(f"bands are not available with friction, as at {rubs}: leave out --band, or the friction")
         travels = self.driven is not None and self.driven.held
-        if self.program or self.case.supply is not None or self.case.load_unload or travels:
+        sources = self.program and isinstance(self.case.band, materials.SourceBand)
+        if self.case.supply is not None or self.case.load_unload or self.case.inertia or travels or sources:
             raise CaseError(
-                "bands are available only for requested pressures, volumes, forces or shares of the weight; "
-                "leave out --band, or the supply, load_unload, travels or series"
+                "bands are available only for requested pressures, volumes, forces or shares of the weight, and with a fit's "
+                "errors for programs and loads in time; leave out --band, or the supply, load_unload, inertia or travels"
             )
 
     def check_branch(self) -> None:

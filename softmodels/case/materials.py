@@ -21,6 +21,7 @@ from geometries.actuator import cavity_roles
 from softmodels.case import entries
 from softmodels.case.entries import Entry
 from softmodels.common import errors, files, names, schema, units
+from softmodels.common.arrays import Array
 from softmodels.common.names import checked
 from softmodels.common.tables import TomlError, read_toml
 from softmodels.components import contact, loads
@@ -291,15 +292,27 @@ class MaterialErrors:
             fitted = from_table(tables["material"])
         except MaterialError as error:
             raise MaterialError(f"{path}: {error}") from None
+        known = next(filter(None, (cls.of_fit(fitted, *told) for told in _told(path, fitted, fit))), None)
+        if known is None:
+            raise MaterialError(f"{path} has no errors of the numbers of {fitted.name}; a fit with free parameters is needed")
+        return known
+
+    @classmethod
+    def of_fit(
+        cls, material: Material, free: Sequence[str], covariance: Array, values: Mapping[str, float], how: str
+    ) -> MaterialErrors | None:
+        """From the covariance of a fit's free parameters, and its values; of bench parameters, and of a memory's numbers that
+        ended at a bound, there is nothing. None if nothing is left, or it is not finite."""
         from softmodels.mechanics import sensitivity
 
-        known = sensitivity.known_parameters(fitted)
-        names, covariance, how = _whole(path, fitted) or _intervals(path, fit)
-        kept = [k for k, name in enumerate(names) if name in known]  # a device's fit also has bench parameters
-        if not kept:
-            raise MaterialError(f"{path} has no errors of {', '.join(known)}; a fit with free parameters is needed")
-        rows = covariance[np.ix_(kept, kept)].tolist()
-        return cls(tuple(names[k] for k in kept), tuple(map(tuple, rows)), how, fitted)
+        law, memory = sensitivity.known_parameters(material), _memory_names(material, values)
+        known = {**memory, **{name: name for name in law}}
+        at_bound = {name for k, name in enumerate(free) if name in memory and not np.isfinite(covariance[k, k])}
+        kept = [k for k, name in enumerate(free) if name in known and name not in at_bound]
+        rows = covariance[np.ix_(kept, kept)]
+        if not kept or not np.isfinite(rows).all():
+            return None
+        return cls(tuple(known[free[k]] for k in kept), tuple(map(tuple, rows.tolist())), how, material)
 
     def check(self, material: Material) -> None:
         """Raise `MaterialError` for errors of another material, or an invalid covariance."""
@@ -310,7 +323,7 @@ class MaterialErrors:
             )
         from softmodels.mechanics import sensitivity
 
-        known = sensitivity.known_parameters(material)
+        known = (*sensitivity.known_parameters(material), *sensitivity.memory_parameters(material))
         if unknown := [name for name in self.names if name not in known]:
             raise MaterialError(f"errors of {unknown[0]} are given, but {material.name} has no such parameter")
         square = len(self.names) > 0 and all(len(row) == len(self.names) for row in self.covariance)
@@ -372,11 +385,35 @@ def band_of(text: str | Path) -> AnyBand:
     return MaterialErrors.from_file(Path(text))
 
 
-Found = tuple[tuple[str, ...], npt.NDArray[np.float64], str]
+def _memory_names(material: Material, values: Mapping[str, float]) -> dict[str, str]:
+    """Return what a material calls the numbers of its memory, by what a fit calls them, of whose values it is made: a fit has
+    ``share_10s`` of a time that it does not fit, and branches of no share, which the material leaves out."""
+    from softmodels.mechanics import sensitivity
+
+    own = material.memory
+    called = {name: name for name in sensitivity.memory_parameters(material)}
+    numbers = [name.removeprefix("time") for name in values if re.fullmatch(r"time\d+", name)]
+    for k, branch in enumerate(own.branches if own else (), 1):
+        called[f"share_{branch.time:g}s"] = f"share{k}"
+        same = (n for n in numbers if (values[f"share{n}"], values[f"time{n}"]) == (branch.share, branch.time))
+        if number := next(same, None):
+            called |= {f"share{number}": f"share{k}", f"time{number}": f"time{k}"}
+    return called
 
 
-def _whole(path: Path, fitted: Material) -> Found | None:
-    """Return the names and covariance of the ``fit.json`` beside a fitted material; None if there is none.
+type FitErrors = tuple[tuple[str, ...], npt.NDArray[np.float64], Mapping[str, float], str]
+"""Free parameters of a fit, their covariance, all values, and a clause on where they come from."""
+
+
+def _told(path: Path, fitted: Material, fit: Mapping[str, object]) -> Iterator[FitErrors]:
+    """Yield what is known of a fitted material's errors, the best first."""
+    if (whole := _whole(path, fitted)) is not None:
+        yield whole
+    yield _intervals(path, fit)
+
+
+def _whole(path: Path, fitted: Material) -> FitErrors | None:
+    """Return what the ``fit.json`` beside a fitted material says; None if there is none.
 
     Of several laws it is the one with the material's own numbers: fits call a sum of one term ``ogden1``, materials ``ogden``.
     """
@@ -387,14 +424,15 @@ def _whole(path: Path, fitted: Material) -> Found | None:
         chosen = next(same, None) or next(law for law in laws if law["law"] == fitted.name)
         covariance = np.array(chosen["covariance"], dtype=float)
         names = tuple(map(str, chosen["free"]))
+        values = {str(p["name"]): float(p["value"]) for p in chosen.get("parameters", ())}
     except (OSError, ValueError, KeyError, TypeError, StopIteration, MaterialError):
         return None
-    if covariance.shape != (len(names), len(names)) or not np.isfinite(covariance).all():
+    if covariance.shape != (len(names), len(names)):
         return None
-    return names, covariance, f"covariance of {path.with_name('fit.json')}"
+    return names, covariance, values, f"covariance of {path.with_name('fit.json')}"
 
 
-def _intervals(path: Path, fit: Mapping[str, object]) -> Found:
+def _intervals(path: Path, fit: Mapping[str, object]) -> FitErrors:
     given = fit.get("intervals_95")
     intervals = given if isinstance(given, dict) else {}
     try:
@@ -404,7 +442,7 @@ def _intervals(path: Path, fit: Mapping[str, object]) -> Found:
     if not widths or not all(0.0 < width < np.inf for width in widths.values()):
         raise MaterialError(f"{path} has no finite 95 % intervals, so the material's errors are unknown")
     sigma = np.array(list(widths.values())) / WIDTH_95
-    return tuple(widths), np.diag(sigma**2), f"95 % intervals of {path}, as if they were independent"
+    return tuple(widths), np.diag(sigma**2), {}, f"95 % intervals of {path}, as if they were independent"
 
 
 class ErrorsEntry(Entry[AnyBand | None]):

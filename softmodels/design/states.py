@@ -94,7 +94,7 @@ class WorkingStates:
                     guess = here.w + (P - here.P) / (here.P - before.P) * (here.w - before.w)
                 before, here = here, self.solver.solve(control, guess, float(P))
                 self.newton += here.iterations
-                checkpoint, histories = potential.checkpoint(), rates.save()
+                checkpoint, (histories, *_) = potential.checkpoint(), rates.save()
                 rates_of_memory = rates.step(here, control)[1] if rates.names else {}
                 potential.commit(here.w)
             self.states[load], self.followed[load] = here, PathDependence(checkpoint, rates_of_memory, histories)

@@ -26,7 +26,6 @@ from softmodels.fitting.least_squares import objections
 from softmodels.fitting.problem import FitError
 from softmodels.materials import laws, silicones, specimens
 from softmodels.materials.laws import Material, MaterialError
-from softmodels.mechanics import sensitivity
 
 if TYPE_CHECKING:
     from softmodels.fitting.outlines.inflations import MatchedInflation
@@ -260,11 +259,11 @@ class FittedLaw(cards.ResultCard):
     def errors(self) -> materials.MaterialErrors:
         """Errors of the material: for ``sm.score(..., errors=...)`` and the band of a run. Raises `MaterialError` where no
         parameter of it was free, or the data do not determine it."""
-        known = sensitivity.known_parameters(self.material)
-        kept = [i for i, p in enumerate(self.fit.free) if p.name in known]
-        rows = self.fit.band_covariance[np.ix_(kept, kept)].tolist()
-        names = tuple(self.fit.free[i].name for i in kept)
-        errors = materials.MaterialErrors(names, tuple(map(tuple, rows)), "covariance of the fit", self.material)
+        free = [p.name for p in self.fit.free]
+        how = "covariance of the fit"
+        errors = materials.MaterialErrors.of_fit(self.material, free, self.fit.band_covariance, self.fit.values, how)
+        if errors is None:
+            raise materials.MaterialError("no parameter of the material was free, or the data do not determine it")
         errors.check(self.material)
         return errors
 

@@ -187,7 +187,7 @@ def score_outlines(
         _, J, _ = source.evaluate(fit.values, True)
         assert J is not None
         slopes = np.zeros((len(fit.residuals), len(errors.names)))  # the bench's priors do not depend on the material
-        slopes[: fit.count] = J[:, [source.parameters.index(error_name) for error_name in errors.names]]
+        slopes[: fit.count] = _slopes(J, source.parameters, errors)
         explained = _explained_deviance(fit.residuals, slopes, fit.jacobian, errors) / freedom
     return Score(
         name,
@@ -231,12 +231,18 @@ def score_inflation(
     where = source.size_of.text(float(source.measured[at]))
     explained = math.nan
     if errors is not None:
-        slopes = weights[:, None] * J[:, [source.parameters.index(error_name) for error_name in errors.names]]
+        slopes = weights[:, None] * _slopes(J, source.parameters, errors)
         explained = _explained_deviance(sizes, slopes, np.zeros((len(off), 0)), errors) / len(off)
     return Score(
         name, f"{source.label} ({measured.name})", len(off), _rms(off), "Pa", _mean_square(sizes), _covered_shares(sizes),
         f"{off[at] / 1e3:+.3g} kPa at {where} ({sizes[at]:+.2g} standard errors)", chi2_material=explained,
     )  # fmt: skip
+
+
+def _slopes(J: Array, names: Sequence[str], errors: MaterialErrors) -> Array:
+    """Return the columns of a Jacobian by the parameters of a material's errors; 0 of a memory's, at equilibrium."""
+    columns = dict(zip(names, J.T, strict=True))
+    return np.column_stack([columns.get(name, np.zeros(len(J))) for name in errors.names])
 
 
 def _rms(values: Array) -> float:

@@ -417,9 +417,9 @@ def stress_in_time(
         time: In s, see `branch_stress`; None for a test so slow that every branch is relaxed.
         stretch: Imposed stretch, shape (n,).
         mode: One of `MODE_NAMES`.
-        parameters: Names to differentiate by: the law's, ``share1`` and so on of the branches, `SOFTENING` and `FLOW`, these by
-            central differences.
-        branches: `branch_stress` of the same history, where it is known.
+        parameters: Names to differentiate by: the law's, ``share1`` and so on of the branches, `SOFTENING`, and by central
+            differences ``time1`` and so on, and `FLOW`.
+        branches: `branch_stress` of the same history, where it is known and none of the latter is asked for.
 
     Returns:
         Shapes (n,) and (n, m).
@@ -431,8 +431,8 @@ def stress_in_time(
     if branches is None:
         branches = np.zeros((len(stretch), len(shares)))
         if time is not None and own.branches:
-            flow = [name for name in parameters if name in FLOW]
-            branches, by_flow = _branch_slopes(time, stretch, mode, own.branches, flow)
+            further = [name for name in parameters if name in FLOW or name.startswith("time")]
+            branches, by_flow = _branch_slopes(time, stretch, mode, own.branches, further)
     with np.errstate(all="ignore"):
         stress_and_slope = _specimen_stress(material, stretch, mode)
         stress, energy = (
@@ -467,12 +467,14 @@ def modulus_slopes(material: Material, parameters: Sequence[str]) -> Array:
 def _branch_slopes(
     time: npt.ArrayLike, stretch: Array, mode: str, branches: Sequence[memory.Branch], names: Sequence[str]
 ) -> tuple[Array, dict[str, Array]]:
-    """Return `branch_stress` and its slopes by parameters of all branches, by central differences in the same steps."""
+    """Return `branch_stress` and its slopes by a branch's time, or parameters of all branches, by central differences in the
+    same steps."""
     together, steps = list(branches), []
     for name in names:
-        steps.append(_FLOW_STEP * getattr(branches[0], name))
+        field, own = ("time", branches[int(name[4:]) - 1]) if name.startswith("time") else (name, None)
+        steps.append(_FLOW_STEP * getattr(own or branches[0], field))
         together += [
-            dataclasses.replace(branch, **{name: getattr(branch, name) + d})
+            dataclasses.replace(branch, **{field: getattr(branch, field) + d}) if own in (None, branch) else branch
             for d in (steps[-1], -steps[-1])
             for branch in branches
         ]

@@ -247,14 +247,14 @@ class Potential:
         self.pass_time(0.0)
         self.w.x.array[:] = here
 
-    def checkpoint(self) -> component.Checkpoint:
-        """Save all that depends on earlier states: friction, motion, what the silicone remembers."""
+    def checkpoint(self, *more: component.HistoryDependent) -> component.Checkpoint:
+        """Save all that depends on earlier states: friction, motion, what the silicone remembers, and more of that."""
         parts: list[component.HistoryDependent] = [
             term for term in self.terms.values() if isinstance(term, assembly.RememberingTerm)
         ]
         parts += [self.motion] if self.motion else []
         parts += [self, *self.histories] if self.histories else []
-        return component.Checkpoint(parts)
+        return component.Checkpoint([*parts, *more])
 
     def save(self) -> tuple[npt.NDArray[np.float64], float]:
         """Return where the step begins, and the length of the step that led there."""

@@ -18,6 +18,7 @@ before by the derivatives of the same update (`InTime`): exact for the discrete 
 from __future__ import annotations
 
 import contextlib
+import copy
 import dataclasses
 import functools
 import math
@@ -42,12 +43,19 @@ from softmodels.mechanics.controls import Control
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
 
+type Along = str | tuple[tuple[str, float], ...]
+"""What a derivative is by: a parameter's name, or changes of several of `known_parameters` and `memory_parameters`."""
+
 
 class Sensitivity:
-    """Derivatives of a device's states; with a ``motion`` of its mesh also by lengths."""
+    """Derivatives of a device's states; with a ``motion`` of its mesh also by lengths.
 
-    def __init__(self, solver: Solver, motion: MeshMotion | None = None):
-        self.solver, self.motion, eq = solver, motion, solver.system
+    With a tolerance ``aside`` above 0 its linear equations are solved beside a path to it, by what the path has factorised, and
+    do not count as the path's: that stays as it is without them.
+    """
+
+    def __init__(self, solver: Solver, motion: MeshMotion | None = None, aside: float = 0.0):
+        self.solver, self.motion, self.aside, eq = solver, motion, aside, solver.system
         self._along = _Directions(eq)
         test = ufl.TestFunction(eq.space)
         self._material = [eq.form(ufl.derivative(energy, eq.w, test)) for energy in self._along.energies]
@@ -133,10 +141,12 @@ class Sensitivity:
         """Return the part of a parameter's name; a region also goes by its own name alone."""
         return next((c for c in self.solver.system.components if where in (c.key, c.key.removeprefix("region."))), None)
 
-    def force(self, name: str) -> Force:
+    def force(self, name: Along) -> Force:
         """Return the derivative of the equations at the loaded state by any parameter: one of `known_parameters`;
         ``part.number`` with a part's `Component.key` and one of its `Component.variable`; or ``ratio.0`` for the ratio of
         the first cavity's pressure."""
+        if not isinstance(name, str):
+            return Force(*self.material_force(name), 0.0)
         eq = self.solver.system
         where, _, own = name.rpartition(".")
         if where == regions.RATIO_PREFIX:
@@ -179,26 +189,27 @@ class Sensitivity:
             self._of_terms[part.label] = _TermDirection(self.solver.system, part)
         return self._of_terms[part.label]
 
-    def turn(self, name: str) -> None:
+    def turn(self, name: Along) -> None:
         """Point `histories` along a parameter; see `material_force` and `force`."""
         if len(self.histories) > len(self._frictions):
             self._along.turn(self.solver.system.material, name)
-        where, _, own = name.rpartition(".")
+        where, _, own = name.rpartition(".") if isinstance(name, str) else ("", "", "")
         part, X = self._part(where), self._velocity(name)
         for friction in self._frictions:
             friction.turn(
                 part.nudged(own, 1j * _COMPLEX_STEP) if part is not None and part.label == friction.label else None, X
             )
 
-    def _velocity(self, name: str) -> Array | None:
+    def _velocity(self, name: Along) -> Array | None:
         """Return the motion of the mesh's nodes with a length; None of other parameters."""
-        of_shape = self.motion is not None and name in self.motion.device.variable
-        return self.motion.velocity(name) if of_shape and self.motion is not None else None
+        if self.motion is None or not isinstance(name, str) or name not in self.motion.device.variable:
+            return None
+        return self.motion.velocity(name)
 
-    def material_force(self, name: str) -> tuple[Array, float]:
+    def material_force(self, name: Along) -> tuple[Array, float]:
         """Return the derivative of the residual (owned entries, shape (n,), dimensionless per SI unit) and of the shear
-        modulus by one of `known_parameters` or `memory_parameters` at the loaded state; an empty name for no change of the
-        material.
+        modulus by one of `known_parameters` or `memory_parameters`, or along changes of them, at the loaded state; an empty
+        name for no change of the material.
 
         Within a step in time it includes the direction in which `histories` say that its beginning changes.
         """
@@ -236,9 +247,9 @@ class Sensitivity:
         loads = zip(eq.dead.measured, eq.dead.integrals, strict=True)
         return [[MeasuredSlope(eq, self.motion, measured, forms) for measured in own] for own, forms in loads]
 
-    def rate(self, state: State, control: Control, name: str, rise: float = 0.0) -> Rate:
-        """Return one of `rates`, which must have been called at this state, by a length or any parameter of `force`; an empty
-        name for no change of the device.
+    def rate(self, state: State, control: Control, name: Along, rise: float = 0.0) -> Rate:
+        """Return one of `rates`, by a length or any parameter of `force`; an empty name for no change of the device. The state
+        is loaded, and `rates` has been called at it unless they are ``aside``.
 
         ``rise`` is the derivative of the line's left side, dimensionless, beside what the line in Pa and m3 has itself.
         """
@@ -250,15 +261,19 @@ class Sensitivity:
             dmu, (force, opened) = 0.0, self.motion_force(X)
         for friction in self._frictions:
             force = force + friction.force()
-        mu = eq.stress_unit
-        # The line is fixed in Pa and m3; in shear moduli it moves with the shear modulus.
-        gap = rise - control.volume_coefficient * opened - control.pressure_coefficient * state.P * dmu / mu
+        mu, gap = eq.stress_unit, rise - control.volume_coefficient * opened
+        if dmu:  # every pressure is one in Pa, which is less in larger shear moduli; of dead loads `material_force` knows
+            cavities = len(eq.pressures) - len(eq.dead.forms)
+            force = force + dmu / mu * eq.pressures[:cavities] @ eq.pressure_loads()[:cavities]
         eq.assembled.whole = True
         try:
-            moved = self.solver.linear_response(-force, gap, ADJOINT_TOLERANCE)
+            if self.aside:
+                moved = self.solver.aside(state, control, -force, self.aside, gap)
+            else:
+                moved = self.solver.linear_response(-force, gap, ADJOINT_TOLERANCE)
         finally:
             eq.assembled.whole = False
-        return Rate(moved.w, moved.P * mu + state.P * dmu, (moved.V + opened) * eq.volume_unit, X)
+        return Rate(moved.w, moved.P * mu, (moved.V + opened) * eq.volume_unit, X)
 
 
 def slope_along(form: ufl.Form, turns: Mapping[fem.Constant, fem.Constant]) -> ufl.Form | None:
@@ -353,14 +368,17 @@ class InTime:
     Viscosity that depends on stress has none at rest where its exponent is below 1.
     """
 
-    def __init__(self, sensitivity: Sensitivity, names: Sequence[str], loads: Sequence[str] = ()):
-        self.sensitivity, self._own = sensitivity, {**{name: name for name in names}, **dict.fromkeys(loads, "")}
+    def __init__(self, sensitivity: Sensitivity, names: Sequence[Along], loads: Sequence[str] = ()):
+        self.sensitivity = sensitivity
+        self._own: dict[Along, Along] = {**{name: name for name in names}, **dict.fromkeys(loads, "")}
         self.names = tuple(self._own)
-        self._values: dict[str, list[Array]] = {}
+        self._values: dict[Along, list[Array]] = {}
         for name, own in self._own.items():
             sensitivity.turn(own)
             self._values[name] = [history.at_rest() for history in sensitivity.histories]
         self._before = {name: np.zeros_like(sensitivity.solver.system.w.x.array) for name in self._own}
+        self.last: Mapping[Along, Rate] = {}
+        """Of the last state."""
 
     def begin(self, state: State, rates: Mapping[str, Rate]) -> None:
         """Begin in a state that has lasted, with its derivatives, 0 by other parameters: the potential has begun a step there
@@ -383,8 +401,13 @@ class InTime:
     ) -> tuple[controls.Tangent, dict[str, Rate]]:
         """Return the derivatives of a state that ends a step, before the potential keeps it; see `Sensitivity.rates`.
         ``rises`` are derivatives of the line's left side in SI units, where they are not 0."""
+        along, _ = self.sensitivity.rates(state, control, ())
+        return along, self.advance(state, control, rises)
+
+    def advance(self, state: State, control: Control, rises: Mapping[str, float] = MappingProxyType({})) -> dict[Along, Rate]:
+        """Return the same of only the state, where `Sensitivity.rates` has been called or they are ``aside``."""
         known, eq = self.sensitivity, self.sensitivity.solver.system
-        along, _ = known.rates(state, control, ())
+        eq.load(state)
         unit = control.volume_coefficient * eq.volume_unit + control.pressure_coefficient * eq.stress_unit
         rates = {}
         for name, own in self._own.items():
@@ -398,11 +421,17 @@ class InTime:
             rates[name] = rate
         for history in known.histories:
             history.rest()
-        return along, rates
+        self.last = rates
+        return rates
 
-    def save(self) -> dict[str, list[Array]]:
-        """Return a copy of how what is remembered now changes with each parameter, for `FrictionDirection.begin`."""
-        return {name: [values.copy() for values in own] for name, own in self._values.items()}
+    def save(self) -> tuple[dict[Along, list[Array]], dict[Along, Array], Mapping[Along, Rate]]:
+        """Return copies of how what is remembered now changes with each parameter, for `FrictionDirection.begin`, and of how
+        the last state does; see `component.Checkpoint`."""
+        values = {name: [part.copy() for part in own] for name, own in self._values.items()}
+        return values, {name: before.copy() for name, before in self._before.items()}, self.last
+
+    def restore(self, saved: tuple[dict[Along, list[Array]], dict[Along, Array], Mapping[Along, Rate]]) -> None:
+        self._values, self._before, self.last = copy.deepcopy(saved[0]), copy.deepcopy(saved[1]), saved[2]
 
 
 class _Directions:
@@ -421,11 +450,13 @@ class _Directions:
                 if eq.potential.per_pascal in energy.constants():
                     self.energies.append(ufl.replace(energy, {eq.potential.per_pascal: self.per_pascal}))
 
-    def turn(self, material: Material, name: str) -> float:
+    def turn(self, material: Material, name: Along) -> float:
         """Point the direction along one number of the main material, or of a region's with its name in front, as in
-        ``base.c1``; return the main shear modulus' derivative by it."""
-        where, _, number = name.rpartition(".")
-        moved = material if where or not name else specimens.nudged(material, number, 1j * _COMPLEX_STEP)
+        ``base.c1``, or along changes of several of the main one's; return the main shear modulus' derivative by it."""
+        where, _, number = name.rpartition(".") if isinstance(name, str) else ("", "", "")
+        moved = material
+        for own, change in [] if where or not name else [(name, 1.0)] if isinstance(name, str) else name:
+            moved = specimens.nudged(moved, own, 1j * _COMPLEX_STEP * change)
         mu = complex(moved.shear_modulus_0)
         for law in self.laws:
             own = law.region.material if law.region.name else moved
@@ -916,8 +947,9 @@ class Rate:
     """Derivative of a state by one parameter (per its SI unit) or by its added volume (per m3).
 
     Attributes:
-        w: Derivative of `State.w`, dimensionless, with ghosts.
-        P: Derivative of the cavity pressure in Pa.
+        w: Derivative of `State.w`, dimensionless, with ghosts; of multipliers that of their pressures in Pa, over the shear
+            modulus.
+        P: Derivative of the pressure in Pa.
         V: Derivative of the whole device's cavity volume in m3.
         X: Derivative of the mesh's dimensionless nodes, shape (nodes of `MeshMotion.space`, d), with ghosts; None where they
             stay.

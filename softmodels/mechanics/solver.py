@@ -5,14 +5,14 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from softmodels.common import errors
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import PETSc
-from softmodels.mechanics import controls, mpi
+from softmodels.mechanics import component, controls, mpi
 from softmodels.mechanics.controls import Control
 from softmodels.mechanics.newton import (
     MAX_FORCING_TERM,
@@ -52,10 +52,12 @@ class Solver:
         method: The method that was taken.
         bordered: The linear system of Newton's method.
         lagged: The factorisation that is kept over several solves.
+        carried: Derivatives of the states that a path accepts, from each to the next; None for none.
     """
 
     def __init__(self, system: System, method: str = "auto"):
         self.system, self.method = system, select_solver(system, method)
+        self.carried: Carried | None = None
         self._make()
 
     def _make(self) -> None:
@@ -243,6 +245,13 @@ class Solver:
         self.newton.release()
         self.bordered.release()
         self._y.destroy()
+
+
+class Carried(component.HistoryDependent, Protocol):
+    """Derivatives of states, as of `sensitivity.InTime`, from each state that a path accepts to the next."""
+
+    def advance(self, state: State, control: Control) -> object:
+        """Carry them to a state that is not remembered yet, at a fixed value of the control's line."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------

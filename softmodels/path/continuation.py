@@ -131,8 +131,15 @@ class Continuation:
 
     def commit(self, point: Point) -> Point:
         """Make a point the last one, which friction and silicone remember."""
-        self.solver.system.potential.commit(point.state.w)
+        self.accept(point.state)
         return self.history.add(point)
+
+    def accept(self, state: State) -> None:
+        """Let friction and silicone remember a state, and carry the derivatives at its requested value to it."""
+        if self.solver.carried is not None:
+            line = self.requested.curve(self.value(state)).line(state.V, state.P)
+            self.solver.carried.advance(state, line)
+        self.solver.system.potential.commit(state.w)
 
     @property
     def stability(self) -> Stability:

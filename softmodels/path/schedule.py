@@ -369,6 +369,7 @@ def march(path: Continuation, drive: Drive, tolerance: float = STRESS_TOLERANCE)
     first = path.begin()
     yield 0.0, first
     potential, corrector, duration = path.solver.system.potential, path.corrector, drive.duration
+    carried = [path.solver.carried] if path.solver.carried else []
     motion, first_step = potential.motion, FIRST_STEP * min(duration, potential.relaxation)
     time, step, errors, shrunk = 0.0, drive.begin(path, first), _Errors(path, drive, tolerance), False
     step = min(step, max(MAX_RELAXATION_TIMES * potential.relaxation, potential.last_step))
@@ -380,7 +381,7 @@ def march(path: Continuation, drive: Drive, tolerance: float = STRESS_TOLERANCE)
         step = left if step > 0.99 * left else min(step, left / 2) if step > left / 2 else step
         share = 1.0 if step == left else (time + step) / duration
         last = path.last
-        checkpoint = potential.checkpoint()
+        checkpoint = potential.checkpoint(*carried)
         try:
             potential.pass_time(step)
             if motion and not motion.last / REFACTOR_CHANGE < step < motion.last * REFACTOR_CHANGE:
@@ -391,7 +392,7 @@ def march(path: Continuation, drive: Drive, tolerance: float = STRESS_TOLERANCE)
                 step = wanted
                 continue
             corrector.check_whole(state)
-            potential.commit(state.w)
+            path.accept(state)
             point = corrector.point(state, requested=share == 1.0)
             drive.check(point, first)
         except newton.NoConvergence as failure:

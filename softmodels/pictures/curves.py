@@ -340,6 +340,9 @@ def steps(rows: table.PathTable, words: labels.StateLabels) -> Figure:
             cavity = f"cavity{k}" if count > 1 else None
             axes.plot(passed_rows, values, _line_style(rows), color=colour, markersize=3.5, label=cavity)
             axes.plot(passed_rows[asked], values[asked], "o", color=colour, mfc="white", markersize=8, markeredgewidth=2)
+            if table.band_of(name) in rows:
+                half = rows.shown(table.band_of(name))
+                axes.fill_between(passed_rows, values - half, values + half, color=colour, alpha=0.18, linewidth=0)
             for row in limits(rows):
                 axes.plot(row[along], row.shown(name), "D", color=style.WARNING, markersize=8)
         axes.set(ylabel=label)
@@ -347,7 +350,8 @@ def steps(rows: table.PathTable, words: labels.StateLabels) -> Figure:
         if count > 1:
             axes.legend(loc="best")
     what = "time in s" if timed else "step of the program"
-    places[-1].set(xlabel=f"{what} (circles are requested; a diamond is a limit point)")
+    areas = "; areas are the 95 % band of the material" if table.band_of(words.gauge) in rows else ""
+    places[-1].set(xlabel=f"{what} (circles are requested; a diamond is a limit point{areas})")
     if not timed:
         places[-1].xaxis.get_major_locator().set_params(integer=True)
     return figure

@@ -12,6 +12,7 @@ import dataclasses
 import functools
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,8 +21,11 @@ from softmodels.case import materials, tolerances
 from softmodels.case.case import Case
 from softmodels.common.arrays import Array
 from softmodels.mechanics import controls, newton
-from softmodels.path import stability
+from softmodels.path import stability, steps
 from softmodels.runs import columns, fields, labels, mesh_error, table
+
+if TYPE_CHECKING:
+    from softmodels.mechanics import sensitivity
 
 MATERIAL, MESH = "material", "mesh"
 """Contributions beside those of a case's deviations, which have the names of what deviates."""
@@ -230,46 +234,57 @@ DIFFERENCE_STEP = 1e-3
 """Finite-difference step for the device's own figures, in standard deviations."""
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True)
 class Change:
-    """A change of one standard deviation: of the residual and the shear modulus (see `Sensitivity.material_force`), of the
-    added volume at the same unknowns, dimensionless, of the pressure that is read, Pa, and of the length ``name`` in m."""
+    """A change of one standard deviation: ``by`` changes of the material's parameters or a length, times ``size``; else of the
+    pressure that is read, ``reading`` in Pa."""
 
     cause: str
-    force: Array | None = None
-    stress: float = 0.0
-    opened: float = 0.0
+    by: sensitivity.Along | None = None
+    size: float = 1.0
     reading: float = 0.0
-    length: float = 0.0
+
+    @property
+    def length(self) -> str:
+        """The length that changes; "" of the others."""
+        return self.by if isinstance(self.by, str) else ""
 
 
 class Band:
-    """Bands of a device's states from a case's errors of the material and its tolerances. What is requested is ``kept``, and
-    rises are reported at the same value of it: ``"pressure"``, ``"volume"``, or the ``"force"`` of dead loads, such as shares
-    of the weight."""
+    """Bands of a case's states from its errors of the material and its tolerances. What is requested is kept, and rises are
+    reported at the same value of it: a pressure, a volume, or the force of dead loads, such as shares of the weight. Of a
+    program that is what each step prescribes, at the same time: states of silicone with a memory depend on all states before,
+    and so do their derivatives (`softmodels.mechanics.sensitivity.InTime`), which its solver carries along."""
 
     def __init__(self, made: fields.Fields, case: Case):
-        self.fields, self.cm, self.kept, self.deviations = made, case.column.pascal, case.quantity, case.deviations
-        self.errors = case.band if isinstance(case.band, materials.MaterialErrors) else None
-        self._device: Actuator = case.actuator
-        from softmodels.mechanics.sensitivity import MeshMotion, Sensitivity
+        from softmodels.mechanics.sensitivity import InTime, MeshMotion, Sensitivity
 
+        self.fields, self.cm, self.kept, self.deviations = made, case.column.pascal, case.quantity, case.deviations
+        errors = case.band if isinstance(case.band, materials.MaterialErrors) else None
+        self._roots = [tuple(zip(errors.names, root, strict=True)) for root in errors.roots.T.tolist()] if errors else []
+        self._device: Actuator = case.actuator
         lengths = [deviation.name for deviation in self.deviations if deviation.name not in tolerances.READINGS]
         self._motion = MeshMotion(made.system.body) if lengths else None
-        self._sensitivity = Sensitivity(made.solver, self._motion)
-        self._velocities = {name: self._motion.velocity(name) for name in lengths} if self._motion else {}
-        self._opened = {name: self._opened_at_rest(X) for name, X in self._velocities.items()}
+        self._sensitivity = Sensitivity(made.solver, self._motion, SOLVE_TOLERANCE)
+        self._opened = {name: self._opened_at_rest(name) for name in lengths}
+        self._in_time: InTime | None = None
+        self._free: list[tuple[str, bool, int, float]] = []
+        if case.program:
+            made.solver.carried = self._in_time = InTime(self._sensitivity, self._roots)
+            self._free = _not_prescribed(made, case)
 
     def release(self) -> None:
         """Release the PETSc objects."""
         if self._motion is not None:
             self._motion.release()
 
-    def _opened_at_rest(self, X: Array) -> float:
+    def _opened_at_rest(self, name: str) -> float:
+        """Return the derivative of the cavity's volume at rest by a length, dimensionless."""
+        assert self._motion is not None
         w = self.fields.system.w.x.array
         kept = w.copy()
         w[:] = 0.0
-        opened = self._sensitivity.motion_force(X)[1]
+        opened = self._sensitivity.motion_force(self._motion.velocity(name))[1]
         w[:] = kept
         return opened
 
@@ -279,8 +294,11 @@ class Band:
         Called by all ranks.
         """
         try:
-            changes = [] if point.bifurcation else list(self._changes(point))
-            moves = [(change.cause, self._move(point, change)) for change in changes]
+            if self._in_time is not None:
+                moves = [(MATERIAL, self._move_in_time(point, rate)) for rate in (self._in_time.last or {}).values()]
+            else:
+                changes = [] if point.bifurcation else list(self._changes(point))
+                moves = [(change.cause, self._move(point, change)) for change in changes]
         except newton.NoConvergence:
             moves = []
         if not moves:
@@ -300,8 +318,8 @@ class Band:
     def _columns(self) -> list[str]:
         actuator = self._device
         rises = [*(_named(f"{probe}_mm") for probe in actuator.probes), *map(_named, actuator.figure_columns.values())]
-        if self.kept == stability.DeadForce.name:
-            return rises
+        if self._in_time is not None or self.kept == stability.DeadForce.name:
+            return [*(column for column, *_ in self._free), *rises]
         return ["pressure_ci95_cm", f"{table.at_rise(actuator.gauge)}_cm", "added_volume_ci95_ml", *rises]
 
     def _parts(self) -> list[tuple[str, str, str]]:
@@ -309,7 +327,7 @@ class Band:
         material has errors."""
         if not self.deviations:
             return []
-        causes = [*([MATERIAL] if self.errors else []), *(deviation.name for deviation in self.deviations)]
+        causes = [*([MATERIAL] if self._roots else []), *(deviation.name for deviation in self.deviations)]
         main = {table.band_of(name) for name in ("pressure", "added_volume", self._device.gauge, *self._device.headline)}
         return [
             (f"{name}_{cause}_{column.removeprefix(f'{name}_')}", column, cause)
@@ -319,50 +337,46 @@ class Band:
         ]
 
     def _changes(self, point: stability.Point) -> Iterator[Change]:
-        """Yield independent changes of one standard deviation each, at the loaded state of a point."""
-        eq = self.fields.system
-        eq.load(point.state)
-        known = self._sensitivity
-        for root in self.errors.roots.T if self.errors else ():
-            own = [known.material_force(name) for name in self.errors.names]  # type: ignore[union-attr]
-            force = sum((change * force for change, (force, _) in zip(root, own, strict=True)), np.zeros(eq.n))
-            yield Change(MATERIAL, force, float(sum(c * slope for c, (_, slope) in zip(root, own, strict=True))))
+        """Yield independent changes of one standard deviation each, at a point."""
+        yield from (Change(MATERIAL, root) for root in self._roots)
+        pressure = point.state.P * self.fields.system.stress_unit
         for deviation in self.deviations:
-            name, pressure = deviation.name, point.state.P * eq.stress_unit
-            if name in tolerances.READINGS:
-                yield Change(name, reading=deviation.of_pressure(pressure) / HALF_WIDTH_95)
-                continue
-            eq.load(point.state)
-            sigma = deviation.half / HALF_WIDTH_95
-            force, opened = known.motion_force(self._velocities[name])
-            yield Change(name, sigma * force, 0.0, sigma * (opened - self._opened[name]), length=sigma)
+            if deviation.name in tolerances.READINGS:
+                yield Change(deviation.name, reading=deviation.of_pressure(pressure) / HALF_WIDTH_95)
+            else:
+                yield Change(deviation.name, deviation.name, deviation.half / HALF_WIDTH_95)
 
     def _move(self, point: stability.Point, change: Change) -> dict[str, float]:
         """Return the changes by column."""
-        eq, made, state = self.fields.system, self.fields, point.state
-        mu, forced, dmu = eq.stress_unit, self.kept == stability.DeadForce.name, change.stress
+        eq, state, length = self.fields.system, point.state, change.length
         w, dP, dV = np.zeros_like(point.tangent.w), change.reading, 0.0
-        if change.force is not None:
-            force = change.force
-            if forced:  # P is a dead load, already fixed in newtons; the cavities' pressures are fixed too
-                eq.load(state)
-                cavities = len(eq.volumes())
-                force = force + dmu / mu * eq.pressures[:cavities] @ eq.pressure_loads()[:cavities]
+        if change.by is not None:
+            eq.load(state)
             line = controls.volume_control(state.V)
-            gap = -line.volume_coefficient * change.opened
-            moved = made.solver.aside(state, line, -force, SOLVE_TOLERANCE, gap)
-            w, dP = moved.w, moved.P * mu + (0.0 if forced else state.P * dmu)
-        sideways = math.nan if forced else dP - self._slope(point) * self._gauge_rise(w)
+            rate = self._sensitivity.rate(state, line, change.by, line.volume_coefficient * self._opened.get(length, 0.0))
+            w, dP = change.size * rate.w, change.size * rate.P
+        forced, sideways = self.kept == stability.DeadForce.name, dP - self._slope(point) * self._gauge_rise(w)
         if self.kept != stability.AddedVolume.name:
-            slide = -dP / (mu * point.tangent.P) if point.tangent.P else math.inf
+            slide = -dP / (eq.stress_unit * point.tangent.P) if point.tangent.P else math.inf
             w = w + slide * point.tangent.w
             dV = slide * point.tangent.V * eq.volume_unit
-        rises = self._rises(state.w, w, change)
+        rises = self._rises(state.w, w, length, change.size)
         if forced:
             return rises
-        gauge = self._device.gauge
-        pressures = {"pressure_ci95_cm": dP / self.cm, f"{table.at_rise(gauge)}_cm": sideways / self.cm}
+        pressures = {"pressure_ci95_cm": dP / self.cm, f"{table.at_rise(self._device.gauge)}_cm": sideways / self.cm}
         return {**pressures, "added_volume_ci95_ml": 1e6 * dV, **rises}
+
+    def _move_in_time(self, point: stability.Point, rate: sensitivity.Rate) -> dict[str, float]:
+        """Return the changes by column with a derivative of the state under the program."""
+        eq, state, ends = self.fields.system, point.state, []
+        for sign in (1.0, -1.0):
+            eq.load(dataclasses.replace(state, w=state.w + sign * DIFFERENCE_STEP * rate.w))
+            ends.append(eq.driven())
+        eq.load(state)
+        moved = (ends[0] - ends[1]) / (2 * DIFFERENCE_STEP)
+        pressures = eq.coupling.shares * rate.P / eq.stress_unit + eq.coupling.constraints.T @ rate.w[eq.dofs :]
+        free = {column: scale * float((pressures if held else moved)[k]) for column, held, k, scale in self._free}
+        return {**free, **self._rises(state.w, rate.w)}
 
     def _slope(self, point: stability.Point) -> float:
         """Return the pressure in Pa by which the pressure rises along the path for each m of the gauge's rise."""
@@ -373,8 +387,9 @@ class Band:
         """Return the gauge's rise in m for a change of the dofs."""
         return float(self.fields.probes_moved(change)[self._device.gauge] @ np.asarray(self._device.lift))
 
-    def _rises(self, w: Array, moved: Array, change: Change) -> dict[str, float]:
-        """Return the changes of the probes' rises in mm and of the device's own figures for a change of the dofs."""
+    def _rises(self, w: Array, moved: Array, length: str = "", size: float = 0.0) -> dict[str, float]:
+        """Return the changes of the probes' rises in mm and of the device's own figures for a change of the dofs, and of a
+        ``length`` by ``size`` in m."""
         made, actuator = self.fields, self._device
         shifts = made.probes_moved(moved)
         rises = {_named(f"{name}_mm"): 1e3 * float(shift @ np.asarray(actuator.lift)) for name, shift in shifts.items()}
@@ -384,13 +399,34 @@ class Band:
         ends = []
         for sign in (1.0, -1.0) if actuator.figure_columns else ():
             step, device = sign * DIFFERENCE_STEP, actuator
-            if change.length:
-                value = parameters.parameter(actuator, change.cause) + step * change.length
-                device = parameters.changed(actuator, {change.cause: value})
+            if length:
+                value = parameters.parameter(actuator, length) + step * size
+                device = parameters.changed(actuator, {length: value})
             places = {name: np.asarray(device.probes[name]) + now[name] + step * shifts[name] for name in shifts}
             ends.append(fields.device_columns(device, {name: (p[0], p[1], p[2]) for name, p in places.items()}))
         figures = ends[0] if ends else {}
         return rises | {_named(name): (figures[name] - ends[1][name]) / (2 * DIFFERENCE_STEP) for name in figures}
+
+
+def _not_prescribed(made: fields.Fields, case: Case) -> list[tuple[str, bool, int, float]]:
+    """Return of each driver of a program what it does not prescribe: the column of its band, whether that is a pressure or a
+    force, because what it works on is held, the driver's place, and how many of the column's units a dimensionless one is."""
+    eq, courses = made.system, steps.courses(case.steps)
+    driven, held = {course.of for course in courses}, {course.of for course in courses if course.held}
+    count, free = len(case.actuator.ratios), []
+    for k in range(count):
+        number = f"_{k + 1}" if count > 1 else ""
+        if f"cavity{k + 1}" in held:
+            free.append((_named(f"pressure{number}_cm"), True, k, eq.stress_unit / case.column.pascal))
+        else:
+            free.append((_named(f"added_volume{number}_ml"), False, k, 1e6 * eq.volume_unit))
+    for k, part in enumerate(eq.dead.loads):
+        magnitude, moved, _ = part.named_columns
+        if part.key in held:
+            free.append((_named(magnitude), True, count + k, float(eq.dead.units[k]) / part.column_unit))
+        elif part.key in driven:
+            free.append((_named(moved), False, count + k, float(eq.dead.moved_units[k]) / part.moved_column_unit))
+    return free
 
 
 def _named(column: str) -> str:

@@ -460,7 +460,7 @@ def _resumed_start(simulation: Simulation, results: store.Results) -> RunStart:
     """Return the state from which a resumed run continues."""
     case, fields, comm = simulation.case, simulation.fields, simulation.comm
     rows = mpi.on_root(comm, lambda: results.rows)
-    if case.load_unload:
+    if case.load_unload or simulation.solver.carried:
         return RunStart(rows)
     solved = mpi.on_root(comm, lambda: {i: row.get("time") for i, row in enumerate(results.rows) if not row["bifurcation"]})
     again = functools.partial(replay, results, fields, comm, solved)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import functools
+import itertools
 import math
 import shutil
 import tempfile
@@ -238,7 +239,8 @@ class Simulation:
                 points = schedule.supply(self.solver, case.steps, gas, settings, begun.stop, preload)
             else:
                 points = schedule.follow(self.solver, case.steps, settings, begun.stop, preload)
-            for reached, point in points:
+            # Where derivatives are carried along, all is computed anew; stored states stay.
+            for reached, point in itertools.islice(points, 0 if begun.stop else len(rows), None):
                 step = self.step_of(point, len(rows), reached)
                 rows.append(step.row)
                 yield step
