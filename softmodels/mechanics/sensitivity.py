@@ -202,7 +202,7 @@ class Sensitivity:
 
     def _velocity(self, name: Along) -> Array | None:
         """Return the motion of the mesh's nodes with a length; None of other parameters."""
-        if self.motion is None or not isinstance(name, str) or name not in self.motion.device.variable:
+        if self.motion is None or not isinstance(name, str) or name not in self.motion.device.movable:
             return None
         return self.motion.velocity(name)
 

@@ -579,7 +579,7 @@ class FacingWalls:
         return _weights(self._lattice, self.flat)[points]
 
     def _within(self, at: Array, reach: float, bound: float | None) -> Gaps:
-        """Return the gaps up to a distance; of those below a ``bound`` only the least one and all overlaps, None for all gaps."""
+        """Return the gaps up to a distance; of those below a ``bound`` only the least one and all overlaps; None for all."""
         hits = [self._of_plane(at, number, reach) for number in range(len(self.planes))]
         if bound is not None:
             bound = max(min([bound, *(float(hit[0].min(initial=np.inf)) for hit in hits)]), 0.0)
