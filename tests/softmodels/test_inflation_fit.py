@@ -169,6 +169,8 @@ def test_what_cannot_be_fitted_is_said_before_any_state(tmp_path):
     assert "larger than at rest" in said("e.csv", ["Radius (mm)", "Pressure (kPa)"], STRETCHES, pressure)
     assert "--heights" in said("f.csv", ["height_m", "pressure_Pa", "trusted"], STRETCHES, pressure, ["yes"] * len(size))
     assert "times the undeformed cavity" in said("l.csv", ["V (ml)", "p (kPa)"], 1e3 * size, pressure)
+    for headers in (["Volume (ml)", "Vacuum pressure (kPa)"], ["Withdrawn volume (ml)", "Pressure (kPa)"]):
+        assert "says that air is drawn out" in said("m.csv", headers, size, pressure)
     good = ["Volume (ml)", "Pressure (kPa)"]
     assert "shows no memory" in said("g.csv", good, size, pressure, options=["--memory"])
     assert "does not show in" in said("h.csv", good, size, pressure, options=["--free", "poisson"])

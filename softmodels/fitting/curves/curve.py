@@ -259,7 +259,7 @@ def _curve_of(
 
 
 def _pressed(table: CurveTable) -> CurveTable:
-    """Return the table of a compression: columns of which nothing tells the sign and whose numbers are positive say it."""
+    """Return the table of a compression: columns without a sign whose numbers are positive say it."""
     own = [
         dataclasses.replace(column, sign=-1) if not column.sign and (column.kind == "stretch" or values.sum() > 0.0) else column
         for column, values in ((table.deformation, table.x), (table.load, table.y))

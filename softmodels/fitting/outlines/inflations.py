@@ -8,6 +8,7 @@ volume V as dP/dp - dP/dV (ds/dp) / (ds/dV).
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TypeGuard
@@ -60,6 +61,11 @@ MARKS = (b"x_m,z_m", b"x_m;z_m", b"pressure_Pa =", b"tip_x_m")
 MIN_READINGS = 3
 UNLOADED_SHARE = 0.02
 """How far a size may fall below the largest so far, as a share of the whole change, before the reading is an unloading one."""
+DEFLATION = re.compile(
+    r"vacu|under.?pressure|negative|suction|suck|withdr|remov|extract|deflat|unterdruck|d[eé]pression|sous.pression|aspir|真空|负压",
+    re.IGNORECASE,
+)
+"""What says in a header that positive numbers are of air drawn out of the device."""
 ABSOLUTE_PRESSURE = 80e3
 """Pressure in Pa above which all readings suggest that the room's is in them."""
 
@@ -88,6 +94,12 @@ def read(path: Path, columns: str = "", exclude: Sequence[str] = ()) -> Inflatio
             names = ", ".join(part.label for part in several)
             raise TensileError(f"it has {len(several)} tests ({names}); give one of them, in a file of its own")
         table = several[0]
+        for column in (table.deformation, table.load):
+            if DEFLATION.search(column.header):
+                raise TensileError(
+                    f"the column {column.header!r} says that air is drawn out; the table of an inflation has volumes added to "
+                    "the device and pressures above the room's, and a test under vacuum cannot be fitted"
+                )
         size, pressure = in_si(table.x, table.deformation), in_si(table.y, table.load)
     except TensileError as error:
         raise OutlineFitError(f"{path}: {error}") from None
