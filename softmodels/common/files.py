@@ -290,6 +290,12 @@ def render(template: str, package: str = "measurement", **values: object) -> str
     return _environment(package).get_template(template).render(**values)
 
 
+def compile_templates(package: str, *templates: str) -> None:
+    """Compile templates of a package ahead of the first page that `render` makes of them."""
+    for template in templates:
+        _environment(package).get_template(template)
+
+
 @functools.cache
 def _environment(package: str) -> Environment:
     from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined

@@ -24,7 +24,7 @@ import numpy as np
 from softmodels.case import materials
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
-from softmodels.common import commands, errors, folders, processes
+from softmodels.common import commands, errors, files, folders, processes
 from softmodels.common.arrays import Array
 from softmodels.common.folders import InUseError, OwnFolderError
 from softmodels.components import contact
@@ -133,8 +133,7 @@ def second_process() -> Iterator[Executor | None]:
 
 
 def _warm_up() -> None:
-    import jinja2  # noqa: F401  (for the report)
-
+    files.compile_templates("softmodels.pictures", "web_view.html")
     with matplotlib.rc_context(style.STYLE):
         figure, axes = style.chart(4.0)
         axes.plot([0.0, 1.0], [0.0, 1.0], label="rise")
@@ -289,6 +288,7 @@ def main(folder: Path | None, name: str | None, wanted: commands.DrawingOptions)
         if folder is not None:
             draw_folder(folder, name, wanted, beside=beside)
             return
+        files.compile_templates("softmodels.common", "page.html", "parts.html")
         for place, stem, complete in orders():
             if complete:
                 draw_folder(Path(place), stem, wanted, at_rest, beside)

@@ -579,7 +579,7 @@ class FacingWalls:
         return _weights(self._lattice, self.flat)[points]
 
     def _within(self, at: Array, reach: float, bound: float | None) -> Gaps:
-        """Return the gaps up to a distance; of those below a ``bound`` only the least one and all overlaps; None for all."""
+        """Return the gaps up to a distance; with a ``bound`` only the least one, if it is not above that, and all overlaps."""
         hits = [self._of_plane(at, number, reach) for number in range(len(self.planes))]
         if bound is not None:
             bound = max(min([bound, *(float(hit[0].min(initial=np.inf)) for hit in hits)]), 0.0)
@@ -653,14 +653,14 @@ class FacingWalls:
         if bound is None:
             return hits(np.arange(len(i)))
         # Facets farther apart than the least gap so far are in front of each other; those least apart come first.
-        left, found, count = np.argsort(room, kind="stable"), hits(np.arange(0)), FIRST_PAIRS
+        left, seen, count = np.argsort(room, kind="stable"), hits(np.arange(0)), FIRST_PAIRS
         while count := min(count, int(np.searchsorted(room[left], bound, side="right"))):
             new = hits(left[:count])
             bound = max(min([bound, *(float(hit[0].min(initial=np.inf)) for hit in new)]), 0.0)
-            found, left, count = [*found, *new], left[count:], PAIRS_GROWTH * count
+            seen, left, count = [*seen, *new], left[count:], PAIRS_GROWTH * count
         # Of a place that overlaps the closest facet counts.
-        overlaps = np.unique(np.concatenate([hit[1][hit[0] < 0.0] for hit in found]))
-        return [*found, *hits(left[np.isin(i[left], overlaps)])] if len(overlaps) else found
+        overlaps = np.unique(np.concatenate([hit[1][hit[0] < 0.0] for hit in seen]))
+        return [*seen, *hits(left[np.isin(i[left], overlaps)])] if len(overlaps) else seen
 
     def _room(self, at: Array, i: npt.NDArray[np.int64], j: npt.NDArray[np.int64], between: Array, radius: Array) -> Array:
         """Return a lower bound of the distance of pairs of facets along unit vectors from the first to the second, (p, 3):
