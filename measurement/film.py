@@ -17,7 +17,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from PIL import Image
-from scipy.ndimage import median_filter
+from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.signal import correlate
 from skimage.filters import threshold_otsu
 
@@ -239,6 +239,9 @@ class Clocks:
 MIN_OVERLAP = 0.3
 """Share of the shorter one, film or log, that both have to have in common."""
 
+MAX_STEPS = 5_000_000
+"""Frames that would take as long as the log."""
+
 APART = 1.0
 """Time in s between two offsets that are not the same, beyond the width of the peak."""
 
@@ -248,22 +251,18 @@ def align(motion: Motion, log: Log, near: tuple[float, float] | None = None) -> 
     it as it is. `FilmError` where both never run at the same time."""
     step = motion.step
     seen = np.arange(motion.times[0], motion.times[-1], step)
+    if not 8 <= np.ptp(log.times) / step <= MAX_STEPS:
+        raise FilmError(
+            f"the log takes {np.ptp(log.times):.3g} s; it needs the time in which the film was taken, and little more"
+        )
     logged = np.arange(log.times[0], log.times[-1], step)
-    if len(logged) < 8:
-        raise FilmError(f"the log takes {np.ptp(log.times):.3g} s; it needs the time in which the film was taken")
-    # Roots weigh small steps nearly as much as large ones: how far a device moves by a pressure changes with it.
-    x = np.sqrt(np.maximum(np.interp(seen, motion.times, motion.rate) - 0.5 * motion.rest, 0.0))
+    moving = np.maximum(np.interp(seen, motion.times, motion.rate) - 0.5 * motion.rest, 0.0)
     rate = log.rate(logged, motion.half)
     y = np.sqrt(np.maximum(rate - 0.01 * rate.max(), 0.0))
-    together = correlate(y, x, mode="full", method="fft")
-    common = correlate(np.ones_like(y), np.ones_like(x), mode="full", method="fft")
-    offsets = log.times[0] - seen[0] + step * (np.arange(len(together)) - (len(x) - 1))
-    whole = len(y) <= len(x)
-    energy = np.full(len(together), np.sum(y**2)) if whole else correlate(y**2, np.ones_like(x), mode="full", method="fft")
-    score = np.where(
-        common >= MIN_OVERLAP * min(len(x), len(y)),
-        together / np.sqrt(np.maximum(energy, 1e-3 * np.sum(y**2)) * max(float(np.sum(x**2)), 1e-12)), 0.0,
-    )  # fmt: skip
+    offsets = log.times[0] - seen[0] + step * (np.arange(len(seen) + len(y) - 1) - (len(seen) - 1))
+    # In the log a sudden change is one from row to row: in the picture it is made as long, but for its place.
+    rows = max(1, round(float(np.median(np.diff(log.times))) / step))
+    score = _score(np.maximum(uniform_filter1d(moving, rows + 1 - rows % 2, mode="constant"), 0.0), y)
     if near is not None and near[1] == 0.0:
         return Clocks(near[0], float(np.interp(near[0], offsets, score, left=0.0, right=0.0)))
     if near is not None:
@@ -271,21 +270,37 @@ def align(motion: Motion, log: Log, near: tuple[float, float] | None = None) -> 
     best = int(np.argmax(score))
     if not 0 < best < len(score) - 1 or score[best] <= 0.0:
         raise FilmError("film and log have no motion in common; check the times of the log, or give --clock-offset")
-    before, most, after = score[best - 1 : best + 2]
-    bend = before - 2.0 * most + after
-    offset = float(offsets[best] + step * (0.5 * (before - after) / bend if bend < 0.0 else 0.0))
+    most, sharp = float(score[best]), _score(moving, y) if rows > 1 else score
+    place = max(1, best - rows) + int(np.argmax(sharp[max(1, best - rows) : best + rows + 1]))
+    place = min(place, len(score) - 2)
+    before, middle, after = sharp[place - 1 : place + 2]
+    bend = before - 2.0 * middle + after
+    offset = float(offsets[place] + step * (0.5 * (before - after) / bend if bend < 0.0 else 0.0))
     below = score < 0.5 * most
     left = best - int(np.argmax(below[best::-1])) if below[: best + 1].any() else 0
     right = best + int(np.argmax(below[best:])) if below[best:].any() else len(score) - 1
     far = np.ones(len(score), dtype=bool)
     far[max(0, left - round(APART / step)) : right + round(APART / step) + 1] = False
     if not far.any():
-        return Clocks(offset, float(most))
+        return Clocks(offset, most)
     second = int(np.argmax(np.where(far, score, -1.0)))
-    return Clocks(offset, float(most), float(offsets[second]), float(score[second] / most))
+    return Clocks(offset, most, float(offsets[second]), float(score[second] / most))
 
 
-MIN_CORRELATION, MAX_SECOND_SHARE = 0.5, 0.92
+def _score(moving: Array, y: Array) -> Array:
+    """Return the correlation of the picture's changes (n,) and the roots y (m,) of the log's at every offset, (n + m - 1,)."""
+    # Roots weigh small steps nearly as much as large ones: how far a device moves by a pressure changes with it.
+    x = np.sqrt(moving)
+    together = correlate(y, x, mode="full", method="fft")
+    common = correlate(np.ones_like(y), np.ones_like(x), mode="full", method="fft")
+    # What a film shows has to be in the log; of a longer log only that part counts which was filmed.
+    whole = len(y) <= len(x)
+    energy = np.full(len(together), np.sum(y**2)) if whole else correlate(y**2, np.ones_like(x), mode="full", method="fft")
+    scale = np.sqrt(np.maximum(energy, 1e-3 * np.sum(y**2)) * max(float(np.sum(moving)), 1e-12))
+    return np.where(common >= MIN_OVERLAP * min(len(x), len(y)), together / scale, 0.0)
+
+
+MIN_CORRELATION, MAX_SECOND_SHARE = 0.75, 0.92
 """Correlation of the changes of picture and pressure from which a log is that of the film, and the largest share of it that
 another offset may have."""
 

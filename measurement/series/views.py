@@ -195,8 +195,8 @@ CURVE_COLUMNS = ("curve", "arc_length_m", "x_m", "z_m", "error_m", "curvature_1/
 REPEAT_COUNT = 24
 """Repeats from whose scatter the errors come."""
 
-SHARED_PX = 0.05
-"""Standard error in px by which the whole edge may lie too far out: tone curve, sharpening, light that creeps around it."""
+SHARED_PX = 0.07
+"""Standard error in px by which the whole edge may lie too far out: tone curve, sharpening, colours that JPEG files blur."""
 
 MODEL_PX = 0.1
 """Standard error in px of the tip and of the centre line that smoothing and corners leave."""
