@@ -9,7 +9,8 @@ Every name is loaded when it is first used. Numbers are in SI units. Nothing is 
 sentence that the command line prints.
 
 A photograph goes through `pictures` (files as light), `camera` (the lens), `screen` (pixels to metres) and `outline` (the
-shadow's edge, heights above the zero plane); `series` measures a whole run. `robust`: fits that outliers do not move.
+shadow's edge, heights above the zero plane); `series` measures a whole run. `film`: photographs of a film and a log of its
+pressures. `robust`: fits that outliers do not move.
 `photographer`: photographs whose truth is known. `cli`: the commands.
 """
 

@@ -1,4 +1,4 @@
-"""The command ``view``: tip, angle and centre line of a device seen from the side, from a list of photographs."""
+"""The command ``view``: tip, angle and centre line of a device seen from the side, from a list of photographs or a film."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from typing import Any
 import click
 import numpy as np
 
-from measurement import cli
+from measurement import cli, film
 from measurement.camera import CameraError
 from measurement.screen.setup import Setup, SetupError
-from measurement.series import photo_list, views
+from measurement.series import drawing, photo_list, views
 from measurement.series.photo_list import ColumnError, PhotoListError
 from measurement.series.witness import Refusal
 from softmodels.common import commands, errors, processes, tables, units
@@ -23,7 +23,7 @@ from softmodels.common.folders import OwnFolderError
 
 
 @click.command()
-@click.argument("listing", metavar="PHOTOS.csv", type=click.Path(path_type=Path))
+@click.argument("listing", metavar="PHOTOS.csv | FILM", type=click.Path(path_type=Path))
 @click.option("--setup", "setup_file", default=Path("setup.toml"), show_default=True, type=click.Path(path_type=Path),
               help="Camera and scale, from softmodels measure setup: a grid, board or tag beside the device.")  # fmt: skip
 @click.option("--device", "case", metavar="CASE.toml", type=click.Path(path_type=Path),
@@ -36,24 +36,50 @@ from softmodels.common.folders import OwnFolderError
               help="Two pixels at the ends of the face at which the device begins; needed unless it leaves the frame "
               "there.")  # fmt: skip
 @click.option("--length", metavar="LENGTH", help="The device's length without pressure, against which the scale is checked.")
+@click.option("--pressures", metavar="LOG.csv | LIST",
+              help="Of a film: log of time and pressure, or a pressure for each plateau, such as '0, 5, 10 kPa'.")  # fmt: skip
+@click.option("--columns", metavar="TEXT", help="Columns of the log, such as time=1[s],pressure=2[kPa].")
+@click.option("--pressure-error", metavar="PRESSURE", help="Standard error of a film's pressures.  [default: 1 %, of a log's "
+              "largest one]")  # fmt: skip
+@click.option(
+    "--clock-offset", metavar="TIME", help="The log's time at which the film begins; 12s, or 12s+-1s to look near it."
+)
+@click.option(
+    "--every", metavar="TIME", help="Measure a frame every so often, as a history in time, instead of one each plateau."
+)
 @click.option("-o", "--output", type=commands.FolderType(),
               help="Folder for the results.  [default: views; views-2 and so on if that holds others]")  # fmt: skip
 @click.option("--no-pictures", is_flag=True, help="Skip the pictures.")
 @click.option("--quiet", is_flag=True, help="Print only errors.")
 def view(listing: Path, setup_file: Path, output: Path | None, **given: Any) -> None:
-    """Measure how a device bends, in every photograph of a list.
+    """Measure how a device bends, in every photograph of a list or in a film.
 
-    The list is that of softmodels measure photos. Each photograph shows the device from the side before a background of
+    The list is that of softmodels measure photos. A film with the pressures beside it becomes such a list in a folder of its
+    own: a photograph at the end of each plateau. Each photograph shows the device from the side before a background of
     another colour. Places count from the middle of its base, x to the right and z upwards; rotations from the photograph at
     zero pressure.
 
     \b
     Exit status: 0 all measured; 3 some refused, each with its reason; 2 the input cannot be used; 1 nothing measured.
     """
+    filmed = {name: given.pop(name) for name in FILM_OPTIONS}
     try:
-        listed = photo_list.read_photos(listing)
         scene = _scene(Setup.from_file(setup_file), given)
-    except (CameraError, ColumnError, PhotoListError, SetupError, units.UnitError, errors.GeometryError) as error:
+        is_film = film.is_film(listing)
+        if is_film:
+            listing = _photographs_of(listing, output, filmed, given["quiet"])
+        elif told := [f"--{name.replace('_', '-')}" for name, text in filmed.items() if text is not None]:
+            cli.stop(f"{told[0]} is for a film; a list of photographs has its pressures and times in columns")
+        listed = photo_list.read_photos(listing)
+    except (
+        CameraError,
+        ColumnError,
+        PhotoListError,
+        SetupError,
+        film.FilmError,
+        units.UnitError,
+        errors.GeometryError,
+    ) as error:
         cli.stop(str(error))
     asked = {"photographs": [photo.file.name for photo in listed], **{k: v for k, v in given.items() if k != "quiet"}}
     try:
@@ -67,6 +93,9 @@ def view(listing: Path, setup_file: Path, output: Path | None, **given: Any) -> 
             with cli.bar("measuring", len(listed), given["quiet"]) as advance:
                 made = views.views(listed, scene, edges, advance)
             made.write(place)
+            if is_film and edges is not None:
+                shown = sorted(edges.glob("*.png"))
+                drawing.write_film(place / "film.mp4", shown, 1.0 / _seconds(filmed["every"] or "1 s", "--every"))
     except OwnFolderError as error:
         cli.stop(str(error))
     except OSError as error:
@@ -83,6 +112,101 @@ def view(listing: Path, setup_file: Path, output: Path | None, **given: Any) -> 
             processes.say(f"{photo.file.name}: refused, {outcome.reason}", err=True)
     all_measured = len(made.views) == len(listed)
     sys.exit(commands.EXIT_DONE if all_measured else cli.EXIT_SOME_REJECTED if made.views else commands.EXIT_FAILED)
+
+
+FILM_OPTIONS = ("pressures", "columns", "pressure_error", "clock_offset", "every")
+
+
+def _seconds(text: str, option: str) -> float:
+    value = units.quantity(text, "s")
+    if not (math.isfinite(value) and value > 0.0):
+        raise SetupError(f"{option} is {units.brief(text)}; it must be a time above 0 s")
+    return value
+
+
+def _photographs_of(path: Path, output: Path | None, told: dict[str, str | None], quiet: bool) -> Path:
+    """Return the list of photographs of a film, in a folder beside the results; those of the same film and options are not
+    made again. Raises `FilmError`, `ColumnError`, `SetupError` or `UnitError`."""
+    if told["pressures"] is None:
+        raise film.FilmError(
+            "give --pressures, the log of the film's pressures or one for each plateau, such as '0, 5, 10 kPa'"
+        )
+    table = Path(told["pressures"])
+    by_log = table.is_file() or "," not in told["pressures"]
+    if by_log and not table.is_file():
+        raise film.FilmError(f"there is no log {table}; name a file, or the pressures of the plateaus, such as '0, 5, 10 kPa'")
+    if not path.is_file():
+        raise film.FilmError(f"there is no film {path}; check its name and folder")
+    if not by_log and (wrong := next((name for name in ("columns", "clock_offset", "every") if told[name]), None)):
+        raise film.FilmError(f"--{wrong.replace('_', '-')} needs a log of the pressures over time (--pressures LOG.csv)")
+    column = photo_list.Column()
+    error = None if told["pressure_error"] is None else column.read("0 Pa", told["pressure_error"])[1]
+    every = None if told["every"] is None else _seconds(told["every"], "--every")
+    near = (
+        None if told["clock_offset"] is None else cli.with_error(told["clock_offset"], lambda text: units.quantity(text, "s"))
+    )
+    if by_log:
+        log, typed = film.read_log(table, told["columns"] or ""), []
+    else:
+        log, typed = None, _typed(told["pressures"], column, told["pressure_error"] or "")
+    base = path.with_name(f"{path.stem}-frames").name if output is None else f"{output.name}-frames"
+    default = Path(base) if output is None else output.with_name(base)
+    try:
+        folder = commands.open_folder(
+            None if output is None else default, default, "frames of a film", told, [path, *([table] if by_log else [])]
+        )
+        if folder.is_done:
+            if not quiet:
+                processes.say(f"frames of {path.name} taken from {folder.path}")
+            return folder.path / film.LIST
+        with cli.bar("reading the film", film.frame_count(path), quiet) as advance:
+            motion = film.motion_of(path, advance)
+        shots = _shots(motion, log, typed, near, every, error, quiet)
+        with folder.writing() as place, cli.bar("writing frames", len(shots), quiet) as advance:
+            film.write_shots(path, shots, place, advance)
+    except OwnFolderError as problem:
+        cli.stop(str(problem))
+    except OSError as problem:
+        cli.stop(f"the frames cannot be written: {errors.reason(problem)}", commands.status_of(problem))
+    return folder.path / film.LIST
+
+
+def _typed(text: str, column: photo_list.Column, error: str) -> list[tuple[float, float]]:
+    """Return the pressures of plateaus and their errors in Pa; a unit counts for those before it that have none."""
+    made, unit = [], ""
+    for part in reversed(text.split(",")):
+        own = units.number_and_unit(part)[1]
+        unit = own or unit
+        made.append(column.read(part if own else f"{part} {unit}", error))
+    return made[::-1]
+
+
+def _shots(
+    motion: film.Motion, log: film.Log | None, typed: list[tuple[float, float]], near: tuple[float, float] | None,
+    every: float | None, error: float | None, quiet: bool,
+) -> list[film.Shot]:  # fmt: skip
+    """Return the photographs to be made of a film; says how the clocks are aligned, and which plateaus there are."""
+    if log is None:
+        held = film.plateaus(motion, None)
+        if len(held) != len(typed):
+            seen = ", ".join(f"{plateau.begin:.1f}-{plateau.end:.1f} s" for plateau in held)
+            raise film.FilmError(
+                f"the film has {len(held)} plateaus ({seen}), but {len(typed)} pressures are given; give one for each of "
+                "them, or a log"
+            )
+        return film.shots_of(motion, held, lambda number, first, last: typed[number])
+    clocks = film.align(motion, log, near)
+    film.check_clocks(clocks, near is not None and near[1] == 0.0)
+    offset = clocks.offset
+    if not quiet:
+        processes.say(
+            f"{log.source}; the film begins at {offset:.3f} s of the log (correlation of its changes with the picture's "
+            f"{clocks.correlation:.2f})"
+        )
+    if every is not None:
+        return film.history_of(motion, log, offset, every, error)
+    held = film.plateaus(motion, log, offset)
+    return film.shots_of(motion, held, lambda number, first, last: film.logged(log, first + offset, last + offset, error))
 
 
 def _scene(setup: Setup, given: dict[str, Any]) -> views.Scene:

@@ -101,10 +101,13 @@ def coarse_contour(mask: Mask, share: Array, factor: float, origin: tuple[int, i
     return (longest[:, ::-1] + 0.5) * factor - 0.5 + np.array(origin)
 
 
-def refine_edge(shading: Shading, contour: Array, factor: float, camera: EdgeShape | None = None) -> Edge:
+def refine_edge(
+    shading: Shading, contour: Array, factor: float, camera: EdgeShape | None = None, symmetric: bool = False
+) -> Edge:
     """Find the edge near a coarse contour (n, 2) in px, good to about ``factor`` px.
 
-    ``camera`` is the shape of a raised body's edge by the same camera, if this may be the edge of a level surface. Raises
+    ``camera`` is the shape of a raised body's edge by the same camera, if this may be the edge of a level surface; a symmetric
+    edge is an error function, where what is beside it would be taken for the camera's tone curve. Raises
     `Unmeasurable` for an edge that fades over more than the profiles can reach, or is nowhere clear.
     """
     length = float(np.linalg.norm(np.diff(contour, axis=0), axis=1).sum())
@@ -126,7 +129,7 @@ def refine_edge(shading: Shading, contour: Array, factor: float, camera: EdgeSha
     # The second look follows the first one's edge, so that its profiles need no room for the contour's error.
     spacing = max(3.0, float(np.linalg.norm(np.diff(edge.px, axis=0), axis=1).sum()) / MOST_STATIONS)
     reach = float(np.clip(4.5 * width + 2.0, 5.0, 250.0))
-    return _edge_in(Profiles.across(shading, edge.px, spacing, reach), shading, camera)
+    return _edge_in(Profiles.across(shading, edge.px, spacing, reach), None if symmetric else shading, camera)
 
 
 def _edge_in(profiles: Profiles, shading: Shading | None = None, camera: EdgeShape | None = None) -> Edge:

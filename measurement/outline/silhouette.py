@@ -50,6 +50,11 @@ class Silhouette:
     hidden: float
     soft: float
 
+    @property
+    def softness(self) -> float:
+        """Width in px of the edge where it is soft: of four fifths of its points it is less."""
+        return float(np.percentile(self.edge.width, 80))
+
 
 LARGEST_SMALL_PX = 1000
 """Longer side in px of the reduced picture in which the device is looked for."""
@@ -99,7 +104,7 @@ def find_silhouette(image: pictures.Pixels, setup: Setup, base: Array | None = N
     contour = edge.coarse_contour(mask, share, factor, (x0, y0))
     is_open = float(np.linalg.norm(contour[0] - contour[-1])) > 2.0 * factor
     shading = profiles.Shading(image, colour)
-    traced = edge.refine_edge(shading, contour, factor)
+    traced = edge.refine_edge(shading, contour, factor, symmetric=True)  # faces seen aslant bend the profiles
     traced, gap = _without_gaps(traced, contour, factor, shading)
     beside = cv2.dilate(covered.astype(np.uint8), np.ones((2 * BESIDE_COVERED + 1,) * 2, np.uint8)) > 0
     if base is None:
@@ -155,7 +160,9 @@ def _body(light: Array, covered: Mask) -> tuple[Mask, float]:
     for _ in range(3):  # uneven light is learnt from the background, which is known only after a first look
         levels = _surface(light, background)
         centre, covariance = profiles.robust_covariance(_thinned((light - levels)[background]))
-        covariance = covariance + np.eye(3) * profiles.LIGHT_FLOOR**2
+        covariance = (
+            covariance + np.eye(3) * max(profiles.LIGHT_FLOOR, _stored_step(centre + levels[background].mean(axis=0))) ** 2
+        )
         offset = light - levels - centre
         distance = np.sqrt(np.einsum("...i,ij,...j->...", offset, np.linalg.inv(covariance), offset))
         limit = np.sqrt(chdtri(3, 1e-4))
@@ -174,6 +181,12 @@ def _body(light: Array, covered: Mask) -> tuple[Mask, float]:
     outside = cv2.connectedComponents(np.pad(~mask, 1, constant_values=True).astype(np.uint8), connectivity=4)[1]
     body = outside[1:-1, 1:-1] != outside[0, 0]  # a reflection inside is no edge of it
     return body, float(areas[order[1]] / areas[order[0]]) if len(order) > 1 else 0.0
+
+
+def _stored_step(light: Array) -> float:
+    """Return by how much the light (3,) changes from one stored number to the next: compression moves whole blocks by one."""
+    stored = np.clip(np.searchsorted(pictures.LIGHT_OF_SRGB, light.mean()), 1, 254)
+    return float(pictures.LIGHT_OF_SRGB[stored + 1] - pictures.LIGHT_OF_SRGB[stored - 1]) / 2.0
 
 
 def _surface(light: Array, background: Mask) -> Array:
@@ -391,6 +404,9 @@ MAX_ROUNDS = 6
 FACE_SHARE = 0.3
 """Half the width of the tip's face, as a share of the device's width there, that tells its direction."""
 
+SAME_WIDTH = 0.05
+"""Difference of the widths at two places before the tip, over the width, up to which the device only bends between them."""
+
 FLAT_SHARE = 0.012
 """Root mean square distance, as a share of the width, up to which the tip's face is flat."""
 
@@ -517,9 +533,11 @@ def _tip(polygon: Array, line: Array, width: float) -> tuple[Array, float, bool]
     if not flat:
         way = line[-1] - line[-8]
         return tip, float(np.arctan2(way[1], way[0])), False
-    # The middle of the face: between both sides a little before it.
-    back = face - 0.15 * width * way
-    reach = [_reach(polygon, back[None], sign * across[None])[0] for sign in (1.0, -1.0)]
-    if np.isfinite(reach).all() and sum(reach) < 1.5 * width:
-        face = face + 0.5 * (reach[0] - reach[1]) * across
+    # The middle of the face: between both sides a little before it, and twice as far, for a device that is curved there.
+    back = face - np.array([[0.15], [0.3]]) * width * way
+    left, right = (_reach(polygon, back, np.tile(sign * across, (2, 1))) for sign in (1.0, -1.0))
+    wide, middle = left + right, 0.5 * (left - right)
+    if wide[0] < 1.5 * width:
+        bend = middle[1] - middle[0] if abs(wide[1] - wide[0]) < SAME_WIDTH * width else 0.0
+        face = face + (middle[0] - bend / 3.0) * across
     return face, float(np.arctan2(way[1], way[0])), True

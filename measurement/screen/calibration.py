@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
-from measurement import pictures
+from measurement import film, pictures
 from measurement.camera import Camera, CameraError, Points
 from measurement.screen import setup
 from measurement.screen.grid import MIN_LINES, GridError, GridPoints, checked, find_grid, gray_bytes
@@ -512,10 +512,11 @@ LINE_COLOUR, POINT_COLOUR = (220, 40, 40), (20, 90, 230)
 
 
 def read_picture(path: Path | str) -> NDArray[np.uint8]:
-    """Return a photograph (h, w, 3) in the sensor's own orientation; `CameraError` if it is not there or no picture."""
+    """Return a photograph (h, w, 3) in the sensor's own orientation, or the first frame of a film; `CameraError` if it is not
+    there or no picture."""
     try:
-        return pictures.read_pixels(Path(path))
-    except pictures.Unmeasurable as error:
+        return film.first_frame(Path(path)) if film.is_film(Path(path)) else pictures.read_pixels(Path(path))
+    except (film.FilmError, pictures.Unmeasurable) as error:
         raise CameraError(f"{path} cannot be read as a photograph: {error}") from None
 
 

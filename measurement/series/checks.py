@@ -190,16 +190,17 @@ class CourseEvidence(RunEvidence):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ViewEvidence:
-    """A device seen from the side: its silhouette, its shape, the same without pressure, and by how many px the background
-    moved and how many times brighter it is since then (None where either is not known); the size of a pixel, the standard
-    error of its length, and its length without pressure with its error (None where it is not known), all in m; whether this
-    is the photograph without pressure, and whether it shall be used in spite of doubts."""
+    """A device seen from the side: its silhouette, its shape, the same without pressure, and since then by how many px the
+    background moved, how many times brighter it is and how many times softer the edge (None where it is not known); the size
+    of a pixel, the standard error of its length, and its length without pressure with its error (None where it is not known),
+    all in m; whether this is the photograph without pressure, and whether it shall be used in spite of doubts."""
 
     silhouette: Silhouette
     shape: Shape
     before: Shape | None
     moved_px: float | None
     brighter: float | None
+    softer: float | None
     pixel: float
     length_error: float
     length: tuple[float, float] | None
@@ -914,6 +915,7 @@ MAX_SHRINKAGE, MAX_STRETCH = 0.03, 0.35
 """Shares of its length by which a centre line may become shorter or longer in its plane."""
 
 MAX_BRIGHTER = 1.6
+MAX_SOFTER = 2.0
 """How many times brighter or darker the background may be than without pressure."""
 
 MAX_WIDENING = 1.7
@@ -971,6 +973,16 @@ def cast_shadow(e: ViewEvidence) -> Iterator[Doubt]:
         yield Doubt(
             f"{e.silhouette.soft:.0%} of the edge is much softer than the rest, as that of a shadow or of fast motion",
             "light the background evenly or from behind, and photograph the device at rest",
+        )
+
+
+@register_check(ViewEvidence)
+def sharp_as_before(e: ViewEvidence) -> Iterator[Doubt]:
+    """Is the edge as sharp as without pressure?"""
+    if e.softer is not None and e.softer > MAX_SOFTER:
+        yield Doubt(
+            f"the edge is {e.softer:.1f} times as wide as without pressure: it is blurred by motion, or out of focus",
+            "fix the focus, expose for a shorter time, and take it while the device is at rest",
         )
 
 

@@ -239,6 +239,20 @@ def animate(path: Path, pictures: Sequence[Path]) -> None:
         frames[0].save(path, save_all=True, append_images=frames[1:], duration=FRAME_TIME, loop=0)
 
 
+def write_film(path: Path, pictures: Sequence[Path], per_second: float) -> None:
+    """Write pictures of one size one after the other as an MP4 film."""
+    writer = None
+    for file in pictures:
+        image = cv2.imread(str(file))
+        if image is None:
+            continue
+        size = image.shape[1] // 2 * 2, image.shape[0] // 2 * 2
+        writer = writer or cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), per_second, size)
+        writer.write(image[: size[1], : size[0]])
+    if writer is not None:
+        writer.release()
+
+
 def write_overview(path: Path, results: Sequence[Result], folder: Path) -> None:
     """Write one HTML page with the table, the pictures of the run, which lie in the folder, and of every photograph, all
     inside of it."""

@@ -1,9 +1,9 @@
 """The list of photographs, ``photos.csv``: which file was taken at which pressure.
 
 Columns: ``file``; ``pressure`` with its unit, or ``left`` and ``right``, the levels of the two tubes; optionally ``error``;
-optionally ``hold`` and ``rise``, how long the pressure was held before and how long the change to it took; optionally ``use``,
-which is ``anyway`` where a photograph shall be used in spite of doubts. A file is named relative to the list, or by the number
-its camera gave it: 5965 finds IMG_5965.JPG.
+optionally ``time``, when it was taken; optionally ``hold`` and ``rise``, how long the pressure was held before and how long the
+change to it took; optionally ``use``, which is ``anyway`` where a photograph shall be used in spite of doubts. A file is named
+relative to the list, or by the number its camera gave it: 5965 finds IMG_5965.JPG.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ def _length_or_pressure(text: str) -> tuple[float, bool]:
             raise ColumnError(f"{units.brief(text.strip())} is neither a column of water nor a pressure; {FORMS}") from None
 
 
-KNOWN_COLUMNS = ("file", "pressure", "left", "right", "error", "hold", "rise", "use")
+KNOWN_COLUMNS = ("file", "pressure", "left", "right", "error", "time", "hold", "rise", "use")
 TIMES = ("hold", "rise")
 ANYWAY = "anyway"
 """In the column ``use`` of a photograph that shall be used in spite of doubts."""
@@ -153,6 +153,7 @@ class Photograph:
         history: Pressures up to the photograph; empty if the list has no times.
         row: Its row as it is written, by column; empty if it is in no list.
         anyway: Whether it shall be used in spite of doubts.
+        time: When it was taken, in s; None if the list does not say.
     """
 
     file: Path
@@ -161,6 +162,7 @@ class Photograph:
     history: outline.History = ()
     row: Mapping[str, str] = dataclasses.field(default_factory=dict, compare=False)
     anyway: bool = False
+    time: float | None = None
 
     @property
     def by_length(self) -> bool:
@@ -320,7 +322,8 @@ def _photograph(folder: Path, row: dict[str, str], column: Column) -> Photograph
         raise PhotoListError(
             f"use is {units.brief(use)}; write {ANYWAY} to use the photograph in spite of doubts, or leave it empty"
         )
-    return Photograph(_find(folder, row["file"]), pressure, pressure_error, row=row, anyway=bool(use))
+    time = _seconds("time", row["time"]) if row.get("time") else None
+    return Photograph(_find(folder, row["file"]), pressure, pressure_error, row=row, anyway=bool(use), time=time)
 
 
 class _Clock:

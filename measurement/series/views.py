@@ -195,8 +195,8 @@ CURVE_COLUMNS = ("curve", "arc_length_m", "x_m", "z_m", "error_m", "curvature_1/
 REPEAT_COUNT = 24
 """Repeats from whose scatter the errors come."""
 
-SHARED_PX = 0.05
-"""Standard error in px by which the whole edge may lie too far out: tone curve, sharpening, light that creeps around it."""
+SHARED_PX = 0.07
+"""Standard error in px by which the whole edge may lie too far out: tone curve, sharpening, colours that JPEG files blur."""
 
 MODEL_PX = 0.1
 """Standard error in px of the tip and of the centre line that smoothing and corners leave."""
@@ -247,8 +247,9 @@ def view_of(
     before = None if reference is None else reference.view.shape
     moved_px = None if reference is None else background_shift(reference.image, image, [reference.seen, seen])
     brighter = None if reference is None else light_ratio(reference.image, image, [reference.seen, seen])
+    softer = None if reference is None else seen.softness / reference.seen.softness
     evidence = checks.ViewEvidence(
-        seen, shape, before, moved_px, brighter, pixel, view.length_error, scene.length, photo.is_zero, photo.anyway
+        seen, shape, before, moved_px, brighter, softer, pixel, view.length_error, scene.length, photo.is_zero, photo.anyway
     )
     return dataclasses.replace(view, reasons=checks.doubts(evidence))
 
@@ -351,7 +352,7 @@ from which a movement of the background is measured."""
 
 VIEW_COLUMNS = (
     "file", "pressure_Pa", "pressure_error_Pa", "tip_x_m", "tip_x_error_m", "tip_z_m", "tip_z_error_m", "angle_deg",
-    "angle_error_deg", "rotation_deg", "rotation_error_deg", "length_m", "length_error_m", "trusted", "remarks",
+    "angle_error_deg", "rotation_deg", "rotation_error_deg", "length_m", "length_error_m", "trusted", "remarks", "time_s",
 )  # fmt: skip
 
 
@@ -397,13 +398,14 @@ class Views:
             rows.writerow(VIEW_COLUMNS)
             for photo, outcome in zip(self.photographs, self.outcomes, strict=True):
                 first = (photo.file.name, repr(photo.pressure), repr(photo.pressure_error))
+                time = "" if photo.time is None else f"{photo.time:.9g}"
                 if isinstance(outcome, Refusal):
-                    rows.writerow((*first, *[""] * (len(VIEW_COLUMNS) - 5), "refused", outcome.reason))
+                    rows.writerow((*first, *[""] * (len(VIEW_COLUMNS) - 6), "refused", outcome.reason, time))
                     continue
                 (x, z), (x_error, z_error) = outcome.shape.tip - self.origin, outcome.tip_error
                 angles = (math.degrees(a) for a in (outcome.shape.angle, outcome.angle_error, *self.rotation(outcome)))
                 values = (x, x_error, z, z_error, *angles, outcome.shape.length, outcome.length_error)
-                rows.writerow((*first, *(f"{v:.7g}" for v in values), outcome.trust, "; ".join(outcome.reasons)))
+                rows.writerow((*first, *(f"{v:.7g}" for v in values), outcome.trust, "; ".join(outcome.reasons), time))
         for name, outcome in zip(self.names, self.outcomes, strict=True):
             if isinstance(outcome, View):
                 outcome.to_csv(folder / f"{name}.csv", self.origin)

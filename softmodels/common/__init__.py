@@ -3,7 +3,8 @@
 Begin with `units` (text with a unit in, SI out) and `schema` (fields that know their unit, from which come checks, tables of
 TOML files and command-line options).
 
-- `units`: quantities read and written. `tables`: TOML files and tables of users, read with limits. `arrays`: types of arrays.
+- `units`: quantities read and written. `tables`: TOML files and tables of users, read with limits. `columns`: what the columns
+  of such a table hold, and in which unit. `arrays`: types of arrays.
 - `schema`: fields, kinds of values, and the codec between dataclasses and tables.
 - `names`: arguments checked by name; classes by name, the user's own among them; public names loaded when used.
 - `errors`: errors whose message is a sentence, and how options are spelt in it.

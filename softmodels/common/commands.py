@@ -484,6 +484,13 @@ class ResultFolder:
     def path(self) -> Path:
         return self._own.path
 
+    @property
+    def is_done(self) -> bool:
+        """Whether it holds the results of the very same inputs already."""
+        record = self._own.record
+        same = record is not None and record.about.get("inputs") == self._inputs
+        return same and all((self.path / name).exists() for name in self._own.files)
+
     @contextlib.contextmanager
     def writing(self) -> Iterator[Path]:
         """Provide a folder to write all results into, which take the place of the earlier ones at the end of the block;

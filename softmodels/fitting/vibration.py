@@ -12,11 +12,12 @@ import numpy as np
 import scipy.optimize
 
 from softmodels.case.case import Case
+from softmodels.common import columns as machine
 from softmodels.common.arrays import Array
+from softmodels.common.columns import TensileError, in_si
 from softmodels.components import loads
 from softmodels.fitting import problem
-from softmodels.fitting.curves import columns as machine, residuals
-from softmodels.fitting.curves.columns import TensileError, in_si
+from softmodels.fitting.curves import residuals
 from softmodels.fitting.curves.oscillation import FrequencyResiduals, FrequencyTest
 from softmodels.materials import silicones, specimens
 from softmodels.materials.laws import Material, MaterialError, NeoHookean

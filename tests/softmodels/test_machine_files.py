@@ -15,7 +15,7 @@ import numpy as np
 import openpyxl
 import pytest
 
-from softmodels.fitting.curves import columns
+from softmodels.common import columns
 from softmodels.fitting.curves.curve import TensileError, read_curves
 from softmodels.fitting.curves.fit import fit_curves
 from softmodels.fitting.problem import FitOptions

@@ -11,7 +11,8 @@ import scipy.integrate
 
 from geometries import HollowDisk
 from softmodels.cli import material_commands
-from softmodels.fitting.curves import columns, oscillation, residuals
+from softmodels.common import columns
+from softmodels.fitting.curves import oscillation, residuals
 from softmodels.fitting.curves.curve import TensileCurve, TensileError
 from softmodels.fitting.curves.fit import fit_curves
 from softmodels.fitting.outlines.fit import fit

@@ -9,8 +9,8 @@ import numpy as np
 import openpyxl
 import pytest
 
+from softmodels.common.columns import recognise
 from softmodels.common.errors import spoken
-from softmodels.fitting.curves.columns import recognise
 from softmodels.fitting.curves.curve import MIN_POINTS_FOR_NOISE, Specimen, TensileError, small_modulus
 from softmodels.fitting.curves.residuals import StressError, noise
 from softmodels.materials.laws import NeoHookean
@@ -481,9 +481,7 @@ def test_who_says_what_a_column_holds_is_believed(write):
 def test_lines_of_numbers_are_not_searched_for_a_header(write, monkeypatch):
     """Patterns look at lines of words alone: a raw curve has 37,512 lines of numbers."""
     asked = []
-    monkeypatch.setattr(
-        "softmodels.fitting.curves.columns.recognise", lambda text, *rest: asked.append(text) or recognise(text, *rest)
-    )
+    monkeypatch.setattr("softmodels.common.columns.recognise", lambda text, *rest: asked.append(text) or recognise(text, *rest))
     rows = "".join(f"{1 + i / 500:.4f},{i}\n" for i in range(1000))
     assert len(read_curve(write("stretch,stress (kPa)\n" + rows)).stretch) == 1000
     assert len(asked) < 10

@@ -13,9 +13,9 @@ import softmodels as sm
 from softmodels.case import load
 from softmodels.case.case import Case
 from softmodels.cli import material_commands
+from softmodels.common.columns import TensileError
 from softmodels.fitting import vibration
 from softmodels.fitting.curves import oscillation, residuals
-from softmodels.fitting.curves.columns import TensileError
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.fit import fit_curves
 from softmodels.fitting.problem import FitError, FitOptions, LawChoice

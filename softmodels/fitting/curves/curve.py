@@ -12,12 +12,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.common import errors, names, schema
+from softmodels.common import columns as machine, errors, names, schema
 from softmodels.common.arrays import Array
+from softmodels.common.columns import KINDS, LEAST_POINTS, LOADS, CurveColumn, CurveTable, TensileError, in_si
 from softmodels.common.names import checked
 from softmodels.common.units import brief
-from softmodels.fitting.curves import columns as machine
-from softmodels.fitting.curves.columns import KINDS, LEAST_POINTS, LOADS, CurveColumn, CurveTable, TensileError, in_si
 from softmodels.materials import laws, specimens
 
 

@@ -12,12 +12,13 @@ from typing import Self
 
 import numpy as np
 
+from softmodels.common import columns as machine
 from softmodels.common.arrays import Array
+from softmodels.common.columns import CurveTable, TensileError, in_si
 from softmodels.common.names import keep_arrays
 from softmodels.common.units import UnitError, quantity
 from softmodels.fitting import problem
-from softmodels.fitting.curves import columns as machine, residuals
-from softmodels.fitting.curves.columns import CurveTable, TensileError, in_si
+from softmodels.fitting.curves import residuals
 from softmodels.fitting.curves.curve import SOFTEST_TEST
 from softmodels.materials import specimens
 from softmodels.materials.laws import Material, MaterialError

@@ -15,11 +15,11 @@ from typing import TypeGuard
 
 import numpy as np
 
+from softmodels.common import columns as machine
 from softmodels.common.arrays import Array
+from softmodels.common.columns import TensileError, in_si
 from softmodels.common.names import keep_arrays
 from softmodels.fitting import least_squares, problem
-from softmodels.fitting.curves import columns as machine
-from softmodels.fitting.curves.columns import TensileError, in_si
 from softmodels.fitting.outlines import residuals, shapes
 from softmodels.fitting.outlines.device import DeviceModel
 from softmodels.fitting.outlines.shapes import OutlineFitError

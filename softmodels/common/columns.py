@@ -87,6 +87,7 @@ INFLATION = Layout(
     ("added-volume", "volume", "radius", "diameter", "rise"), ("pressure",), (), ("volume, radius or rise", "pressure"),
     "'volume (ml)' and 'pressure (kPa)'", "volume=1[ml],pressure=2[kPa]",
 )  # fmt: skip
+LOG = Layout(("time",), ("pressure",), (), ("time", "pressure"), "'time (s)' and 'pressure (kPa)'", "time=1[s],pressure=2[kPa]")
 
 WORDS = {
     "time": ["time", "elapsed", "*zeit", "temps", "tiempo", "tempo", "zaman", "时间", "時間"],
@@ -123,7 +124,7 @@ WORDS = {
 """Words of headers by kind, the first kind with a word of the header being its own; without accents, in small letters. A star
 stands for any letters: German joins words."""
 LETTERS = {"p": "pressure", "v": "volume", "r": "radius", "d": "diameter"}
-"""Symbols that stand for a whole header of an inflation."""
+"""Symbols that stand for a whole header of an inflation or a log."""
 MACHINE = "displacement|crosshead|stroke|travel|position|distance|traverse|\\w*weg|course|deplacement|desplazamiento"
 SPECIMENS = "specimen|specimen no|sample|sample no|probe|proben?nr|probe nr|eprouvette|probeta|provino|numune"
 """Headers of a column that names the specimen of each row."""
@@ -265,7 +266,7 @@ def recognise(header: str, place: int, layout: Layout = CURVE) -> CurveColumn | 
 def _kind_of(words: str, layout: Layout = CURVE) -> str | None:
     if words == "t" and "time" in layout.kinds:
         return "time"
-    if layout is INFLATION and words in LETTERS:
+    if layout in (INFLATION, LOG) and LETTERS.get(words) in layout.kinds:
         return LETTERS[words]
     share = "strain" if layout is CURVE and re.match(r"[ck]ompression\b", words) else None  # where no other word follows
     return next((kind for kind in WORDS if kind in layout.kinds and _pattern(kind).search(words)), share)
@@ -665,12 +666,19 @@ def _numbers(sheet: tables.Worksheet, rows: Sequence[tables.Line], columns: tupl
         marks = [","] * len(marks)
     for number, row in rows:
         cells = [_cell(row, column) for column in columns]
-        values = []
+        values: list[float] = []
         for cell, column, mark in zip(cells[:2], columns[:2], marks, strict=False):
-            if not _is_number(cell):
+            value = (
+                _seconds(cell, column, mark)
+                if column.kind == "time"
+                else _value(cell, column, mark)
+                if _is_number(cell)
+                else None
+            )
+            if value is None:
                 why = FORMULA if cell.startswith("=") else "is not a number"
                 raise TensileError(f"{sheet.place(number)}: {cell!r} in the column {column.header!r} {why}")
-            values.append(_value(cell, column, mark))
+            values.append(value)
         if not all(map(math.isfinite, values)):
             raise TensileError(f"{sheet.place(number)} has a value that is not finite ({', '.join(cells[:2])})")
         x.append(values[0])
