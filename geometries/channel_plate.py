@@ -70,8 +70,8 @@ class ChannelPlate(actuator.Actuator):
     least_wall: float = schema.length_field(
         0.0005, "minimum solid between channels, and between them and the plate's faces", shape=False
     )
-    cell_size: float = schema.length_field(0.003, "edge length of the cells far from the channels", shape=False)
-    around: float = schema.number_field(8.0, "cells around the narrowest channel's section", shape=False)
+    cell_size: float = schema.length_field(0.0025, "edge length of the cells far from the channels", shape=False)
+    around: float = schema.number_field(10.0, "cells around the narrowest channel's section", shape=False)
 
     stem: ClassVar = "plate"
     pressures: ClassVar = "0:100"
@@ -271,7 +271,7 @@ class ChannelPlate(actuator.Actuator):
         build_plate(self)
 
     def curve(self) -> None:
-        """Move the nodes inside the edges on the channels' walls onto them."""
+        """Move the nodes inside the edges on the channels' walls onto them, and back those that spoil cells in creases."""
         for name, role in zip(self.drawn.cavities, actuator.cavity_roles(self), strict=True):
             (group,) = (group for group in gmsh.model.getPhysicalGroups(2) if gmsh.model.getPhysicalName(*group) == role)
             tags, places = gmsh.model.mesh.getNodesForPhysicalGroup(*group)
@@ -279,12 +279,16 @@ class ChannelPlate(actuator.Actuator):
             moved = distance.projected(places.reshape(-1, 3) / meshing.MM_PER_M) * meshing.MM_PER_M
             for tag, place in zip(tags.tolist(), moved, strict=True):
                 gmsh.model.mesh.setNode(tag, place, [])
+        gmsh.model.mesh.optimize("HighOrderElastic")
+        meshing.straighten(3, EASING)
 
 
 DRAWINGS = (".svg", ".dxf")
 RECTANGLE = "rectangle 40 x 15 mm"
 DEFAULT = "parallel:4"
 CELL_SIZE_GROWTH = 0.5
+EASING = (0.75, 0.5, 0.25)
+"""How much of the way to the wall is left to edges that spoil cells, in the order tried."""
 CORNER = math.radians(15.0)
 """Turn between two pieces of the outline above which their common end is a corner."""
 ROUND_PIECES = 360

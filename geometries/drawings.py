@@ -20,7 +20,7 @@ from xml.sax import saxutils
 
 import numpy as np
 
-from geometries.network import Channel, Network
+from geometries.network import Channel, Network, shown_at
 from softmodels.common import errors, files
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
@@ -72,23 +72,23 @@ def read(file: str, radius: float, offset: float, width: float, *, outlined: boo
         raise GeometryError(f"network {file} has more than {MAX_STROKES} lines; leave out what is no channel")
     closed = [stroke for stroke in strokes if stroke.closed]
     outer = None if outlined else max(closed, key=lambda stroke: stroke.area, default=None)
+    rest = [stroke for stroke in strokes if stroke is not outer]
     if width:
         span = np.ptp(outer.line if outer else np.concatenate([stroke.line for stroke in strokes]), axis=0)[0]
-        strokes = [dataclasses.replace(s, line=s.line * width / span, radius=s.radius * width / span) for s in strokes]
+        rest = [dataclasses.replace(s, line=s.line * width / span, radius=s.radius * width / span) for s in rest]
         outer = None if outer is None else dataclasses.replace(outer, line=outer.line * width / span)
     if outer is not None:
         low, high = outer.line.min(axis=0), outer.line.max(axis=0)
         origin = np.array([low[0], 0.5 * (low[1] + high[1])])
-        strokes = [dataclasses.replace(s, line=s.line - origin) for s in strokes]
+        rest = [dataclasses.replace(s, line=s.line - origin) for s in rest]
         outer = dataclasses.replace(outer, line=outer.line - origin)
-    rest = [s for s in strokes if outer is None or s.name != outer.name]
     lines = [s for s in rest if not (s.closed and s.filled)]
     widest = 2.0 * max((s.radius for s in lines), default=0.0)
     channels, holes, inlets = [], [], []
     for stroke in rest:
         span = float(np.ptp(stroke.line, axis=0).max())
         if len(stroke.line) == 1 or (stroke.closed and stroke.filled and span <= DOT * widest):
-            inlets.append(stroke.line.mean(axis=0))
+            inlets.append(0.5 * (stroke.line.min(axis=0) + stroke.line.max(axis=0)))
         elif stroke.closed and stroke.filled:
             holes.append(stroke.line)
         else:
@@ -100,7 +100,7 @@ def read(file: str, radius: float, offset: float, width: float, *, outlined: boo
         away, name = min(places)
         if away > 0.0:
             raise GeometryError(
-                f"network {file} has a dot near ({1e3 * x:.4g}, {1e3 * y:.4g}) mm, where a tube would enter, and the nearest "
+                f"network {file} has a dot {shown_at(x, y)}, where a tube would enter, and the nearest "
                 f"channel, {name}, is {1e3 * away:.2g} mm away; move it onto a channel"
             )
     paths = tuple(_path(line) for line in ([outer.line] if outer else []) + holes)
@@ -112,12 +112,10 @@ def _channel(file: str, stroke: Stroke, offset: float) -> Channel:
     line = np.vstack([stroke.line, stroke.line[:1]]) if stroke.closed else stroke.line
     line = line[np.append(True, np.linalg.norm(np.diff(line, axis=0), axis=1) > 1e-9)]
     if len(line) < 2:
-        x, y = 1e3 * stroke.line[0]
-        raise GeometryError(f"network {file}: {stroke.name} near ({x:.4g}, {y:.4g}) mm has no length; remove it")
+        raise GeometryError(f"network {file}: {stroke.name} {shown_at(*stroke.line[0])} has no length; remove it")
     if not stroke.radius:
-        x, y = 1e3 * line[0]
         raise GeometryError(
-            f"network {file}: {stroke.name} near ({x:.4g}, {y:.4g}) mm is an open line without a stroke; give it a "
+            f"network {file}: {stroke.name} {shown_at(*line[0])} is an open line without a stroke; give it a "
             "stroke as wide as the channel, or close it"
         )
     height = float(stroke.more.get("data-offset", 1e3 * offset)) * 1e-3
@@ -147,6 +145,8 @@ def _path(line: Array) -> tuple[tuple[float, float], ...]:
 
 
 IGNORED = {"Group", "Use", "SVG", "Desc", "Title", "ClipPath", "Pattern", "Viewbox"}
+KINDS = {"SimpleLine": "line"}
+"""The library's names of shapes where SVG has others."""
 LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
 
 
@@ -165,7 +165,8 @@ def _svg(file: str, radius: float) -> Iterator[Stroke]:
         kind = type(element).__name__
         if kind in IGNORED:
             continue
-        name = str(getattr(element, "id", None) or (element.values or {}).get(LABEL) or f"{kind.lower()} {count + 1}")
+        label = getattr(element, "id", None) or (element.values or {}).get(LABEL)
+        name = str(label or f"{KINDS.get(kind, kind.lower())} {count + 1}")
         if not isinstance(element, svgelements.Shape):
             if kind in ("Text", "Image", "SVGImage"):
                 what = "a text" if kind == "Text" else "an image"
@@ -176,8 +177,9 @@ def _svg(file: str, radius: float) -> Iterator[Stroke]:
         filled = fill is not None and fill.value is not None and fill.alpha != 0
         if not (drawn or filled):
             continue
-        thick = 0.5 * M_PER_PX * float(element.stroke_width or 0.0) if drawn else 0.0
-        whole = svgelements.Path(element)
+        scale = math.sqrt(abs(element.transform.determinant))  # what is left of it on a turned rectangle
+        thick = 0.5 * M_PER_PX * scale * float(element.stroke_width or 0.0) if drawn else 0.0
+        whole = abs(svgelements.Path(element))
         more = {key: str(value) for key, value in (element.values or {}).items() if str(key).startswith("data-")}
         for part in whole.as_subpaths():
             piece = svgelements.Path(part)
@@ -249,14 +251,17 @@ def _dxf(file: str, radius: float) -> Iterator[Stroke]:
     metre = ezdxf.units.conversion_factor(unit, 6) if unit else 1e-3
     layers = {layer.dxf.name for layer in document.layers if layer.is_off() or layer.is_frozen()}
     entities = itertools.chain.from_iterable(
-        entity.virtual_entities() if entity.dxftype() == "INSERT" else (entity,) for entity in document.modelspace()
+        zip(entity.virtual_entities() if entity.dxftype() == "INSERT" else (entity,), itertools.repeat(entity.dxf.layer))
+        for entity in document.modelspace()
     )
-    for number, entity in enumerate(entities, 1):
-        if entity.dxf.layer in layers:
+    for number, (entity, inserted) in enumerate(entities, 1):
+        layer = inserted if entity.dxf.layer == "0" else entity.dxf.layer  # a block's "0" is the layer that it is put into
+        if layer in layers:
             continue
-        kind, name = entity.dxftype(), f"{entity.dxftype()} {entity.dxf.handle or number} of layer {entity.dxf.layer}"
+        kind, name = entity.dxftype(), f"{entity.dxftype()} {entity.dxf.handle or number} of layer {layer}"
         if kind == "POINT":
-            yield Stroke(name, metre * np.array([entity.dxf.location[:2]]), False, True, 0.0, entity.dxf.layer)
+            place = metre * np.array([[entity.dxf.location.x, entity.dxf.location.y]])
+            yield Stroke(name, place, False, True, 0.0, layer)
             continue
         if kind in ("TEXT", "MTEXT", "DIMENSION", "VIEWPORT", "LEADER", "MULTILEADER"):
             continue  # notes of a draughtsman
@@ -269,7 +274,7 @@ def _dxf(file: str, radius: float) -> Iterator[Stroke]:
         if kind == "LWPOLYLINE" and entity.dxf.get("const_width", 0.0) > 0.0:
             thick = 0.5 * metre * entity.dxf.const_width
         closed = bool(path.is_closed) and len(line) > 3
-        yield Stroke(name, line[:-1] if closed else line, closed, False, thick, entity.dxf.layer)
+        yield Stroke(name, line[:-1] if closed else line, closed, False, thick, layer)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -65,7 +65,7 @@ class Network:
 
 def shown_at(x: float, y: float) -> str:
     """Return a place in the plane (m) for a message."""
-    return f"near ({1e3 * x:.4g}, {1e3 * y:.4g}) mm"
+    return f"near ({round(1e3 * x, 6) + 0.0:.4g}, {round(1e3 * y, 6) + 0.0:.4g}) mm"
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -226,8 +226,9 @@ class Distance:
         self.owner = np.repeat(np.arange(len(pieces)), [len(own) for own in pieces])
         self.fillet = fillet
 
-    def of(self, points: Array, among: Array | None = None) -> Array:
-        """Return the distances of points, shape (n, 3); of the pieces only some (rising numbers) are looked at if given."""
+    def of(self, points: Array, among: Array | None = None) -> tuple[Array, Array]:
+        """Return the distances (n,) of points, shape (n, 3), and the unit normals (n, 3) of the nearest piece; only some of the
+        pieces (rising numbers) are looked at if given."""
         start, along, square, radius, growth, owner = (
             array if among is None else array[among]
             for array in (self.start, self.along, self.square, self.radius, self.growth, self.owner)
@@ -237,32 +238,29 @@ class Distance:
         away -= share[..., None] * along
         length = np.sqrt(np.einsum("nmi,nmi->nm", away, away))
         distance = length - radius - share * growth
-        least = distance.min(axis=1)
+        nearest, every = distance.argmin(axis=1), np.arange(len(points))
+        least = distance[every, nearest]
+        normals = away[every, nearest] / np.maximum(length[every, nearest], 1e-30)[:, None]
         if self.fillet == 0.0 or owner[0] == owner[-1]:
-            return np.asarray(least)
+            return least, normals
         # Several channels: the nearest piece of each, and of these the few that are within the rounding.
         first = np.flatnonzero(np.diff(owner, prepend=-1))
         best = np.minimum.reduceat(distance, first, axis=1)
         near = np.clip(1.0 - (best - least[:, None]) / self.fillet, 0.0, None)
-        blend = np.zeros(len(points))
-        rows = np.flatnonzero((near > 0.0).sum(axis=1) > 1)
-        for row in rows.tolist():
+        for row in np.flatnonzero((near > 0.0).sum(axis=1) > 1).tolist():
             some = np.flatnonzero(near[row] > 0.0)
-            normals = []
-            for group in some.tolist():
-                own = np.arange(first[group], first[group + 1] if group + 1 < len(first) else len(owner))
-                piece = own[int(distance[row, own].argmin())]
-                normals.append(away[row, piece] / max(length[row, piece], 1e-30))
-            for (i, a), (j, b) in itertools.combinations(zip(some.tolist(), normals, strict=True), 2):
-                blend[row] += (1.0 - float(a @ b)) * (near[row, i] * near[row, j]) ** 2
-        return np.asarray(least - 0.25 * self.fillet * blend)
+            ends = np.append(first, len(owner))
+            pieces = [ends[k] + int(distance[row, ends[k] : ends[k + 1]].argmin()) for k in some.tolist()]
+            ways = away[row, pieces] / np.maximum(length[row, pieces], 1e-30)[:, None]
+            weights = near[row, some] ** 2
+            pairs = (1.0 - ways @ ways.T) * np.outer(weights, weights)
+            least[row] -= 0.125 * self.fillet * float(pairs.sum())  # each pair stands there twice
+        return least, normals
 
     def projected(self, points: Array) -> Array:
-        """Return points near the walls moved onto them along the distance's gradient, shape (n, 3)."""
+        """Return points near the walls moved onto them along the normals of the nearest pieces, shape (n, 3)."""
         tree = scipy.spatial.cKDTree(self.start + 0.5 * self.along)
         reach = 0.5 * math.sqrt(self.square.max()) + self.radius.max() + np.abs(self.growth).max() + 2.0 * self.fillet
-        step = 1e-4 * float(self.radius.min())
-        offsets = step * np.concatenate([np.eye(3), -np.eye(3)])
         moved = points.copy()
         order = np.lexsort(np.round(points / (2.0 * reach)).T)
         for block in np.array_split(order, math.ceil(len(points) / 200)):
@@ -270,18 +268,17 @@ class Distance:
             centre = at.mean(axis=0)
             wide = reach + float(np.linalg.norm(at - centre, axis=1).max())
             among = np.array(sorted(tree.query_ball_point(centre, wide)), dtype=int)
-            for _ in range(PROJECTIONS):
-                probes = (at[:, None] + offsets).reshape(-1, 3)
-                values = self.of(np.concatenate([at, probes]), among)
-                value, sides = values[: len(at)], values[len(at) :].reshape(len(at), 6)
-                gradient = (sides[:, :3] - sides[:, 3:]) / (2.0 * step)
-                at -= (value / np.maximum((gradient**2).sum(axis=1), 0.1))[:, None] * gradient
+            for _ in range(MAX_PROJECTIONS):
+                distance, normals = self.of(at, among)
+                at -= distance[:, None] * normals
+                if np.abs(distance).max() < ON_WALL * self.radius.min():
+                    break
             moved[block] = at
         return moved
 
 
-PROJECTIONS = 4
-"""Newton steps onto a wall, from a place within a tenth of the cells' size."""
+MAX_PROJECTIONS, ON_WALL = 30, 1e-9
+"""Most steps onto a wall, and how near is on it, in the smallest radius: one step on a cylinder, several on a rounding."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -325,12 +322,26 @@ def _air_surface(distance: Distance, edge: float) -> dict[str, Array]:
             cells.update(itertools.product(*(range(a, b + 1) for a, b in zip(first, last, strict=True))))
         for cell in cells:
             pieces[cell].append(number)
-    known = {cell: np.array(numbers) for cell, numbers in pieces.items()}
+    rows = [
+        (*start, *along, 1.0 / square, radius, grown)
+        for start, along, square, radius, grown in zip(
+            distance.start.tolist(), distance.along.tolist(), distance.square.tolist(), distance.radius.tolist(),
+            distance.growth.tolist(), strict=True,
+        )
+    ]  # fmt: skip
+    known = {cell: [rows[number] for number in numbers] for cell, numbers in pieces.items()}
     x0, y0, z0 = low.tolist()
 
+    # Asked a million times: plain arithmetic; roundings come when the corners are moved.
     def depth(x: float, y: float, z: float) -> float:
-        among = known.get((math.floor((x - x0) / size), math.floor((y - y0) / size), math.floor((z - z0) / size)))
-        return -reach if among is None else -float(distance.of(np.array([[x, y, z]]), among)[0])
+        least = reach
+        block = int((x - x0) // size), int((y - y0) // size), int((z - z0) // size)
+        for a, b, c, u, v, w, inverse, radius, grown in known.get(block, ()):
+            x1, y1, z1 = x - a, y - b, z - c
+            share = min(max((x1 * u + y1 * v + z1 * w) * inverse, 0.0), 1.0)
+            x1, y1, z1 = x1 - share * u, y1 - share * v, z1 - share * w
+            least = min(least, math.sqrt(x1 * x1 + y1 * y1 + z1 * z1) - radius - share * grown)
+        return -least
 
     mesh = manifold3d.Manifold.level_set(depth, [*low.tolist(), *high.tolist()], step).to_mesh64()
     triangles = np.asarray(mesh.tri_verts).astype(np.int64)
@@ -377,8 +388,8 @@ class Samples:
         return cls(table[:, :3], table[:, 3], table[:, 4].astype(np.int64))
 
 
-def check_walls(channels: Sequence[Channel], samples: Samples, least: float) -> tuple[str, ...]:
-    """Reject channels with less than a wall (m) between them that are not joined; return remarks on where some are joined."""
+def check_walls(channels: Sequence[Channel], samples: Samples, least: float) -> None:
+    """Reject channels with less than a wall (m) between them that are not joined, and joined ones of several cavities."""
     places, radii, owner = samples.places, samples.radii, samples.owner
     tree = scipy.spatial.cKDTree(places)
     near = tree.query_pairs(2.0 * radii.max() + least, output_type="ndarray")
@@ -387,8 +398,8 @@ def check_walls(channels: Sequence[Channel], samples: Samples, least: float) -> 
     close = wall < least * (1.0 - schema.BOUND_TOLERANCE)
     near, away, wall = near[close], away[close], wall[close]
     follows = (near[:, 1] == near[:, 0] + 1) & (owner[near[:, 0]] == owner[near[:, 1]])
-    crossing = (owner[near[:, 0]] != owner[near[:, 1]]) & (away < JOINED_SHARE * radii[near].max(axis=1))
-    for (i, j), _ in zip(near[crossing].tolist(), range(len(near)), strict=False):
+    crossing = away < JOINED_SHARE * radii[near].max(axis=1)
+    for i, j in near[crossing][np.argsort(away[crossing], kind="stable")].tolist():
         first, second = channels[owner[i]], channels[owner[j]]
         if first.cavity != second.cavity:
             raise GeometryError(
@@ -417,13 +428,12 @@ def check_walls(channels: Sequence[Channel], samples: Samples, least: float) -> 
         gap, i, j = worst
         names = sorted({channels[owner[i]].name, channels[owner[j]].name})
         who = " and ".join(names) if len(names) > 1 else f"two parts of {names[0]}"
-        wall_text = f"are {schema.shown(gap, 'm')} apart" if gap > 0.0 else "run into each other"
+        wall_text = f"are {1e3 * gap:.2g} mm apart" if gap > 0.0 else "run into each other"
         raise GeometryError(
             f"{who} {wall_text} {shown_at(*places[[i, j], :2].mean(axis=0))}, and least_wall is {schema.shown(least, 'm')}; "
             "move them apart or cross them, make them narrower, or let them leave their joint at more than "
             f"{2.0 * math.degrees(math.asin(1.0 / MAX_DETOUR)):.0f} degrees"
         )
-    return ()
 
 
 def check_plate(channels: Sequence[Channel], samples: Samples, thickness: float, least: float) -> None:
@@ -433,7 +443,7 @@ def check_plate(channels: Sequence[Channel], samples: Samples, thickness: float,
         x, y, z = samples.places[at]
         face = "top" if z > 0.0 else "bottom"
         raise GeometryError(
-            f"{channels[samples.owner[at]].name}, of radius {schema.shown(samples.radii[at], 'm')} there, leaves "
+            f"{channels[samples.owner[at]].name}, of radius {1e3 * samples.radii[at]:.3g} mm there, leaves "
             f"{_wall(wall[at])} to the {face} face {shown_at(x, y)}, and least_wall is {schema.shown(least, 'm')}; make the "
             "plate thicker, the channel narrower, or its offset smaller"
         )
@@ -465,4 +475,4 @@ def check_outline(channels: Sequence[Channel], samples: Samples, paths: Sequence
 
 
 def _wall(value: float) -> str:
-    return schema.shown(float(value), "m") if value > 0.0 else "no wall"
+    return f"{1e3 * value:.2g} mm" if value > 0.0 else "no wall"
