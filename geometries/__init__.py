@@ -31,6 +31,7 @@ PLACES = {
     "Beam": "geometries.beam",
     "Bellows": "geometries.bellows",
     "BendingBellows": "geometries.bending_bellows",
+    "ChannelPlate": "geometries.channel_plate",
     "Cylinder": "geometries.cylinder",
     "HollowDisk": "geometries.disk",
     "ImportedActuator": "geometries.imported",
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
     from geometries.beam import Beam as Beam
     from geometries.bellows import Bellows as Bellows
     from geometries.bending_bellows import BendingBellows as BendingBellows
+    from geometries.channel_plate import ChannelPlate as ChannelPlate
     from geometries.cylinder import Cylinder as Cylinder
     from geometries.disk import HollowDisk as HollowDisk
     from geometries.imported import ImportedActuator as ImportedActuator, ImportedMesh as ImportedMesh

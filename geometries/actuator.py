@@ -425,6 +425,9 @@ class Actuator(Designable, Castable, DeviceLabels, ABC):
     def build(self) -> None:
         """Fill the current Gmsh model (m) with the shape, the physical groups and the cell sizes; do not mesh."""
 
+    def curve(self) -> None:
+        """Move nodes of the mesh in the current Gmsh model onto curved walls that no CAD face knows; none by default."""
+
     remarks: ClassVar[tuple[str, ...]] = ()
     """Sentences on what was changed to simulate it, which belong to each of its results."""
 

@@ -57,6 +57,7 @@ class Meshable(Protocol):
     @property
     def meshed(self) -> bool: ...
     def build(self) -> None: ...
+    def curve(self) -> None: ...
 
 
 SETTINGS = {
@@ -277,6 +278,7 @@ def _generate(actuator: Meshable, curving: str) -> None:
         with quiet_output(b"BFGS update error"):  # of Netgen's, at a cell so flat that one of its steps is left out
             gmsh.model.mesh.optimize("Netgen")
     gmsh.model.mesh.setOrder(actuator.mesh_order)
+    actuator.curve()
     if actuator.mesh_order > 1 and _jacobian_ratios(actuator.dimension).min() < AIMED_JACOBIAN:
         # Curving an edge onto an arc bends a flat cell too far; moving the inner nodes usually mends it.
         with contextlib.suppress(Exception):  # bare: its solver gave up, and the cells are judged next

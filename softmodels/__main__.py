@@ -32,6 +32,7 @@ PLACES = {
         "study": ("softmodels.cli.design", "Solve a case many times with some of its fields varied."),
     },
     "Cast": {
+        "draw-network": ("softmodels.cli.exports", "Write the network of a ChannelPlate as a drawing."),
         "mould": ("softmodels.cli.exports", "Make the mould of a device, and a sheet for the bench."),
     },
     "Look at results": {

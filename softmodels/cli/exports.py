@@ -17,6 +17,7 @@ from softmodels.case.case import Case
 from softmodels.casting.settings import Workshop, asked_of
 from softmodels.cli import ending, options
 from softmodels.common import commands, files, processes, schema
+from softmodels.common.errors import GeometryError
 from softmodels.mechanics import mpi
 
 if TYPE_CHECKING:
@@ -153,6 +154,47 @@ def export_command(file: Path, output: Path, changes: tuple[str, ...], quiet: bo
         remarks = [*(text for silicone in deck.silicones for text in silicone.remarks[2:]), deck.overlapping]
         for text in filter(None, dict.fromkeys(remarks)):
             processes.say(f"note: {text}")
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The command ``draw-network``.
+
+
+@options.command("draw-network")
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Drawing: NAME.svg.")
+@options.set_option
+@click.option("--quiet", is_flag=True, help="Print only errors.")
+def draw_network_command(file: Path, output: Path, changes: tuple[str, ...], quiet: bool) -> None:
+    """Write the network of a ChannelPlate as a drawing.
+
+    Strokes are as wide as the channels, and coloured by cavity. --network reads the drawing back.
+
+    \b
+    Examples:
+      softmodels draw-network results/plate/case.toml -o plate.svg
+      softmodels draw-network results/plate/case.toml --set geometry.network=radial:8 -o plate.svg
+
+    \b
+    Exit status: 0 done; 2 bad input; 130 stopped.
+    """
+    from geometries import channel_plate, drawings
+
+    if not mpi.speaks():
+        return
+    plate = asked_of(file, None, changes).device
+    if not isinstance(plate, channel_plate.ChannelPlate):
+        raise GeometryError(f"{file} has a {type(plate).__name__}; only a ChannelPlate has a network that can be drawn")
+    with ending.unwritable(output):
+        if output.suffix != ".svg":
+            raise GeometryError(f"{output} is not the name of an SVG file; end it in .svg")
+        inputs = [file, *map(Path, plate.files.values())]
+        commands.check_output_file(output, inputs, lambda path: drawings.WRITTEN_BY in path.read_text("utf-8", "replace"),
+                                   "a drawing", "--output")  # fmt: skip
+        files.write_text(output, drawings.svg_text(plate.drawn))
+    if not quiet:
+        drawn = plate.drawn
+        processes.say(f"{output}: {len(drawn.channels)} channels, {len(drawn.cavities)} cavities")
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -1,0 +1,528 @@
+"""A plate of any outline with a network of round channels in it, drawn, of a family, or written.
+
+The plate lies between z = -thickness/2 and thickness/2. Its outline and the channels' centre lines are given in the plane
+(x, y); all channels lie `offset` above the middle of the thickness unless one says otherwise. Where channels of one cavity
+cross they are joined, and the crease is rounded.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import itertools
+import math
+import re
+from collections import defaultdict
+from collections.abc import Mapping
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometries import actuator, faces, mesh_arrays, meshing, network, registry, revolved
+from geometries.actuator import Hold, Vector
+from geometries.network import Channel, Network, Place
+from softmodels.common import errors, files, schema, units
+from softmodels.common.arrays import Array
+from softmodels.common.errors import GeometryError
+from softmodels.common.lazy import gmsh, scipy
+
+
+@registry.register_device
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ChannelPlate(actuator.Actuator):
+    """A plate with a network of round air channels: drawn (SVG, DXF), of a family ("radial:8"), or written as texts.
+
+    Physical groups: volume "solid"; surfaces "cavity", "cavity2", ... (the walls of the channels, a cavity for each colour or
+    layer), "support", "top", "bottom" and "edge". Lengths are in m.
+    """
+
+    network: str = schema.text_field(
+        "", f"a drawing (.svg, .dxf), or a family and its number, such as radial:8; families: {', '.join(network.FAMILIES)}"
+    )
+    channels: tuple[str, ...] = schema.list_field(
+        (), "further channels, such as '0, 0 to 20, 5 to 30, 5 mm radius 0.8 to 0.5 mm offset -1 mm in left'"
+    )
+    outline: str = schema.text_field(
+        "", "outline of the plate: 'rectangle 40 x 15 mm' (from x = 0), 'circle 40 mm' (diameter), or corners such as "
+        "'0, 0, 50, -10, 50, 10 mm'; if not given, the drawing's, else the rectangle above"
+    )  # fmt: skip
+    width: float = schema.length_field(0.0, "width along x of the drawing's outline; 0: as drawn", zero=True)
+    thickness: float = schema.length_field(0.006, "thickness of the plate")
+    radius: float = schema.length_field(0.0013, "radius of channels that give none")
+    offset: float = schema.length_field(
+        -0.0005, "height of the channels' plane above the middle of the thickness", zero=True, signed=True
+    )
+    fillet: float = schema.length_field(0.0004, "radius of the rounding where channels meet; 0 for sharp creases", zero=True)
+    edge: float = schema.length_field(0.0015, "solid between a family's channels and the outline")
+    support: str = schema.text_field(
+        "x = 0 mm", "what is held: bottom, top, edge, or sides such as 'x = 0 mm' or 'in 0..10, -5..5, 0..0 mm'; free: three "
+        "corners hold the plate against rigid motion only"
+    )  # fmt: skip
+    gauge_point: str = schema.text_field(
+        "", "place on the top whose rise is reported, such as 'at 20, 0 mm'; middle for a held edge or a free plate, else the "
+        "point of the outline that is farthest from the support"
+    )  # fmt: skip
+    pressure_ratios: tuple[float, ...] = schema.list_field(
+        (), "pressure in each cavity over the requested one; all 1 if not given", numbers=True, shape=False
+    )
+    least_wall: float = schema.length_field(
+        0.0005, "minimum solid between channels, and between them and the plate's faces", shape=False
+    )
+    cell_size: float = schema.length_field(0.0025, "edge length of the cells far from the channels", shape=False)
+    around: float = schema.number_field(10.0, "cells around the narrowest channel's section", shape=False)
+
+    stem: ClassVar = "plate"
+    pressures: ClassVar = "0:100"
+    silicone: ClassVar = "ecoflex-00-30"
+    unbonded: ClassVar = ()
+    stiffer: ClassVar = "narrower channels (--radius), a thicker plate (--thickness)"
+    examples: ClassVar = (
+        "--network leaf.svg",
+        "--network radial:8 --outline 'circle 40 mm' --support free",
+        "--channels '5, 0 to 40, 0 mm radius 1.5 to 0.8 mm'",
+    )
+
+    def check(self) -> None:
+        if file := self.files.get("network"):
+            object.__setattr__(self, "network", errors.whole_path(file))
+        if len(self.ratios) != len(self.drawn.cavities):
+            count = len(self.drawn.cavities)
+            raise GeometryError(f"pressure_ratios has {len(self.pressure_ratios)} values for {count} cavities; give one each")
+        if not any(self.ratios):
+            raise GeometryError("pressure_ratios are all 0; give one other than 0, below it for a vacuum")
+        low, high = self.box
+        self.check_size("outline", *(high - low).tolist())
+        if self.fillet > self.least_wall:
+            self.reject("fillet", f"it must be at most {self.told('least_wall')}, or it would fill walls")
+        if not 6.0 <= self.around <= 40.0:
+            self.reject("around", "it must be from 6 to 40")
+        samples = network.Samples.of(self.drawn.channels)
+        network.check_plate(self.drawn.channels, samples, self.thickness, self.least_wall)
+        network.check_outline(self.drawn.channels, samples, self.paths, self.least_wall)
+        network.check_walls(self.drawn.channels, samples, self.least_wall)
+        _ = self.holds, self.probes
+        self.check_count()
+
+    @property
+    def files(self) -> Mapping[str, str]:
+        return {"network": self.network} if Path(self.network).suffix.lower() in DRAWINGS else {}
+
+    def digest(self) -> str:
+        """Return SHA-256 of the drawing; empty without one."""
+        return _digest(self.network) if self.files else ""
+
+    @property
+    def key(self) -> str:
+        return super().key
+
+    @property
+    def drawn(self) -> Network:
+        """The network, with the outline of the plate."""
+        return _drawn(self, self.digest())
+
+    @property
+    def paths(self) -> tuple[tuple[Place, ...], ...]:
+        """Closed paths of the outline in m, holes behind it."""
+        return self.drawn.outline
+
+    @property
+    def box(self) -> tuple[Array, Array]:
+        """Lowest and highest corner of the outline in m."""
+        return np.min(self.paths[0], axis=0), np.max(self.paths[0], axis=0)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:  # type: ignore[override]
+        return self.drawn.remarks
+
+    @property
+    def expected_cells(self) -> float:
+        area, volume = 0.0, outline_area(self.paths) * self.thickness
+        for each in self.drawn.channels:
+            for (a, p), (b, q) in itertools.pairwise(zip(each.points, each.radii, strict=True)):
+                area += math.pi * (p + q) * math.dist(a, b)
+        edge = min(self.edges.values())
+        return 10.0 * area / edge**2 + volume / self.cell_size**3 / revolved.TETRAHEDRON_VOLUME
+
+    @property
+    def edges(self) -> dict[str, float]:
+        """Length in m of the cells' edges on the walls of each cavity, by its name."""
+        least: dict[str, float] = {}
+        for each in self.drawn.channels:
+            least[each.cavity] = min(least.get(each.cavity, math.inf), *each.radii)
+        return {name: math.tau * radius / self.around for name, radius in least.items()}
+
+    @property
+    def copies(self) -> int:
+        return 1
+
+    @property
+    def size(self) -> float:
+        return self.thickness
+
+    @property
+    def cut_planes(self) -> tuple[actuator.CutPlane, ...]:
+        return ()
+
+    @property
+    def ratios(self) -> tuple[float, ...]:
+        return self.pressure_ratios or (1.0,) * len(self.drawn.cavities)
+
+    @property
+    def faces(self) -> tuple[str, ...]:  # type: ignore[override]
+        return tuple(name for name in ("top", "bottom", "edge") if name != self.support)
+
+    @property
+    def held(self) -> tuple[Place, ...]:
+        """Corners of the outline that are held, or hold a free plate."""
+        corners = [place for path in self.paths for place in path]
+        if self.support in ("top", "bottom", "edge"):
+            return tuple(corners)
+        if self.support == "free":
+            places = np.array(self.paths[0])
+            first = places[places[:, 0].argmin()]
+            second = places[np.linalg.norm(places - first, axis=1).argmax()]
+            across = np.array([first[1] - second[1], second[0] - first[0]])
+            third = places[np.abs((places - first) @ across).argmax()]
+            return tuple((float(x), float(y)) for x, y in (first, second, third))
+        choice = faces.faces("support", self.support)
+        near = 1e-6 * float(np.ptp(self.paths[0], axis=0).max())
+        if choice.normal is not None:
+            held = [place for place in corners if abs(np.dot((*place, 0.0), choice.normal) - choice.at) < near]
+        elif choice.box is not None:
+            low, high = choice.box
+            held = [p for p in corners if all(low[i] - near <= p[i] <= high[i] + near for i in (0, 1))]
+        else:
+            raise GeometryError(
+                f"support is {self.support!r}; write bottom, top, edge, free, a plane such as 'x = 0 mm' or a box"
+            )
+        if len(held) < 2:
+            (x0, y0), (x1, y1) = 1e3 * np.array(self.box)
+            raise GeometryError(
+                f"support is {self.support!r}, and no side of the outline lies there; it reaches from ({x0:.4g}, {y0:.4g}) to "
+                f"({x1:.4g}, {y1:.4g}) mm"
+            )
+        return tuple(held)
+
+    @property
+    def holds(self) -> tuple[Hold, ...]:
+        if self.support != "free":
+            return (Hold("support", None),)
+        first, second, _ = np.array(self.held)
+        along = (second - first) / np.linalg.norm(second - first)
+        x, y = (float(value) for value in along)
+        ways = {
+            "anchor0": ((x, y, 0.0), (-y, x, 0.0), self.lift),
+            "anchor1": ((-y, x, 0.0), self.lift),
+            "anchor2": (self.lift,),
+        }
+        return tuple(Hold(name, way, point=True) for name, each in ways.items() for way in each)
+
+    @property
+    def probes(self) -> Mapping[str, Vector]:
+        half = 0.5 * self.thickness
+        low, high = self.box
+        centre = 0.5 * (low + high)
+        corners = np.array(self.paths[0])
+        if self.gauge_point:
+            text = re.sub(r"^\s*at\s*([^,]+,[^,a-z]+)\s*([a-z]+)\s*$", r"at \1, 0 \2", self.gauge_point)
+            x, y, _ = faces.point("gauge_point", text)
+            return {"gauge": (x, y, half)}
+        if self.support in ("bottom", "top", "edge", "free"):
+            if not inside(self.paths, centre):
+                raise GeometryError("the middle of the outline is not in the plate; give gauge_point, such as 'at 20, 0 mm'")
+            return {"middle": (float(centre[0]), float(centre[1]), half)}
+        held = np.array(self.held)
+        away = np.linalg.norm(corners[:, None] - held.mean(axis=0), axis=2)[:, 0]
+        far = corners[away > (1.0 - 1e-9) * away.max()]
+        tip = far.mean(axis=0) if len(far) > 1 and _on_side(self.paths[0], far.mean(axis=0)) else far[0]
+        x, y = (float(value) for value in tip)
+        return {"tip": (x, y, half)}
+
+    @property
+    def cavity_volume(self) -> float:
+        """Sum of the cavities in m3, each times its pressure ratio, within the walls of the mesh."""
+        volumes = (volume(*air) for air in self.air.values())
+        return sum(ratio * air for ratio, air in zip(self.ratios, volumes, strict=True))
+
+    @property
+    def solid_volume(self) -> float:
+        return outline_area(self.paths) * self.thickness - sum(volume(*air) for air in self.air.values())
+
+    @property
+    def air(self) -> dict[str, tuple[Array, mesh_arrays.Ints]]:
+        """Curved walls of each cavity by its role: nodes in m, and triangles of six turned out of the air."""
+        return _air(self, self.digest())
+
+    def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """None: which line a camera would see depends on the network."""
+        return np.zeros(len(points), dtype=bool)
+
+    @property
+    def recipe(self) -> actuator.Recipe:
+        inlets = tuple(((x, y, -self.thickness), (x, y, self.offset)) for x, y in self.drawn.inlets)
+        return actuator.in_halves(
+            self.lift, self.offset, "Every channel is round about this plane, so that each layer has open grooves.", *inlets
+        )
+
+    def build(self) -> None:
+        """Fill the current Gmsh model (mm) with the plate, its roles and its cell sizes."""
+        build_plate(self)
+
+    def curve(self) -> None:
+        """Move the nodes inside the edges on the channels' walls onto them, and back those that spoil cells in creases."""
+        for name, role in zip(self.drawn.cavities, actuator.cavity_roles(self), strict=True):
+            (group,) = (group for group in gmsh.model.getPhysicalGroups(2) if gmsh.model.getPhysicalName(*group) == role)
+            tags, places = gmsh.model.mesh.getNodesForPhysicalGroup(*group)
+            distance = network.Distance([each for each in self.drawn.channels if each.cavity == name], self.fillet)
+            moved = distance.projected(places.reshape(-1, 3) / meshing.MM_PER_M) * meshing.MM_PER_M
+            for tag, place in zip(tags.tolist(), moved, strict=True):
+                gmsh.model.mesh.setNode(tag, place, [])
+        gmsh.model.mesh.optimize("HighOrderElastic")
+        meshing.straighten(3, EASING)
+
+
+DRAWINGS = (".svg", ".dxf")
+RECTANGLE = "rectangle 40 x 15 mm"
+DEFAULT = "parallel:4"
+CELL_SIZE_GROWTH = 0.5
+EASING = (0.75, 0.5, 0.25)
+"""How much of the way to the wall is left to edges that spoil cells, in the order tried."""
+CORNER = math.radians(15.0)
+"""Turn between two pieces of the outline above which their common end is a corner."""
+ROUND_PIECES = 360
+
+
+@functools.lru_cache(maxsize=64)
+def _digest(file: str) -> str:
+    try:
+        return files.file_digest(file)
+    except OSError as error:
+        raise GeometryError(f"network {file} cannot be read ({errors.reason(error)})") from None
+
+
+def outline_paths(text: str) -> tuple[tuple[Place, ...], ...]:
+    """Return the closed path of an outline's text, in m."""
+    number = network.NUMBER
+    try:
+        if match := re.fullmatch(rf"\s*rectangle\s+({number})\s*x\s*({number})\s*([a-z]+)\s*", text):
+            length, width = (units.quantity(f"{value} {match[3]}", "m") for value in match.groups()[:2])
+            half = 0.5 * width
+            return (((0.0, -half), (length, -half), (length, half), (0.0, half)),)
+        if match := re.fullmatch(rf"\s*circle\s+({number}\s*[a-z]+)\s*", text):
+            radius = 0.5 * units.quantity(match[1], "m")
+            turns = math.tau * np.arange(ROUND_PIECES) / ROUND_PIECES
+            return (tuple((radius * math.cos(turn), radius * math.sin(turn)) for turn in turns),)
+        if match := re.fullmatch(rf"\s*((?:{number}\s*,\s*)+{number})\s*([a-z]+)\s*", text):
+            values = [units.quantity(f"{value} {match[2]}", "m") for value in match[1].split(",")]
+            if len(values) % 2 == 0 and len(values) >= 6:
+                places = tuple(zip(values[::2], values[1::2], strict=True))
+                return (places if _area(places) > 0.0 else places[::-1],)
+    except units.UnitError as error:
+        raise GeometryError(f"outline: {error}") from None
+    raise GeometryError(
+        f"outline is {text[:200]!r}; write 'rectangle 40 x 15 mm', 'circle 40 mm', or three corners or more such as "
+        "'0, 0, 50, -10, 50, 10 mm'"
+    )
+
+
+@functools.lru_cache(maxsize=64)
+def _drawn(plate: ChannelPlate, digest: str) -> Network:
+    """Return the network of a plate: its drawing's or its family's channels and its own, and its outline."""
+    own = [network.channel(text, n, plate.radius, plate.offset) for n, text in enumerate(plate.channels, 1)]
+    given = outline_paths(plate.outline) if plate.outline else None
+    if plate.files:
+        from geometries import drawings
+
+        drawing = drawings.read(plate.network, plate.radius, plate.offset, plate.width, outlined=given is not None)
+        paths = given or drawing.outline
+        if not paths:
+            raise GeometryError(f"{plate.network} has no closed path that is the outline; draw one, or give outline")
+        return dataclasses.replace(drawing, channels=(*drawing.channels, *own), outline=paths)
+    paths = given or outline_paths(RECTANGLE)
+    text = plate.network or ("" if own else DEFAULT)
+    lines: list[Array] = []
+    if text:
+        if (family := network.family(text)) is None:
+            raise GeometryError(
+                f"network is {text!r}; give a drawing ({' or '.join(DRAWINGS)}) or a family and its number, such as radial:8; "
+                f"families: {', '.join(network.FAMILIES)}"
+            )
+        margin = plate.edge + plate.radius
+        low, high = np.min(paths[0], axis=0) + margin, np.max(paths[0], axis=0) - margin
+        if (high <= low).any():
+            plate.reject("edge", "with radius there is no room for channels in the outline")
+        lines = network.FAMILIES[family[0]](family[1], low, high)
+    radii = (plate.radius, plate.radius)
+    made = [Channel.along(f"airway {n}", line, plate.offset, radii) for n, line in enumerate(lines, 1)]
+    return Network((*made, *own), paths)
+
+
+def _area(path: tuple[Place, ...]) -> float:
+    x, y = np.array(path).T
+    return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+
+
+def outline_area(paths: tuple[tuple[Place, ...], ...]) -> float:
+    """Return the area in m2 within an outline and outside of its holes."""
+    first, *holes = (abs(_area(path)) for path in paths)
+    return first - sum(holes)
+
+
+def inside(paths: tuple[tuple[Place, ...], ...], place: Array) -> bool:
+    """Return whether a place lies within an outline and in none of its holes."""
+    x, y = place
+    crossings = 0
+    for path in paths:
+        for (x0, y0), (x1, y1) in itertools.pairwise((*path, path[0])):
+            crossings += (y0 > y) != (y1 > y) and x < x0 + (y - y0) / (y1 - y0) * (x1 - x0)
+    return crossings % 2 == 1
+
+
+def _on_side(path: tuple[Place, ...], place: Array) -> bool:
+    """Return whether a place lies on a piece of a closed path."""
+    for a, b in itertools.pairwise((*path, path[0])):
+        if abs(math.dist(a, place) + math.dist(place, b) - math.dist(a, b)) < 1e-9 * math.dist(a, b):
+            return True
+    return False
+
+
+@functools.lru_cache(maxsize=8)
+def _air(plate: ChannelPlate, digest: str) -> dict[str, tuple[Array, mesh_arrays.Ints]]:
+    walls = {}
+    finer = plate.replaced(finer=1.0) if plate.finer != 1.0 else plate
+    for (name, edge), role in zip(finer.edges.items(), actuator.cavity_roles(plate), strict=True):
+        own = [each for each in plate.drawn.channels if each.cavity == name]
+        corners, triangles = network.air_surface(own, plate.fillet, edge / plate.finer)
+        ends = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        edges, number = np.unique(ends, axis=0, return_inverse=True)
+        middles = network.Distance(own, plate.fillet).projected(corners[edges].mean(axis=1))
+        walls[role] = np.concatenate([corners, middles]), np.hstack([triangles, len(corners) + number.reshape(-1, 3)])
+    return walls
+
+
+def volume(nodes: Array, triangles: mesh_arrays.Ints) -> float:
+    """Return the volume in m3 within closed walls of triangles of six nodes."""
+    x, a, b = (np.einsum("qn,kni->kqi", table, nodes[triangles]) for table in mesh_arrays.triangle_tables(6))
+    return float(np.einsum("q,kqi,kqi->", mesh_arrays.WEIGHTS, x, np.cross(a, b)) / 6.0)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The plate in Gmsh: a prism of its outline, and the channels' walls as triangles that stay.
+
+
+def build_plate(plate: ChannelPlate) -> None:
+    """Fill the current Gmsh model (mm) with a plate, its roles and its cell sizes."""
+    geo, half = gmsh.model.geo, 0.5 * meshing.MM_PER_M * plate.thickness
+    marked = {place: name for name, place in _marks(plate).items()}
+    roles: dict[str, list[int]] = defaultdict(list)
+    loops: tuple[list[int], list[int]] = ([], [])
+    named: dict[str, int] = {}
+    for path in _with_gauge(plate):
+        runs = _runs(plate, path, set(marked))
+        places = {place: [geo.addPoint(*(meshing.MM_PER_M * np.array(place)), z) for z in (-half, half)] for place in path}
+        ends = {run[0][0]: geo.addLine(*places[run[0][0]]) for run in runs}
+        sides: tuple[list[int], list[int]] = ([], [])
+        for run, held in runs:
+            low, high = ([places[place][k] for place in run] for k in (0, 1))
+            curves = [geo.addSpline(line) if len(line) > 2 else geo.addLine(*line) for line in (low, high)]
+            around = geo.addCurveLoop([curves[0], ends[run[-1]], -curves[1], -ends[run[0]]])
+            roles["support" if held else "edge"].append(geo.addSurfaceFilling([around]))
+            for level in (0, 1):
+                sides[level].append(curves[level])
+        for level in (0, 1):
+            loops[level].append(geo.addCurveLoop(sides[level]))
+        named |= {
+            marked[place]: places[place][0 if marked[place].startswith("anchor") else 1] for place in places if place in marked
+        }
+    bottom, top = (geo.addPlaneSurface(loop) for loop in loops)
+    for name, tag in (("bottom", bottom), ("top", top)):
+        roles["support" if plate.support == name else name].append(tag)
+    ((x, y, _),) = plate.probes.values()
+    (gauge,) = plate.probes
+    if gauge not in named:
+        named[gauge] = geo.addPoint(meshing.MM_PER_M * x, meshing.MM_PER_M * y, half)
+    outside = geo.addSurfaceLoop([tag for tags in roles.values() for tag in tags])
+    geo.synchronize()
+    if (x, y) not in marked:
+        gmsh.model.mesh.embed(0, [named[gauge]], 2, top)
+    walls = [outside]
+    for role, (nodes, triangles) in plate.air.items():
+        corners = triangles[:, :3]
+        shell = actuator.joined(np.concatenate([corners[:, :2], corners[:, 1:]]), len(nodes))[corners[:, 0]]
+        for number in np.unique(shell):
+            used, own = np.unique(corners[shell == number], return_inverse=True)
+            tag = gmsh.model.addDiscreteEntity(2)
+            first = int(gmsh.model.mesh.getMaxNodeTag()) + 1
+            gmsh.model.mesh.addNodes(2, tag, first + np.arange(len(used)), (meshing.MM_PER_M * nodes[used]).ravel())
+            gmsh.model.mesh.addElementsByType(tag, 2, [], (first + own).ravel())
+            walls.append(geo.addSurfaceLoop([tag]))
+            roles[role].append(tag)
+    solid = geo.addVolume(walls)
+    geo.synchronize()
+    meshing.name_group(3, [solid], "solid")
+    meshing.name_groups(2, roles)
+    meshing.name_groups(0, {name: [tag] for name, tag in named.items() if name.startswith("anchor")})
+    _set_sizes(plate)
+
+
+def _with_gauge(plate: ChannelPlate) -> tuple[tuple[Place, ...], ...]:
+    """Return the closed paths of the outline, with the gauge's place among their corners if it lies on one."""
+    (place,) = ((x, y) for x, y, _ in plate.probes.values())
+    return tuple(
+        tuple(
+            itertools.chain.from_iterable(
+                (a, place) if a != place != b and _on_side((a, b), np.array(place)) else (a,)
+                for a, b in itertools.pairwise((*path, path[0]))
+            )
+        )
+        for path in plate.paths
+    )
+
+
+def _marks(plate: ChannelPlate) -> dict[str, Place]:
+    """Return places of the outline that have to be vertices of the mesh, by name."""
+    ((name, (x, y, _)),) = plate.probes.items()
+    anchors = {f"anchor{k}": place for k, place in enumerate(plate.held)} if plate.support == "free" else {}
+    on_outline = any((x, y) in path for path in _with_gauge(plate))
+    return {**anchors, **({name: (x, y)} if on_outline else {})}
+
+
+def _runs(plate: ChannelPlate, path: tuple[Place, ...], marked: set[Place]) -> list[tuple[list[Place], bool]]:
+    """Return the smooth pieces of a closed path between its corners, two or more, and whether each is held."""
+    places = np.array(path)
+    along = np.roll(places, -1, axis=0) - places
+    before = np.roll(along, 1, axis=0)
+    turn = np.abs(np.arctan2(before[:, 0] * along[:, 1] - before[:, 1] * along[:, 0], (before * along).sum(axis=1)))
+    held = {*plate.held} if plate.support not in ("bottom", "top", "free") else set()
+    piece_held = [path[k] in held and path[(k + 1) % len(path)] in held for k in range(len(path))]
+    breaks = {k for k in range(len(path)) if turn[k] > CORNER or path[k] in marked or piece_held[k] != piece_held[k - 1]}
+    while len(breaks) < 2:
+        breaks.add(0 if not breaks else (min(breaks) + len(path) // 2) % len(path))
+    ordered = sorted(breaks)
+    runs = []
+    for start, end in itertools.pairwise([*ordered, ordered[0] + len(path)]):
+        runs.append(([path[k % len(path)] for k in range(start, end + 1)], piece_held[start]))
+    return runs
+
+
+def _set_sizes(plate: ChannelPlate) -> None:
+    """Let cells grow away from the channels' walls: sizes on a grid, since Gmsh asks a million times."""
+    nodes = [(plate.air[role][0], edge) for role, edge in zip(plate.air, plate.edges.values(), strict=True)]
+    low, high = plate.box
+    low, high = np.array([*low, -0.5 * plate.thickness]), np.array([*high, 0.5 * plate.thickness])
+    step = max(0.7 * min(plate.edges.values()), float(np.cbrt(np.prod(high - low) / 1e6)))
+    count = np.ceil((high - low) / step).astype(int) + 1
+    grid = np.stack(np.meshgrid(*(low[i] + step * np.arange(count[i]) for i in range(3)), indexing="ij"), axis=-1)
+    size = np.full(count, plate.cell_size)
+    for places, edge in nodes:
+        away, _ = scipy.spatial.cKDTree(places).query(grid.reshape(-1, 3))
+        size = np.minimum(size, edge + CELL_SIZE_GROWTH * np.maximum(away.reshape(count) - 0.5 * edge, 0.0))
+    (x0, y0, z0), (nx, ny, nz), table = low.tolist(), (count - 1).tolist(), size.tolist()
+
+    def at(x: float, y: float, z: float) -> float:
+        i, j, k = round((x - x0) / step), round((y - y0) / step), round((z - z0) / step)
+        return float(table[min(max(i, 0), nx)][min(max(j, 0), ny)][min(max(k, 0), nz)])
+
+    meshing.set_sizes(at)

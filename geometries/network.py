@@ -1,0 +1,478 @@
+"""A network of round channels in a plate: its centre lines and bores, families of networks, walls between channels, the signed
+distance from its air, and the surface of that.
+
+A channel is a polyline with a radius at each corner: the union of cones around its lines and of balls around its ends. Channels
+that cross are joined there, and the crease between them is rounded. The distance alone says what is air, so that any network
+is meshed in the same way: its level set is triangulated, and its corners are moved onto the exact surface.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import itertools
+import math
+import re
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from geometries import mesh_arrays, meshing
+from geometries.actuator import Vector
+from softmodels.common import schema, units
+from softmodels.common.arrays import Array
+from softmodels.common.errors import GeometryError
+from softmodels.common.lazy import scipy
+
+Place = tuple[float, float]
+
+
+@dataclasses.dataclass(frozen=True)
+class Channel:
+    """A round channel: its name for messages, the corners of its centre line (m), a radius (m) at each, and the name of its
+    cavity; channels of one cavity have one pressure."""
+
+    name: str
+    points: tuple[Vector, ...]
+    radii: tuple[float, ...]
+    cavity: str = ""
+
+    @classmethod
+    def along(cls, name: str, line: Array, offset: float, radii: tuple[float, float], cavity: str = "") -> Channel:
+        """Return the channel along a polyline in the plane (m, shape (n, 2)) at a height, its radius linear in the length."""
+        steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
+        share = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
+        points = tuple((float(x), float(y), offset) for x, y in line)
+        return cls(name, points, tuple((radii[0] + share * (radii[1] - radii[0])).tolist()), cavity)
+
+
+@dataclasses.dataclass(frozen=True)
+class Network:
+    """What is drawn of a plate: channels; closed paths of its outline, holes behind it (m, without the first corner again); and
+    places where tubes enter."""
+
+    channels: tuple[Channel, ...]
+    outline: tuple[tuple[Place, ...], ...] = ()
+    inlets: tuple[Place, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+    @functools.cached_property
+    def cavities(self) -> tuple[str, ...]:
+        """Names of the cavities, in the order of their first channels."""
+        return tuple(dict.fromkeys(channel.cavity for channel in self.channels))
+
+
+def shown_at(x: float, y: float) -> str:
+    """Return a place in the plane (m) for a message."""
+    return f"near ({round(1e3 * x, 6) + 0.0:.4g}, {round(1e3 * y, 6) + 0.0:.4g}) mm"
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Channels as texts: "0, 0 to 20, 5 to 30, 5 mm radius 0.8 to 0.5 mm offset -1 mm in left".
+
+
+NUMBER = r"[-+]?[\d.]+(?:[eE][-+]?\d+)?"
+PLACE = rf"{NUMBER}\s*,\s*{NUMBER}"
+CHANNEL = re.compile(
+    rf"\s*(?P<curve>curve\s+)?(?P<places>{PLACE}(?:\s*to\s*{PLACE})+)\s*(?P<unit>[a-z]+)"
+    rf"(?:\s+radius\s+(?P<start>{NUMBER})(?:\s*to\s*(?P<end>{NUMBER}))?\s*(?P<radius_unit>[a-z]+))?"
+    rf"(?:\s+offset\s+(?P<offset>{NUMBER}\s*[a-z]+))?(?:\s+in\s+(?P<cavity>\w+))?\s*"
+)
+CURVE_PIECES = 12
+"""Straight pieces between two points that a curve passes through."""
+
+
+def channel(text: str, number: int, radius: float, offset: float) -> Channel:
+    """Return the channel of a text; where it gives no radius or offset it has these (m)."""
+    match = CHANNEL.fullmatch(text) if len(text) < 10_000 else None
+    if not match:
+        raise GeometryError(
+            f"channels has {text[:200]!r}; write places, then what differs from the others, such as "
+            "'0, 0 to 20, 5 to 30, 5 mm radius 0.8 to 0.5 mm offset -1 mm in left', or 'curve 0, 0 to 10, 5 to 20, 0 mm'"
+        )
+
+    def length(value: str) -> float:
+        try:
+            return units.quantity(value, "m")
+        except units.UnitError as error:
+            raise GeometryError(f"channels has {text!r}: {error}") from None
+
+    line = np.array([[length(f"{x} {match['unit']}") for x in place.split(",")] for place in match["places"].split("to")])
+    if (np.linalg.norm(np.diff(line, axis=0), axis=1) == 0.0).any():
+        raise GeometryError(f"channels has {text!r}; two places in a row are the same")
+    if match["curve"]:
+        knots = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+        shares = np.linspace(0.0, 1.0, CURVE_PIECES, endpoint=False)
+        at = np.append((knots[:-1, None] + shares * np.diff(knots)[:, None]).ravel(), knots[-1])
+        line = scipy.interpolate.CubicSpline(knots, line)(at)
+    start = length(f"{match['start']} {match['radius_unit']}") if match["start"] else radius
+    end = length(f"{match['end']} {match['radius_unit']}") if match["end"] else start
+    height = length(match["offset"]) if match["offset"] else offset
+    return Channel.along(f"channel {number}", line, height, (start, end), match["cavity"] or "")
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Families: polylines in a box between its lowest and highest corner.
+
+
+CIRCLE_PIECES = 48
+
+
+def _circle(centre: Array, radius: float, pieces: int = CIRCLE_PIECES, turn: float = math.tau) -> Array:
+    angles = np.linspace(0.0, turn, pieces + 1)
+    return centre + radius * np.column_stack([np.cos(angles), np.sin(angles)])
+
+
+def parallel(count: int, low: Array, high: Array) -> list[Array]:
+    """Return airways across x, side by side, and one along x that joins them."""
+    places, middle = np.linspace(low[0], high[0], count), 0.5 * (low[1] + high[1])
+    ways = [np.array([(x, low[1]), (x, high[1])]) for x in places]
+    return [*ways, np.array([(low[0], middle), (high[0], middle)])] if count > 1 else ways
+
+
+def fan(count: int, low: Array, high: Array) -> list[Array]:
+    """Return rays over 100 degrees from an arc around the middle of the side at low x, to the box."""
+    base, size = np.array([low[0], 0.5 * (low[1] + high[1])]), high - low
+    angles = np.radians(np.linspace(-50.0, 50.0, count) if count > 1 else [0.0])
+    arc = 0.2 * size[0]
+    rays = []
+    for angle in angles:
+        along = np.array([math.cos(angle), math.sin(angle)])
+        reach = min(size[0] / along[0], 0.5 * size[1] / max(abs(along[1]), 1e-9))
+        rays.append(base + np.outer([arc, reach], along))
+    manifold = np.linspace(angles[0], angles[-1], CIRCLE_PIECES // 4)
+    return [*rays, base + arc * np.column_stack([np.cos(manifold), np.sin(manifold)])] if count > 1 else rays
+
+
+def radial(count: int, low: Array, high: Array) -> list[Array]:
+    """Return rays from the middle outwards; many begin on a ring, so that they do not merge."""
+    centre, radius = 0.5 * (low + high), 0.5 * float(min(high - low))
+    inner = 0.0 if count <= 8 else 0.02 * count * radius
+    angles = math.tau * np.arange(count) / count
+    rays = [centre + np.outer([inner, radius], (math.cos(angle), math.sin(angle))) for angle in angles]
+    return [*rays, _circle(centre, inner)] if inner else rays
+
+
+def rings(count: int, low: Array, high: Array) -> list[Array]:
+    """Return circles around the middle, and a spoke that joins them."""
+    centre, radius = 0.5 * (low + high), 0.5 * float(min(high - low))
+    radii = radius * np.arange(1, count + 1) / count
+    spoke = centre + np.outer([radii[0], radius], (1.0, 0.0))
+    return [*(_circle(centre, r) for r in radii), *([spoke] if count > 1 else [])]
+
+
+def spiral(count: int, low: Array, high: Array) -> list[Array]:
+    """Return one airway that winds outwards in a number of turns."""
+    centre, radius = 0.5 * (low + high), 0.5 * float(min(high - low))
+    angles = np.linspace(0.0, math.tau * count, CIRCLE_PIECES * count)
+    r = radius * (0.15 + 0.85 * angles / angles[-1])
+    return [centre + r[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])]
+
+
+def tree(count: int, low: Array, high: Array) -> list[Array]:
+    """Return a trunk from the side at low x that forks a number of times, each branch in two."""
+    size, lines = high - low, []
+    step = size[0] / (count + 1)
+    ends = [(low[0], 0.5 * (low[1] + high[1]))]
+    for level in range(count + 1):
+        number = 2**level
+        places = low[1] + size[1] * (np.arange(number) + 0.5) / number
+        starts = ends if level == 0 else [end for end in ends for _ in range(2)]
+        ends = [(low[0] + step * (level + 1), float(y)) for y in places]
+        lines += [np.array(pair) for pair in zip(starts, ends, strict=True)]
+    return lines
+
+
+def lattice(count: int, low: Array, high: Array) -> list[Array]:
+    """Return a number of airways along x and across it, joined where they cross."""
+    along = [np.array([(low[0], y), (high[0], y)]) for y in np.linspace(low[1], high[1], count)]
+    return along + [np.array([(x, low[1]), (x, high[1])]) for x in np.linspace(low[0], high[0], count)]
+
+
+FAMILIES: Mapping[str, Callable[[int, Array, Array], list[Array]]] = {
+    function.__name__: function for function in (fan, parallel, radial, rings, spiral, tree, lattice)
+}
+MAX_FAMILY = {"tree": 6}
+MAX_COUNT = 60
+
+
+def family(text: str) -> tuple[str, int] | None:
+    """Return name and number of a text such as "radial:8"; None if it names no family."""
+    name, _, count = (part.strip() for part in text.partition(":"))
+    if name not in FAMILIES:
+        return None
+    most = MAX_FAMILY.get(name, MAX_COUNT)
+    if not count.isdigit() or not 1 <= int(count) <= most:
+        raise GeometryError(f"network is {text!r}; write the number of a family's airways from 1 to {most}, such as '{name}:5'")
+    return name, int(count)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The signed distance from the air of some channels.
+
+
+class Distance:
+    """Signed distance (m) from the walls of some channels, below zero in their air, with creases where joined channels meet
+    rounded: a fillet of about that radius (m) where they meet at a right angle, none where one continues the other."""
+
+    def __init__(self, channels: Sequence[Channel], fillet: float):
+        pieces = [list(itertools.pairwise(zip(c.points, c.radii, strict=True))) for c in channels]
+        ends = [((*a, p), (*b, q)) for channel_pieces in pieces for (a, p), (b, q) in channel_pieces]
+        table = np.array(ends, dtype=float).reshape(-1, 2, 4)
+        self.start, self.radius = table[:, 0, :3], table[:, 0, 3]
+        self.along, self.growth = table[:, 1, :3] - self.start, table[:, 1, 3] - self.radius
+        self.square = (self.along**2).sum(axis=1)
+        self.owner = np.repeat(np.arange(len(pieces)), [len(own) for own in pieces])
+        self.fillet = fillet
+
+    def of(self, points: Array, among: Array | None = None) -> tuple[Array, Array]:
+        """Return the distances (n,) of points, shape (n, 3), and the unit normals (n, 3) of the nearest piece; only some of the
+        pieces (rising numbers) are looked at if given."""
+        start, along, square, radius, growth, owner = (
+            array if among is None else array[among]
+            for array in (self.start, self.along, self.square, self.radius, self.growth, self.owner)
+        )
+        away = points[:, None] - start
+        share = np.clip(np.einsum("nmi,mi->nm", away, along) / square, 0.0, 1.0)
+        away -= share[..., None] * along
+        length = np.sqrt(np.einsum("nmi,nmi->nm", away, away))
+        distance = length - radius - share * growth
+        nearest, every = distance.argmin(axis=1), np.arange(len(points))
+        least = distance[every, nearest]
+        normals = away[every, nearest] / np.maximum(length[every, nearest], 1e-30)[:, None]
+        if self.fillet == 0.0 or owner[0] == owner[-1]:
+            return least, normals
+        # Several channels: the nearest piece of each, and of these the few that are within the rounding.
+        first = np.flatnonzero(np.diff(owner, prepend=-1))
+        best = np.minimum.reduceat(distance, first, axis=1)
+        near = np.clip(1.0 - (best - least[:, None]) / self.fillet, 0.0, None)
+        for row in np.flatnonzero((near > 0.0).sum(axis=1) > 1).tolist():
+            some = np.flatnonzero(near[row] > 0.0)
+            ends = np.append(first, len(owner))
+            pieces = [ends[k] + int(distance[row, ends[k] : ends[k + 1]].argmin()) for k in some.tolist()]
+            ways = away[row, pieces] / np.maximum(length[row, pieces], 1e-30)[:, None]
+            weights = near[row, some] ** 2
+            pairs = (1.0 - ways @ ways.T) * np.outer(weights, weights)
+            least[row] -= 0.125 * self.fillet * float(pairs.sum())  # each pair stands there twice
+        return least, normals
+
+    def projected(self, points: Array) -> Array:
+        """Return points near the walls moved onto them along the normals of the nearest pieces, shape (n, 3)."""
+        tree = scipy.spatial.cKDTree(self.start + 0.5 * self.along)
+        reach = 0.5 * math.sqrt(self.square.max()) + self.radius.max() + np.abs(self.growth).max() + 2.0 * self.fillet
+        moved = points.copy()
+        order = np.lexsort(np.round(points / (2.0 * reach)).T)
+        for block in np.array_split(order, math.ceil(len(points) / 200)):
+            at = moved[block]
+            centre = at.mean(axis=0)
+            wide = reach + float(np.linalg.norm(at - centre, axis=1).max())
+            among = np.array(sorted(tree.query_ball_point(centre, wide)), dtype=int)
+            for _ in range(MAX_PROJECTIONS):
+                distance, normals = self.of(at, among)
+                at -= distance[:, None] * normals
+                if np.abs(distance).max() < ON_WALL * self.radius.min():
+                    break
+            moved[block] = at
+        return moved
+
+
+MAX_PROJECTIONS, ON_WALL = 30, 1e-9
+"""Most steps onto a wall, and how near is on it, in the smallest radius: one step on a cylinder, several on a rounding."""
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The surface of the air, as triangles.
+
+
+SMOOTHINGS = 8
+"""Rounds of smoothing: a level set's edges differ by 5, then by 3."""
+EDGE_SHARE = 0.72
+"""Median edge of a level set's triangles over the size that manifold3d is asked for."""
+
+
+def air_surface(channels: Sequence[Channel], fillet: float, edge: float) -> tuple[Array, mesh_arrays.Ints]:
+    """Return corners (m) on the walls of channels, and triangles turned out of the air, with edges of about a length (m). The
+    triangles' shapes do not depend on those of the network."""
+    key = ("network", tuple(channels), fillet, edge)
+    kept = meshing.cached_arrays(key, lambda: _air_surface(Distance(channels, fillet), edge))
+    return kept["points"], kept["triangles"]
+
+
+def _air_surface(distance: Distance, edge: float) -> dict[str, Array]:
+    import manifold3d
+
+    step = edge / EDGE_SHARE
+    low = np.minimum(distance.start, distance.start + distance.along).min(axis=0)
+    high = np.maximum(distance.start, distance.start + distance.along).max(axis=0)
+    margin = float((distance.radius + np.maximum(distance.growth, 0.0)).max()) + distance.fillet + step
+    low, high = low - margin, high + margin
+    # Most places of the grid are far from any channel: pieces are known by blocks of it.
+    size = 4.0 * step
+    reach = distance.fillet + step
+    pieces: dict[tuple[int, ...], list[int]] = defaultdict(list)
+    for number, (start, along, r, grown) in enumerate(
+        zip(distance.start, distance.along, distance.radius, distance.growth, strict=True)
+    ):
+        shares = np.linspace(0.0, 1.0, math.ceil(float(np.linalg.norm(along)) / size) + 1)
+        wide = reach + max(r, r + grown) + 0.5 * size
+        cells = set[tuple[int, ...]]()
+        for place in start + shares[:, None] * along:
+            first, last = (np.floor((place + side * wide - low) / size).astype(int).tolist() for side in (-1, 1))
+            cells.update(itertools.product(*(range(a, b + 1) for a, b in zip(first, last, strict=True))))
+        for cell in cells:
+            pieces[cell].append(number)
+    rows = [
+        (*start, *along, 1.0 / square, radius, grown)
+        for start, along, square, radius, grown in zip(
+            distance.start.tolist(), distance.along.tolist(), distance.square.tolist(), distance.radius.tolist(),
+            distance.growth.tolist(), strict=True,
+        )
+    ]  # fmt: skip
+    known = {cell: [rows[number] for number in numbers] for cell, numbers in pieces.items()}
+    x0, y0, z0 = low.tolist()
+
+    # Asked a million times: plain arithmetic; roundings come when the corners are moved.
+    def depth(x: float, y: float, z: float) -> float:
+        least = reach
+        block = int((x - x0) // size), int((y - y0) // size), int((z - z0) // size)
+        for a, b, c, u, v, w, inverse, radius, grown in known.get(block, ()):
+            x1, y1, z1 = x - a, y - b, z - c
+            share = min(max((x1 * u + y1 * v + z1 * w) * inverse, 0.0), 1.0)
+            x1, y1, z1 = x1 - share * u, y1 - share * v, z1 - share * w
+            least = min(least, math.sqrt(x1 * x1 + y1 * y1 + z1 * z1) - radius - share * grown)
+        return -least
+
+    mesh = manifold3d.Manifold.level_set(depth, [*low.tolist(), *high.tolist()], step).to_mesh64()
+    triangles = np.asarray(mesh.tri_verts).astype(np.int64)
+    points = distance.projected(np.asarray(mesh.vert_properties)[:, :3].copy())
+    # Corners move to the middles of the triangles around them, larger ones counting more: edges become alike.
+    corner = triangles.ravel()
+    for _ in range(SMOOTHINGS):
+        a, b, c = np.moveaxis(points[triangles], 1, 0)
+        area = np.repeat(np.linalg.norm(np.cross(b - a, c - a), axis=1), 3)
+        middle = np.repeat((a + b + c) / 3.0, 3, axis=0) * area[:, None]
+        moved = np.stack([np.bincount(corner, middle[:, i]) for i in range(3)], axis=1) / np.bincount(corner, area)[:, None]
+        points = distance.projected(moved)
+    return {"points": points, "triangles": triangles}
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Walls: what lies between channels, and between channels and the plate.
+
+
+JOINED_SHARE = 0.9
+"""Two channels whose centre lines are nearer than this share of the larger radius are joined."""
+MAX_DETOUR = 5.0
+"""The way along channels over the straight one, above which a wall between them counts: an angle of 23 degrees at a joint."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Samples:
+    """Places along the centre lines of channels (m, shape (n, 3)), their radii, and the numbers of their channels."""
+
+    places: Array
+    radii: Array
+    owner: mesh_arrays.Ints
+
+    @classmethod
+    def of(cls, channels: Sequence[Channel]) -> Samples:
+        """Return places that are half of the least radius apart."""
+        spacing = 0.5 * min(min(each.radii) for each in channels)
+        rows = []
+        for number, each in enumerate(channels):
+            for (a, p), (b, q) in itertools.pairwise(zip(each.points, each.radii, strict=True)):
+                shares = np.linspace(0.0, 1.0, math.ceil(math.dist(a, b) / spacing) + 1)[:, None]
+                rows.append(np.hstack([(1.0 - shares) * (*a, p) + shares * (*b, q), np.full((len(shares), 1), number)]))
+        table = np.concatenate(rows)
+        return cls(table[:, :3], table[:, 3], table[:, 4].astype(np.int64))
+
+
+def check_walls(channels: Sequence[Channel], samples: Samples, least: float) -> None:
+    """Reject channels with less than a wall (m) between them that are not joined, and joined ones of several cavities."""
+    places, radii, owner = samples.places, samples.radii, samples.owner
+    tree = scipy.spatial.cKDTree(places)
+    near = tree.query_pairs(2.0 * radii.max() + least, output_type="ndarray")
+    away = np.linalg.norm(places[near[:, 0]] - places[near[:, 1]], axis=1)
+    wall = away - radii[near].sum(axis=1)
+    close = wall < least * (1.0 - schema.BOUND_TOLERANCE)
+    near, away, wall = near[close], away[close], wall[close]
+    follows = (near[:, 1] == near[:, 0] + 1) & (owner[near[:, 0]] == owner[near[:, 1]])
+    crossing = away < JOINED_SHARE * radii[near].max(axis=1)
+    for i, j in near[crossing][np.argsort(away[crossing], kind="stable")].tolist():
+        first, second = channels[owner[i]], channels[owner[j]]
+        if first.cavity != second.cavity:
+            raise GeometryError(
+                f"{first.name} of cavity {first.cavity!r} and {second.name} of cavity {second.cavity!r} cross "
+                f"{shown_at(*places[i, :2])}; give both one cavity (a colour or layer), or lead one around the other"
+            )
+    # Steps along channels: from place to place, and across at joints; what is near by a short way is no wall.
+    steps = np.concatenate([near[crossing], np.column_stack([np.arange(len(owner) - 1), np.arange(1, len(owner))])])
+    steps = steps[(owner[steps[:, 0]] == owner[steps[:, 1]]) | (np.arange(len(steps)) < crossing.sum())]
+    lengths = np.maximum(np.linalg.norm(places[steps[:, 0]] - places[steps[:, 1]], axis=1), 1e-12)
+    graph = scipy.sparse.coo_array((lengths, steps.T), shape=(len(owner),) * 2).tocsr()
+    others = near[~follows & ~crossing]
+    away, wall = away[~follows & ~crossing], wall[~follows & ~crossing]
+    limit = MAX_DETOUR * (2.0 * float(radii.max()) + least)
+    worst: tuple[float, int, int] | None = None
+    for block in np.array_split(np.unique(others[:, 0]), math.ceil(len(others) / 20_000) or 1):
+        if not len(block):
+            continue
+        ways = scipy.sparse.csgraph.dijkstra(graph, directed=False, indices=block, limit=limit)
+        mine = np.flatnonzero(np.isin(others[:, 0], block))
+        way = ways[np.searchsorted(block, others[mine, 0]), others[mine, 1]]
+        for place in mine[way > MAX_DETOUR * away[mine] + radii[others[mine]].sum(axis=1)].tolist():
+            if worst is None or wall[place] < worst[0]:
+                worst = (float(wall[place]), *others[place].tolist())
+    if worst:
+        gap, i, j = worst
+        names = sorted({channels[owner[i]].name, channels[owner[j]].name})
+        who = " and ".join(names) if len(names) > 1 else f"two parts of {names[0]}"
+        wall_text = f"are {1e3 * gap:.2g} mm apart" if gap > 0.0 else "run into each other"
+        raise GeometryError(
+            f"{who} {wall_text} {shown_at(*places[[i, j], :2].mean(axis=0))}, and least_wall is {schema.shown(least, 'm')}; "
+            "move them apart or cross them, make them narrower, or let them leave their joint at more than "
+            f"{2.0 * math.degrees(math.asin(1.0 / MAX_DETOUR)):.0f} degrees"
+        )
+
+
+def check_plate(channels: Sequence[Channel], samples: Samples, thickness: float, least: float) -> None:
+    """Reject channels that leave less than a wall (m) to the plate's faces, at heights of half its thickness (m)."""
+    wall = 0.5 * thickness - np.abs(samples.places[:, 2]) - samples.radii
+    if wall[at := int(wall.argmin())] < least * (1.0 - schema.BOUND_TOLERANCE):
+        x, y, z = samples.places[at]
+        face = "top" if z > 0.0 else "bottom"
+        raise GeometryError(
+            f"{channels[samples.owner[at]].name}, of radius {1e3 * samples.radii[at]:.3g} mm there, leaves "
+            f"{_wall(wall[at])} to the {face} face {shown_at(x, y)}, and least_wall is {schema.shown(least, 'm')}; make the "
+            "plate thicker, the channel narrower, or its offset smaller"
+        )
+
+
+def check_outline(channels: Sequence[Channel], samples: Samples, paths: Sequence[Sequence[Place]], least: float) -> None:
+    """Reject channels that leave less than a wall (m) to the closed paths of a plate's outline, holes behind it."""
+    points = samples.places[:, :2]
+    inside = np.zeros(len(points), dtype=bool)
+    away = np.full(len(points), np.inf)
+    for path in paths:
+        start = np.array(path)
+        along = np.roll(start, -1, axis=0) - start
+        off = points[:, None] - start
+        share = np.clip((off * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
+        away = np.minimum(away, np.linalg.norm(off - share[..., None] * along, axis=2).min(axis=1))
+        ends = start[:, 1] + along[:, 1]
+        across = (start[:, 1] > points[:, 1:]) != (ends > points[:, 1:])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            left = start[:, 0] + (points[:, 1:] - start[:, 1]) / along[:, 1] * along[:, 0]
+        inside ^= (across & (points[:, :1] < left)).sum(axis=1) % 2 == 1
+    wall = np.where(inside, away, -away) - samples.radii
+    if wall[at := int(wall.argmin())] < least * (1.0 - schema.BOUND_TOLERANCE):
+        where = "lies outside of the outline" if not inside[at] else f"leaves {_wall(wall[at])} to the outline"
+        raise GeometryError(
+            f"{channels[samples.owner[at]].name} {where} {shown_at(*points[at])}, and least_wall is "
+            f"{schema.shown(least, 'm')}; end it earlier, or make the plate wider"
+        )
+
+
+def _wall(value: float) -> str:
+    return f"{1e3 * value:.2g} mm" if value > 0.0 else "no wall"

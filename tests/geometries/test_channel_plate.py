@@ -1,0 +1,219 @@
+"""Plates with networks of channels: walls against closed forms, drawings of other programs, what is refused, by its place."""
+
+import itertools
+import math
+
+import gmsh
+import numpy as np
+import pytest
+from click import testing
+
+from geometries import ChannelPlate, channel_plate, drawings, mesh_arrays, meshing, network
+from softmodels.cli import exports
+from softmodels.common.errors import GeometryError
+
+ONE = {"outline": "rectangle 25 x 10 mm", "channels": ("5, 0 to 20, 0 mm radius 1.3 to 0.9 mm",), "cell_size": 3e-3}
+LEAF = """<?xml version="1.0"?>
+<svg width="60mm" height="40mm" viewBox="0 0 60 40" xmlns="http://www.w3.org/2000/svg"
+     xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape">
+  <g inkscape:label="Blade" inkscape:groupmode="layer" id="layer1">
+    <path style="fill:none;stroke:#000000;stroke-width:0.2" d="M 2,14 C 20,2 45,4 58,20 45,36 20,38 2,26 Z" id="blade"/>
+  </g>
+  <g id="layer2" transform="translate(0,20)" style="fill:none;stroke:#1f77b4;stroke-width:2;stroke-linecap:round">
+    <path d="M 6,0 H 48" id="midrib"/>
+    <path d="M 14,0 C 18,-4 20,-8 26,-10" id="vein"/>
+    <path d="m 28,0 c 4,4 6,7 12,8" id="other"/>
+    <circle cx="6" cy="0" r="1" style="fill:#000000;stroke:none" id="inlet"/>
+  </g>
+</svg>"""
+
+
+def _frustum(length, p, q):
+    """Volume of a cone between two half balls."""
+    return math.pi * length * (p * p + p * q + q * q) / 3 + 2 * math.pi / 3 * (p**3 + q**3)
+
+
+def test_volume_of_a_channel_converges_to_its_closed_form():
+    exact, errors = _frustum(15e-3, 1.3e-3, 0.9e-3), []
+    for around in (8, 12, 18):
+        plate = ChannelPlate(**ONE, around=around)
+        errors.append(abs(plate.cavity_volume / exact - 1.0))
+        assert plate.cavity_volume + plate.solid_volume == pytest.approx(25e-3 * 10e-3 * 6e-3, rel=1e-12)
+    assert errors[2] < 5e-4 and errors[0] / errors[2] > 5.0  # triangles curved by squares: order 3 or more
+
+
+def test_the_mesh_has_the_air_of_the_walls_and_ends_on_them(tmp_path):
+    plate = ChannelPlate(outline="rectangle 24 x 14 mm", network="parallel:2", around=8, cell_size=4e-3)
+    file = plate.write(tmp_path / "plate.msh")
+    summary = meshing.summarize(file)
+    assert summary.measure == pytest.approx(plate.solid_volume, rel=1e-4) and summary.quality > 0.03
+    mesh = mesh_arrays.read_arrays(file)
+    roles = {"cavity", "support", "top", "bottom", "edge"}
+    assert set(mesh.faces) == roles and sum(len(faces) for faces in mesh.faces.values()) > 500
+    x, y, z = mesh.points[np.unique(mesh.triangles("support"))].T
+    assert np.abs(x).max() < 1e-12 and np.ptp(y) == pytest.approx(14e-3) and np.ptp(z) == pytest.approx(6e-3)
+    # On a channel far from the spine the walls are a cylinder's; the distance is computed here by hand.
+    places = mesh.points[np.unique(mesh.triangles("cavity"))]
+    own = places[(np.abs(places[:, 0] - 2.8e-3) < 1.4e-3) & (places[:, 1] > 2e-3) & (places[:, 1] < 4e-3)]
+    assert len(own) > 20
+    assert np.hypot(own[:, 0] - 2.8e-3, own[:, 2] + 0.5e-3) == pytest.approx(1.3e-3, rel=1e-6)
+
+
+def test_a_crease_is_rounded_only_where_channels_meet_at_an_angle():
+    straight = [network.Channel.along(n, np.array(line) * 1e-3, 0.0, (1e-3, 1e-3)) for n, line in
+                (("a", [(0, 0), (5, 0)]), ("b", [(5, 0), (10, 0)]))]  # fmt: skip
+    points = np.array([(5e-3, 1.2e-3, 0.0), (4.8e-3, 0.0, 1.1e-3)])
+    distance, _ = network.Distance(straight, 4e-4).of(points)
+    assert distance == pytest.approx([2e-4, 1e-4], abs=2e-6)
+    across = network.Channel.along("c", np.array([(5e-3, 0), (5e-3, 8e-3)]), 0.0, (1e-3, 1e-3))
+    corner = np.array([(6.1e-3, 1.1e-3, 0.0)])
+    sharp, _ = network.Distance([straight[1], across], 0.0).of(corner)
+    rounded, normals = network.Distance([straight[1], across], 4e-4).of(corner)
+    assert sharp == pytest.approx(1e-4) and rounded == pytest.approx(1e-4 - 0.25 * 4e-4)  # the air reaches further
+    assert np.linalg.norm(normals, axis=1) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("text", ["fan:4", "parallel:3", "radial:8", "rings:2", "spiral:2", "tree:2", "lattice:3", "radial:12"])
+def test_families_fit_in_their_box(text):
+    plate = ChannelPlate(network=text, outline="rectangle 50 x 50 mm", radius=1e-3)
+    low, high = (np.array([place for each in plate.drawn.channels for place in each.points]).__getattribute__(end)(axis=0)
+                 for end in ("min", "max"))  # fmt: skip
+    assert (low[:2] >= [2.5e-3 - 1e-9, -22.5e-3 - 1e-9]).all() and (high[:2] <= [47.5e-3 + 1e-9, 22.5e-3 + 1e-9]).all()
+    assert len(plate.drawn.cavities) == 1
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"channels": ("5, 0 to 20, 0 mm", "5, 3 to 20, 3 mm")}, r"1 and channel 2 are 0\.4 mm apart near \([\d.]+, 1\.5\)"),
+        ({"channels": ("5, 0 to 20, 0 mm in a", "10, -3 to 10, 3 mm in b")}, r"2 of cavity 'b' cross near \((10|9\.)"),
+        ({"channels": ("5, 0 to 60, 0 mm",)}, r"channel 1 lies outside of the outline near \([56]\d"),
+        ({"channels": ("5, 0 to 39, 0 mm",)}, r"channel 1 leaves no wall to the outline near \(39, 0\) mm"),
+        ({"channels": ("5, 0 to 20, 0 mm radius 2.3 mm",)}, r"leaves 0\.2 mm to the bottom face near"),
+        ({"channels": ("5, 0 to 20, 0 mm", "5, 0 to 20, 2 mm")}, "more than 23 degrees"),
+        ({"channels": ("from 5 to 6",)}, "write places"),
+        ({"channels": ("5, 0 to 5, 0 mm",)}, "two places in a row are the same"),
+        ({"network": "radial"}, "number of a family's airways"),
+        ({"network": "star:5"}, "families: fan"),
+        ({"outline": "circle"}, "outline is 'circle'"),
+        ({"support": "x = 3 mm"}, "no side of the outline lies there"),
+        ({"fillet": 2e-3}, "it would fill walls"),
+        ({"channels": ("5, 0 to 20, 0 mm",), "pressure_ratios": (1.0, 2.0)}, "2 values for 1 cavities"),
+    ],
+)
+def test_what_cannot_be_is_refused_by_its_place(fields, words):
+    with pytest.raises(GeometryError, match=words):
+        ChannelPlate(**fields)
+
+
+def test_a_leaf_of_inkscape(tmp_path):
+    file = tmp_path / "leaf.svg"
+    file.write_text(LEAF)
+    plate = ChannelPlate(network=str(file))
+    drawn = plate.drawn
+    assert [each.name for each in drawn.channels] == ["midrib", "vein", "other"] and drawn.cavities == ("#1f77b4",)
+    assert [each.radii[-1] for each in drawn.channels] == pytest.approx([1e-3] * 3, rel=1e-6)
+    low, high = plate.box  # the outline's left end is x = 0
+    assert low[0] == pytest.approx(0.0, abs=1e-12) and high[0] == pytest.approx(56e-3, rel=1e-6)
+    assert np.array(drawn.inlets) == pytest.approx(np.array([(4e-3, 0.0)]), abs=1e-8)
+    ends = [each.points[-1][:2] for each in drawn.channels]
+    assert np.array(ends) == pytest.approx(np.array([(46e-3, 0.0), (24e-3, 10e-3), (38e-3, -8e-3)]), abs=1e-7)  # y upwards
+    # The middle of the cubic: (14 + 3 * 18 + 3 * 20 + 26) / 8 - 2, and so on.
+    middle = np.array([(14 + 3 * 18 + 3 * 20 + 26) / 8 - 2, (3 * 4 + 3 * 8 + 10) / 8]) * 1e-3
+    assert min(math.dist(middle, place[:2]) for place in drawn.channels[1].points) < 1e-7
+    assert ChannelPlate(network=str(file), width=28e-3, thickness=3e-3, offset=0.0).box[1][0] == pytest.approx(28e-3)
+    area = channel_plate.outline_area(plate.paths)
+    assert area == pytest.approx(_area_of_blade(), rel=1e-3)
+
+
+def _area_of_blade():
+    """Area in m2 of the leaf's blade by Gmsh's Bezier curves and CAD kernel."""
+    with meshing.private_model():
+        occ = gmsh.model.occ
+        corners = [(2, 14), (20, 2), (45, 4), (58, 20), (45, 36), (20, 38), (2, 26)]
+        points = [occ.addPoint(x, y, 0) for x, y in corners]
+        curves = [occ.addBezier(points[:4]), occ.addBezier(points[3:]), occ.addLine(points[6], points[0])]
+        face = occ.addPlaneSurface([occ.addCurveLoop(curves)])
+        return 1e-6 * occ.getMass(2, face)
+
+
+@pytest.mark.parametrize(
+    ("drawn", "words"),
+    [
+        ('<path id="thick" d="M10 20 L40 20" stroke="red" fill="none" stroke-width="7"/>', "thick, of radius 3.5 mm there"),
+        ('<text x="10" y="10">a</text>', "has a text"),
+        ('<path id="blob" d="M10 20 L40 20 L30 25" fill="red"/>', r"blob near \(9, 0\) mm is an open line without a stroke"),
+        ('<path d="M10 20 H40" stroke="red" stroke-width="2"/><circle cx="10" cy="30" r="1"/>', r"a dot near \(9, -10\) mm"),
+        ("", "no open stroke"),
+        ("<g>", "not an SVG drawing"),
+    ],
+)
+def test_drawings_that_are_refused(tmp_path, drawn, words):
+    file = tmp_path / "plate.svg"
+    box = '<rect x="1" y="1" width="48" height="38" fill="none" stroke="black"/>'
+    file.write_text(
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="50mm" height="40mm" viewBox="0 0 50 40">{box}{drawn}</svg>'
+    )
+    with pytest.raises(GeometryError, match=words):
+        ChannelPlate(network=str(file))
+
+
+def test_a_drawing_of_cad(tmp_path):
+    ezdxf = pytest.importorskip("ezdxf")
+    document = ezdxf.new(units=5)  # cm
+    space = document.modelspace()
+    space.add_lwpolyline([(0, 0), (6, 0), (6, 3), (0, 3)], close=True)
+    space.add_line((0.5, 1.0), (4.0, 1.0), dxfattribs={"layer": "left", "lineweight": 200})
+    space.add_arc((4.0, 1.5), 0.5, 270, 360, dxfattribs={"layer": "left", "lineweight": 200})
+    space.add_lwpolyline([(0.5, 2.2), (3.0, 2.2), (5.0, 2.4)], dxfattribs={"layer": "right", "const_width": 0.15})
+    space.add_point((0.6, 1.0), dxfattribs={"layer": "left"})
+    document.saveas(tmp_path / "plate.dxf")
+    plate = ChannelPlate(network=str(tmp_path / "plate.dxf"), pressure_ratios=(1.0, 0.5))
+    assert plate.drawn.cavities == ("left", "right") and plate.drawn.inlets[0] == pytest.approx((6e-3, -5e-3))
+    line, arc, bent = plate.drawn.channels
+    assert (line.radii[0], arc.radii[0], bent.radii[0]) == pytest.approx((1e-3, 1e-3, 0.75e-3))
+    away = [math.dist(place[:2], (40e-3, 0.0)) for place in arc.points]
+    assert away == pytest.approx([5e-3] * len(away), rel=5e-4) and arc.points[-1][:2] == pytest.approx((45e-3, 0.0))
+
+
+@pytest.mark.parametrize("text", ["tree:2", "rings:2", "spiral:2"])
+def test_a_network_drawn_and_read_again(tmp_path, text):
+    own = ("5, 20 to 15, 21 mm radius 0.8 to 0.5 mm offset -1 mm in left",) if text == "tree:2" else ()
+    plate = ChannelPlate(network=text, outline="rectangle 60 x 50 mm", radius=1e-3, channels=own)
+    file = tmp_path / "plate.svg"
+    file.write_text(drawings.svg_text(plate.drawn))
+    back = ChannelPlate(network=str(file))
+    assert len(back.drawn.channels) == len(plate.drawn.channels) and back.drawn.cavities == plate.drawn.cavities
+    for one, other in zip(plate.drawn.channels, back.drawn.channels, strict=True):
+        assert np.array(other.points) == pytest.approx(np.array(one.points), abs=1e-7) and other.name == one.name
+        assert other.radii == pytest.approx(one.radii, abs=1e-12)
+    assert np.array(back.paths[0]) == pytest.approx(np.array(plate.paths[0]), abs=1e-7)
+
+
+def test_the_command_draws_a_case(tmp_path):
+    case = tmp_path / "case.toml"
+    case.write_text('[geometry]\ndevice = "ChannelPlate"\nnetwork = "parallel:3"\n')
+    done = testing.CliRunner().invoke(exports.draw_network_command, [str(case), "-o", str(tmp_path / "plate.svg")])
+    assert done.exit_code == 0 and "4 channels" in done.output
+    assert ChannelPlate(network=str(tmp_path / "plate.svg")).drawn.channels[0].radii[0] == pytest.approx(1.3e-3)
+
+
+def test_walls_of_random_networks_are_checked_as_by_brute_force():
+    """Pairs of channels that are not joined: what is refused is what dense samples of both lines say."""
+    rng = np.random.default_rng(5)
+    refused = 0
+    for _ in range(80):
+        ends = rng.uniform((6e-3, -14e-3), (44e-3, 14e-3), (3, 2, 2))
+        channels = [network.Channel.along(f"c{k}", line, 0.0, (1e-3, 1e-3)) for k, line in enumerate(ends)]
+        shares = np.linspace(0.0, 1.0, 150)[:, None]
+        lines = [a + shares * (b - a) for a, b in ends]
+        gaps = [np.linalg.norm(p[:, None] - q, axis=2).min() - 2e-3 for p, q in itertools.combinations(lines, 2)]
+        if any(-1.2e-3 < gap < -1e-3 or 4e-4 < gap < 6e-4 for gap in gaps) or any(gap < -1e-3 for gap in gaps):
+            continue  # joined, or too near the limit for samples
+        try:
+            network.check_walls(channels, network.Samples.of(channels), 5e-4)
+            assert min(gaps) > 5e-4
+        except GeometryError:
+            refused += 1
+            assert min(gaps) < 5e-4
+    assert refused > 2
