@@ -70,9 +70,10 @@ class Band:
         self._sensitivity = Sensitivity(fields.solver, aside=SOLVE_TOLERANCE)
         self._roots = [tuple(zip(self.errors.names, root, strict=True)) for root in self.errors.roots.T.tolist()]
         self._in_time: InTime | None = None
+        self._free: list[tuple[str, bool, int, float]] = []
         if case.program:
             fields.solver.carried = self._in_time = InTime(self._sensitivity, self._roots)
-            self._courses = steps.courses(case.steps)
+            self._free = _not_prescribed(fields, case)
 
     def cells(self, point: stability.Point) -> dict[str, float | None]:
         """Half widths of the 95 % intervals at a point of the path, by column of ``path.csv``; None if undefined.
@@ -81,7 +82,7 @@ class Band:
         """
         try:
             if self._in_time is not None:
-                moves = [self._move_in_time(point, rate) for rate in self._in_time.last.values()]
+                moves = [self._move_in_time(point, rate) for rate in (self._in_time.last or {}).values()]
             else:
                 moves = [] if point.bifurcation else [self._move(point, root) for root in self._roots]
         except newton.NoConvergence:
@@ -96,8 +97,8 @@ class Band:
     def _columns(self) -> list[str]:
         actuator = self.fields.system.body.actuator
         rises = [*(_named(f"{probe}_mm") for probe in actuator.probes), *map(_named, actuator.figure_columns.values())]
-        if self.kept == stability.DeadForce.name:
-            return rises
+        if self._in_time is not None or self.kept == stability.DeadForce.name:
+            return [*(column for column, *_ in self._free), *rises]
         return ["pressure_ci95_cm", f"{table.at_rise(actuator.gauge)}_cm", "added_volume_ci95_ml", *rises]
 
     def _move(self, point: stability.Point, root: sensitivity.Along) -> dict[str, float]:
@@ -119,39 +120,16 @@ class Band:
         return {**pressures, "added_volume_ci95_ml": 1e6 * dV, **self._rises(state.w, w)}
 
     def _move_in_time(self, point: stability.Point, rate: sensitivity.Rate) -> dict[str, float]:
-        """Return the changes by column with a derivative of the state under the program: of each driver what is not
-        prescribed, the magnitude or what it works on."""
-        eq, state = self.fields.system, point.state
-        actuator, cavities = eq.body.actuator, len(eq.volumes())
-        eq.load(state)
-        farthest = int(np.argmax(np.abs(eq.pressures[:cavities]))) if cavities else 0
-        magnitudes = eq.coupling.shares * rate.P + eq.stress_unit * eq.coupling.constraints.T @ rate.w[eq.dofs :]
-        ends = []
+        """Return the changes by column with a derivative of the state under the program."""
+        eq, state, ends = self.fields.system, point.state, []
         for sign in (1.0, -1.0):
             eq.load(dataclasses.replace(state, w=state.w + sign * DIFFERENCE_STEP * rate.w))
             ends.append(eq.driven())
         eq.load(state)
         moved = (ends[0] - ends[1]) / (2 * DIFFERENCE_STEP)
-        changes, volumes = dict[str, float](), 1e6 * eq.volume_unit * moved[:cavities]
-        held = {course.of for course in self._courses if course.held}
-        for k in range(cavities):
-            number = f"_{k + 1}" if cavities > 1 else ""
-            if f"cavity{k + 1}" not in held:
-                changes[_named(f"added_volume{number}_ml")] = float(volumes[k])
-                continue
-            changes[_named(f"pressure{number}_cm")] = float(magnitudes[k]) / self.cm
-            if k == farthest:
-                changes[_named("pressure_cm")] = float(magnitudes[k]) / self.cm
-        if cavities > 1:
-            changes[_named("added_volume_ml")] = float(actuator.ratios @ volumes)
-        for k, part in enumerate(eq.dead.loads):
-            if part.key in held:
-                pascals = magnitudes[cavities + k] / eq.stress_unit
-                changes[_named(part.named_columns[0])] = float(pascals * eq.dead.units[k]) / part.column_unit
-            elif part.key in {course.of for course in self._courses}:
-                way = float(moved[cavities + k] * eq.dead.moved_units[k])
-                changes[_named(part.named_columns[1])] = way / part.moved_column_unit
-        return {**changes, **self._rises(state.w, rate.w)}
+        pressures = eq.coupling.shares * rate.P / eq.stress_unit + eq.coupling.constraints.T @ rate.w[eq.dofs :]
+        free = {column: scale * float((pressures if held else moved)[k]) for column, held, k, scale in self._free}
+        return {**free, **self._rises(state.w, rate.w)}
 
     def _slope(self, point: stability.Point) -> float:
         """Return the pressure in Pa by which the pressure rises along the path for each m of the gauge's rise."""
@@ -178,6 +156,27 @@ class Band:
             }
             ends.append(device_columns(actuator, {name: (p[0], p[1], p[2]) for name, p in places.items()}))
         return rises | {_named(name): (ends[0][name] - ends[1][name]) / (2 * DIFFERENCE_STEP) for name in ends[0]}
+
+
+def _not_prescribed(fields: Fields, case: Case) -> list[tuple[str, bool, int, float]]:
+    """Return of each driver of a program what it does not prescribe: the column of its band, whether that is a pressure or a
+    force, because what it works on is held, the driver's place, and how many of the column's units a dimensionless one is."""
+    eq, courses = fields.system, steps.courses(case.steps)
+    driven, held = {course.of for course in courses}, {course.of for course in courses if course.held}
+    count, free = len(case.actuator.ratios), []
+    for k in range(count):
+        number = f"_{k + 1}" if count > 1 else ""
+        if f"cavity{k + 1}" in held:
+            free.append((_named(f"pressure{number}_cm"), True, k, eq.stress_unit / case.column.pascal))
+        else:
+            free.append((_named(f"added_volume{number}_ml"), False, k, 1e6 * eq.volume_unit))
+    for k, part in enumerate(eq.dead.loads):
+        magnitude, moved, _ = part.named_columns
+        if part.key in held:
+            free.append((_named(magnitude), True, count + k, float(eq.dead.units[k]) / part.column_unit))
+        elif part.key in driven:
+            free.append((_named(moved), False, count + k, float(eq.dead.moved_units[k]) / part.moved_column_unit))
+    return free
 
 
 def _named(column: str) -> str:
