@@ -36,7 +36,7 @@ from softmodels.common.errors import GeometryError
 from softmodels.common.lazy import Expr, PETSc, basix, fem, la, meshes, ufl
 from softmodels.materials import laws, specimens
 from softmodels.materials.laws import Material
-from softmodels.mechanics import assembly, body, compiling, controls, mpi, regions
+from softmodels.mechanics import assembly, body, compiling, controls, mpi, newton, regions
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.component import Component
 from softmodels.mechanics.controls import Control
@@ -377,8 +377,8 @@ class InTime:
             sensitivity.turn(own)
             self._values[name] = [history.at_rest() for history in sensitivity.histories]
         self._before = {name: np.zeros_like(sensitivity.solver.system.w.x.array) for name in self._own}
-        self.last: Mapping[Along, Rate] = {}
-        """Of the last state."""
+        self.last: Mapping[Along, Rate] | None = {}
+        """Of the last state; None from one on that has none, where later ones depend on it."""
 
     def begin(self, state: State, rates: Mapping[str, Rate]) -> None:
         """Begin in a state that has lasted, with its derivatives, 0 by other parameters: the potential has begun a step there
@@ -424,13 +424,22 @@ class InTime:
         self.last = rates
         return rates
 
-    def save(self) -> tuple[dict[Along, list[Array]], dict[Along, Array], Mapping[Along, Rate]]:
+    def carry(self, state: State, control: Control) -> None:
+        """As `advance`, for a path that goes on where a state has no derivatives, as at its limit points."""
+        if self.last is None:
+            return
+        try:
+            self.advance(state, control)
+        except newton.NoConvergence:
+            self.last = None if self.sensitivity.histories else {}
+
+    def save(self) -> tuple[dict[Along, list[Array]], dict[Along, Array], Mapping[Along, Rate] | None]:
         """Return copies of how what is remembered now changes with each parameter, for `FrictionDirection.begin`, and of how
         the last state does; see `component.Checkpoint`."""
         values = {name: [part.copy() for part in own] for name, own in self._values.items()}
         return values, {name: before.copy() for name, before in self._before.items()}, self.last
 
-    def restore(self, saved: tuple[dict[Along, list[Array]], dict[Along, Array], Mapping[Along, Rate]]) -> None:
+    def restore(self, saved: tuple[dict[Along, list[Array]], dict[Along, Array], Mapping[Along, Rate] | None]) -> None:
         self._values, self._before, self.last = copy.deepcopy(saved[0]), copy.deepcopy(saved[1]), saved[2]
 
 

@@ -250,7 +250,7 @@ class Solver:
 class Carried(component.HistoryDependent, Protocol):
     """Derivatives of states, as of `sensitivity.InTime`, from each state that a path accepts to the next."""
 
-    def advance(self, state: State, control: Control) -> object:
+    def carry(self, state: State, control: Control) -> None:
         """Carry them to a state that is not remembered yet, at a fixed value of the control's line."""
 
 

@@ -138,7 +138,7 @@ class Continuation:
         """Let friction and silicone remember a state, and carry the derivatives at its requested value to it."""
         if self.solver.carried is not None:
             line = self.requested.curve(self.value(state)).line(state.V, state.P)
-            self.solver.carried.advance(state, line)
+            self.solver.carried.carry(state, line)
         self.solver.system.potential.commit(state.w)
 
     @property
