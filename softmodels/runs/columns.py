@@ -14,7 +14,6 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -29,9 +28,6 @@ from softmodels.path import schedule, stability, steps, supply
 from softmodels.path.supply import Reservoir
 from softmodels.runs import formats, state_values, table
 from softmodels.runs.fields import OUTPUTS, Fields, Figures, OutputField, outputs, register_output
-
-if TYPE_CHECKING:
-    from softmodels.runs.budget import Band
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Variables of the table: name, description, and how each is computed from a state.
@@ -74,15 +70,16 @@ class Solved:
 
 
 def record_of(
-    case: Case, fields: Fields, point: stability.Point, number: int, reached: float, band: Band | None
+    case: Case, fields: Fields, point: stability.Point, number: int, reached: float, band: Mapping[str, table.Cell]
 ) -> formats.StateRecord:
-    """Return what is stored of a point of the path; ``reached`` is the number of program steps taken. All ranks call it."""
+    """Return what is stored of a point of the path; ``reached`` is the number of program steps taken, ``band`` has half widths
+    by column. All ranks call it."""
     values = fields.values(point.state)
     figures, nodal = fields.figures(point.state, values), fields.nodal(point.state, values) or {}  # on rank 0 only
     mode = None if point.mode is None else fields.shape(point.mode)
     if mode is not None:
         nodal["mode"] = mode / np.abs(mode).max()
-    solved = Solved(case, fields, point, figures, nodal, number, reached, band.cells(point) if band else {})
+    solved = Solved(case, fields, point, figures, nodal, number, reached, band)
 
     def row() -> table.Row:
         present = (variable for variable in every_variable() if variable.present is None or variable.present(case))

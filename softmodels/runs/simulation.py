@@ -289,7 +289,8 @@ class Simulation:
 
     def step_of(self, point: stability.Point, number: int, reached: float = 0.0) -> formats.StateRecord:
         """Return a point of the path in SI units; ``reached`` is the number of program steps taken."""
-        return columns.record_of(self.case, self.fields, point, number, reached, self._band)
+        band = self._band.cells(point) if self._band else {}
+        return columns.record_of(self.case, self.fields, point, number, reached, band)
 
 
 def _own_words() -> bool:

@@ -130,7 +130,7 @@ def test_the_sum_of_the_parts_against_devices_at_random():
 
     tolerance = {"membrane": "0.08 mm", "gauge": "3 cm"}
     run = sm.inflate(DISK, LAW, "0,100 cm", band=ERRORS, tolerance=tolerance)
-    normal = stats.norm.ppf(stats.qmc.Halton(3, seed=3).random(96)) / budget.HALF_WIDTH_95
+    normal = stats.norm.ppf(stats.qmc.Halton(3, seed=3).random(64)) / budget.HALF_WIDTH_95
     sizes = 0.08e-3, budget.HALF_WIDTH_95 * 1500.0, 3.0 * run.case.column.pascal
     values = [
         last_of(DISK.replaced(membrane=DISK.membrane + t), sm.NeoHookean(30e3 + m), run.pressure[-1] + p)
