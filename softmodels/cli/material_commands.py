@@ -390,11 +390,11 @@ def fit_material(files: tuple[Path, ...], how: FitGiven) -> None:
     errors of the bench are fitted per device: --fix leak applies to all of them, --fix disk.leak to the one whose case is
     named disk. For each device the misfit is reported.
 
-    TEST is uniaxial (default), planar (pure shear), equibiaxial or balloon (pressure against stretch or radius); with --memory
-    also oscillation and shear-oscillation (moduli or tan delta over frequency, of tension or shear; a temperature, such as
-    23°C, may stand in place of a RATE) and vibration (displacement or acceleration over time of a device that rings in its
-    first mode; its case file stands in place of a RATE). A file's headers name its columns, such as 'strain (%)' and 'stress
-    (kPa)'; only the loading ramp up to the break is used.
+    TEST is uniaxial (default), compression, planar (pure shear), equibiaxial or balloon (pressure against stretch or radius);
+    with --memory also oscillation and shear-oscillation (moduli or tan delta over frequency, of tension or shear; a
+    temperature, such as 23°C, may stand in place of a RATE) and vibration (displacement or acceleration over time of a device
+    that rings in its first mode; its case file stands in place of a RATE). A file's headers name its columns, such as 'strain
+    (%)' and 'stress (kPa)'; only the loading ramp up to the break is used.
     A modulus is valid only in its fit range: choose the stretches of the device with --stretch.
 
     With --memory the whole tests are used: cycles, holds, several rates at once. The law is then that of equilibrium, and
