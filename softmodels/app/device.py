@@ -327,7 +327,7 @@ class DevicePage(forms.TabPage):
         with self.numbers:
             for name, text in figures:
                 ui.label(name).classes("quiet")
-                ui.label(text).props(f'data-name="{name}"')
+                forms.with_attribute(ui.label(text), "data-name", name)
 
     def _figures(self, row: table.Row) -> list[tuple[str, str]]:
         bands = {name: f" ± {row.shown(table.band_of(name)):.2g}" for name in row if table.band_of(name) in row}

@@ -127,7 +127,14 @@ UPLOAD = """<div class="row items-center no-wrap q-pa-sm">
 
 def tagged[Shown: Element](element: Shown, name: str, classes: str = "w-full", props: str = "dense") -> Shown:
     """Return an element with its looks and its name for tests."""
-    return element.classes(classes).props(f'{props} data-name="{name}"')
+    return with_attribute(element.classes(classes).props(props), "data-name", name)
+
+
+def with_attribute[Shown: Element](element: Shown, name: str, value: str) -> Shown:
+    """Return an element with an attribute as it is: in the text that ``props`` takes, a name from a foreign project could end
+    its quotes and go on with an ``onclick``."""
+    element.props[name] = value
+    return element
 
 
 def stored_picture(project: bench.Project, place: str, words: str) -> str:

@@ -22,6 +22,8 @@ from softmodels.materials.laws import DEFAULT_POISSON_RATIO, LAWS
 from softmodels.path import steps
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from nicegui.events import MultiUploadEventArguments
 
 
@@ -122,21 +124,16 @@ class MaterialPage(forms.TabPage):
     def _show(self) -> None:
         """Show the answer of the last fit."""
         self.answer.clear()
-        try:
-            report = files.read_json(self.project / FIT / "fit.json")
-            law = next(fitted_law for fitted_law in report["laws"] if fitted_law["law"] == report["chosen"])
-        except (OSError, ValueError, KeyError, StopIteration):
+        if (fitted := fitted_law(self.project / FIT / "fit.json")) is None:
             return
+        parameters, verdict = fitted
         with self.answer:
             with ui.grid(columns="auto auto auto").classes("gap-x-6 gap-y-0"):
-                for parameter in law["parameters"]:
-                    ends, unit = parameter["interval_95"], parameter["unit"]
-                    value, *between = (units.readable(float(f"{end:.4g}"), unit) for end in (parameter["value"], *(ends or ())))
-                    about = "fixed" if parameter["fixed"] else f"95 %: {' to '.join(between)}" if between else ""
-                    ui.label(parameter["name"].replace("_", " ")).classes("quiet")
-                    ui.label(value).props(f'data-name="fitted-{parameter["name"]}"')
+                for name, value, about in parameters:
+                    ui.label(name.replace("_", " ")).classes("quiet")
+                    forms.with_attribute(ui.label(value), "data-name", f"fitted-{name}")
                     ui.label(about)
-            ui.label(forms.page_words(report["verdict"])).classes("text-sm")
+            ui.label(forms.page_words(verdict)).classes("text-sm")
             ui.button("Use it for the device", on_click=self._use).props('outline data-name="use-material"')
 
     def _use(self) -> None:
@@ -145,6 +142,23 @@ class MaterialPage(forms.TabPage):
             file = str(self.project / FITTED)
             self.project.change(material=materials.material_from(file, {}), band=materials.band_of(file))
             self.say("")
+
+
+def fitted_law(file: Path) -> tuple[list[tuple[str, str, str]], str] | None:
+    """Return the parameters of the chosen law of a ``fit.json``, each its name, value and interval, and the fit's verdict;
+    None if there is no such file, or something else in it."""
+    shown = []
+    try:
+        report = files.read_json(file)
+        law = next(law for law in report["laws"] if law["law"] == report["chosen"])
+        for parameter in law["parameters"]:
+            ends, unit = parameter["interval_95"], parameter["unit"]
+            value, *between = (units.readable(float(f"{end:.4g}"), unit) for end in (parameter["value"], *(ends or ())))
+            about = "fixed" if parameter["fixed"] else f"95 %: {' to '.join(between)}" if between else ""
+            shown.append((str(parameter["name"]), value, about))
+        return shown, str(report["verdict"])
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, StopIteration):
+        return None
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -217,7 +231,8 @@ class MouldPage(forms.TabPage):
             return
         with self.files:
             for file in sorted(self.project.files(MOULD, FILES), key=lambda file: FILES.index(file.suffix)):
-                ui.link(file.name, f"/files/{quote(f'{MOULD}/{file.name}')}").props(f'download="{file.name}"')
+                link = ui.link(file.name, f"/files/{quote(f'{MOULD}/{file.name}')}")
+                forms.with_attribute(link, "download", file.name)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -140,7 +140,7 @@ class PhotographsPage(forms.TabPage):
                         "flat dense no-caps align=left"
                     ).classes("grow truncate")
                     box = ui.input(value=photograph.pressure, placeholder="12.5 cm").props("dense").classes("w-24")
-                    box.props(f'aria-label="pressure of {_attribute(name)}"')
+                    forms.with_attribute(box, "aria-label", f"pressure of {name}")
                     box.on("change", lambda _, photograph=photograph, box=box: self._pressure(photograph, str(box.value)))
                     icon = ui.icon("hourglass_empty")
                     with icon:
@@ -376,11 +376,6 @@ class PhotographsPage(forms.TabPage):
         density = self.photos.column.density
         words += ["--water-density", units.exact_text(density, "kg/m^3")] if density != units.WATER_DENSITY else []
         return forms.Command(words, OUTLINES)
-
-
-def _attribute(name: str) -> str:
-    """Return a file's name as it can stand between quotes of an element's properties."""
-    return name.replace('"', "").replace("\\", "")
 
 
 def _mark(photograph: ListedPhotograph) -> tuple[str, str]:

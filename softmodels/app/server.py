@@ -237,7 +237,7 @@ def build_page(bench: Bench) -> None:
         ui.html('<h1 class="brand">softmodels</h1>', sanitize=False)
         with ui.tabs().props("dense mobile-arrows inline-label").classes("grow") as tabs:
             for name, (icon, _) in pages.items():
-                ui.tab(name, icon=icon).props(f'aria-label="{name}"')
+                forms.with_attribute(ui.tab(name, icon=icon), "aria-label", name)
         if bench.address:
             with ui.button(icon="qr_code").props('flat round dense color=white aria-label="phone"'), ui.menu():
                 ui.html(segno.make(bench.address).svg_inline(scale=5, light="white"), sanitize=False)

@@ -7,7 +7,6 @@ import functools
 import inspect
 import math
 import re
-import tomllib
 import types
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -491,8 +490,8 @@ def with_changes(table: Tables, changes: Iterable[str]) -> Tables:
             for key in [key for key in inner if key not in kept]:
                 del inner[key]
         try:
-            inner[path[-1]] = tomllib.loads(f"value = {value}")["value"]
-        except tomllib.TOMLDecodeError:
+            inner[path[-1]] = tables.parse_toml(f"value = {value}")["value"]
+        except tables.TomlError:
             inner[path[-1]] = value.strip()
     return made
 

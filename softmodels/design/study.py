@@ -588,7 +588,7 @@ def _read(file: Path) -> dict[int, dict[str, object]]:
         try:
             answer = files.parse_json(line)
             answers[int(answer.pop("sample"))] = answer
-        except (ValueError, KeyError, AttributeError):
+        except (ValueError, KeyError, TypeError, AttributeError):
             continue
     return answers
 

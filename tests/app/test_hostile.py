@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 import asyncio
 import errno
 import functools
 import io
+import json
 import random
 import socket
 import struct
@@ -17,11 +19,13 @@ import pytest
 
 pytest.importorskip("nicegui")
 
+from nicegui import Client, ui
+from nicegui.page import page
 from PIL import Image
 
 import softmodels as sm
 from measurement.series.photo_list import ColumnError
-from softmodels.app import tracing
+from softmodels.app import making, tracing
 from softmodels.app.bench import CASE, Photographs, Project
 from softmodels.app.forms import page_words, with_field
 from softmodels.app.jobs import AnswerError
@@ -342,3 +346,42 @@ def test_a_port_in_use_is_told():
         with pytest.raises(OSError):
             free_port("127.0.0.1", taken.getsockname()[1])
     assert 8700 <= free_port("127.0.0.1") < 8800
+
+
+NAME = 'x" onclick="alert(1)" y.stl'
+"""Of a file in a foreign project: in the text that ``props`` takes it would end the quotes."""
+
+
+def test_a_files_name_stays_one_attribute(tmp_path):
+    folder = tmp_path / making.MOULD
+    folder.mkdir(parents=True)
+    (folder / NAME).touch()
+    with Client(page("/"), request=None):
+        shown = making.MouldPage.__new__(making.MouldPage)
+        shown.project, shown.files, shown.exploded = Project(tmp_path), ui.column(), ui.html("", sanitize=False)
+        shown._show()
+    (link,) = shown.files.default_slot.children
+    assert link.props["download"] == NAME and "onclick" not in link.props
+
+
+def test_no_name_is_written_between_quotes_of_properties():
+    found = []
+    for file in sorted(Path(making.__file__).parent.glob("*.py")):
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.Call) and getattr(node.func, "attr", "") == "props":
+                texts = [part for one in node.args if isinstance(one, ast.JoinedStr) for part in one.values]
+                found += [f"{file.name}:{node.lineno}" for one in texts if '"' in str(getattr(one, "value", ""))]
+    assert not found
+
+
+@pytest.mark.parametrize("text", ["[]", "3", "null", '{"laws": 3}', '{"laws": [3], "chosen": "yeoh"}', "[" * 100_000])
+def test_a_fit_of_something_else_is_no_fit(text, tmp_path):
+    (tmp_path / "fit.json").write_text(text)
+    assert making.fitted_law(tmp_path / "fit.json") is None
+
+
+def test_a_fits_parameters_have_their_intervals(tmp_path):
+    one = {"name": "c1", "value": 14e3, "unit": "Pa", "fixed": False, "interval_95": [13e3, 15e3]}
+    fit = {"chosen": "yeoh", "verdict": "usable", "laws": [{"law": "yeoh", "parameters": [one]}]}
+    (tmp_path / "fit.json").write_text(json.dumps(fit))
+    assert making.fitted_law(tmp_path / "fit.json") == ([("c1", "14 kPa", "95 %: 13 kPa to 15 kPa")], "usable")

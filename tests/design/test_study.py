@@ -22,6 +22,7 @@ from softmodels.design.study import (
     StudyError,
     StudyPlan,
     _inputs,
+    _read,
     indices_of,
     study,
     surrogate_of,
@@ -55,6 +56,11 @@ def test_worker_that_dies_is_replaced(tmp_path):
     assert dict(workers.answers(dying.__name__, "die_once", tasks, 2)) == dict.fromkeys(tasks, (True, "alive"))
     found = dict(workers.answers(dying.__name__, "die", {0: ""}, 1))
     assert found[0][0] is False and "process that computes ended" in found[0][1]
+
+
+def test_lines_that_are_no_samples_are_left_out(tmp_path):
+    (tmp_path / "samples.jsonl").write_text('[]\n3\n{"sample": null}\n{"sample": 4, "a": 1.0}\n{"sample": 5, "a"')
+    assert _read(tmp_path / "samples.jsonl") == {4: {"a": 1.0}}
 
 
 @pytest.fixture(scope="module")

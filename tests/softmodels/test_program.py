@@ -92,6 +92,7 @@ def test_a_changed_field_is_as_if_it_was_written(changes, same, file):
         ("load.pressure=abc", "unknown unit"),
         ("load.pressure", "write a field and its value"),
         ("load..pressure=1 kPa", "write a field and its value"),
+        (f"load.pressure={'[' * 100_000}", "characters"),
         ("load.rate.x=1", "rate is a value, not a table"),
     ],
 )

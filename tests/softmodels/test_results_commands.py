@@ -15,7 +15,8 @@ import pytest
 import softmodels as sm
 from softmodels.__main__ import softmodels
 from softmodels.common.files import parse_json
-from softmodels.runs.store import FORMAT_NUMBER
+from softmodels.pictures import draw_design
+from softmodels.runs.store import FORMAT_NUMBER, ResultsError
 from tests.support.made_up import made_up
 
 
@@ -248,6 +249,13 @@ def test_results_of_another_format_are_named_as_such(words, version, sentence, e
     fix = "update softmodels" if version == 99 else "run its case.toml again into another folder (--output)"
     assert status == 2 and err.count("\n") == 1, err
     assert f"was written by {sentence} of softmodels (format {version}, not {FORMAT_NUMBER})" in err and fix in err
+
+
+@pytest.mark.parametrize("text", ["[]", "3", '{"parameters": []}', "[" * 100_000])
+def test_a_file_that_is_no_designs_is_named(text, tmp_path):
+    (tmp_path / "design.json").write_text(text)
+    with pytest.raises(ResultsError, match=r"holds no design \(design.json\)"):
+        draw_design.draw(tmp_path)
 
 
 DEEP = {"summary.json": "[" * 100_000, "fit.json": '{"laws":' * 100_000}
