@@ -82,10 +82,10 @@ def frame_count(path: Path) -> int:
 SMALL_PX, MIDDLE_PX = 160, 640
 """Longer sides in px of the picture whose changes are taken, and of one on the way to it, whose rounding averages out."""
 
-SPANS = (1, 2, 4, 8)
+CHANGE_SPANS = (1, 2, 4, 8)
 """Frames before and after a frame between which a change is taken: the first span whose changes stand out from noise."""
 
-STANDS_OUT = 20.0
+CLEAR_RATIO = 20.0
 """Ratio of the fastest changes to those at rest from which they stand out."""
 
 LEAST_RATIO = 3.0
@@ -117,8 +117,8 @@ class Motion:
 def motion_of(path: Path, done: Callable[[], None] = lambda: None) -> Motion:
     """Return how fast the picture of a film changes; ``done`` is called after each frame. `FilmError` where nothing moves."""
     times: list[float] = []
-    recent: collections.deque[Array] = collections.deque(maxlen=2 * SPANS[-1] + 1)
-    changes: dict[int, list[float]] = {span: [] for span in SPANS}
+    recent: collections.deque[Array] = collections.deque(maxlen=2 * CHANGE_SPANS[-1] + 1)
+    changes: dict[int, list[float]] = {span: [] for span in CHANGE_SPANS}
     first: Array | None = None
     for time, image in frames(path):
         if image is None:
@@ -129,18 +129,18 @@ def motion_of(path: Path, done: Callable[[], None] = lambda: None) -> Motion:
         small = small / max(float(np.median(small[lit] / first[lit])) if lit.any() else 1.0, 1e-3)  # a lamp that flickers
         times.append(time)
         recent.append(small)
-        for span in SPANS:
+        for span in CHANGE_SPANS:
             if len(recent) > 2 * span:
                 # The fourth power weighs the few places where an edge passes.
                 change = (recent[-1] - recent[-1 - 2 * span]) ** 4
                 changes[span].append(float(np.mean(change)) ** 0.25)
         done()
-    if len(times) < 4 * SPANS[-1]:
-        raise FilmError(f"{path} has {len(times)} frames; a film of a device has at least {4 * SPANS[-1]}")
+    if len(times) < 4 * CHANGE_SPANS[-1]:
+        raise FilmError(f"{path} has {len(times)} frames; a film of a device has at least {4 * CHANGE_SPANS[-1]}")
     at, motion, ratio = np.array(times), None, 0.0
-    for span in SPANS:
+    for span in CHANGE_SPANS:
         motion, ratio = _motion(at, np.array(changes[span]), span)
-        if ratio > STANDS_OUT:
+        if ratio > CLEAR_RATIO:
             break
     if motion is None or ratio < LEAST_RATIO:
         raise FilmError(f"nothing moves in {path}; film the device while its pressure changes")
@@ -242,7 +242,7 @@ MIN_OVERLAP = 0.3
 MAX_STEPS = 5_000_000
 """Frames that would take as long as the log."""
 
-APART = 1.0
+MIN_OFFSET_DISTANCE = 1.0
 """Time in s between two offsets that are not the same, beyond the width of the peak."""
 
 
@@ -280,7 +280,7 @@ def align(motion: Motion, log: Log, near: tuple[float, float] | None = None) -> 
     left = best - int(np.argmax(below[best::-1])) if below[: best + 1].any() else 0
     right = best + int(np.argmax(below[best:])) if below[best:].any() else len(score) - 1
     far = np.ones(len(score), dtype=bool)
-    far[max(0, left - round(APART / step)) : right + round(APART / step) + 1] = False
+    far[max(0, left - round(MIN_OFFSET_DISTANCE / step)) : right + round(MIN_OFFSET_DISTANCE / step) + 1] = False
     if not far.any():
         return Clocks(offset, most)
     second = int(np.argmax(np.where(far, score, -1.0)))
@@ -346,25 +346,25 @@ def plateaus(motion: Motion, log: Log | None, offset: float = 0.0) -> list[Plate
     `FilmError` for none."""
     rests = motion.rate <= motion.rest
     edges = np.flatnonzero(np.diff(np.r_[False, rests, False].astype(int)))
-    found: list[Plateau] = []
+    held: list[Plateau] = []
     for first, after in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
         # A change is seen half its span before and after.
         begin = motion.times[first] - (motion.half if first > 0 else 0.0)
         end = motion.times[after - 1] + (motion.half if after < len(rests) else 0.0)
         if end - begin < MIN_HOLD:
             continue
-        if found and log is not None:
-            there = log.at(np.linspace(found[-1].begin, end, 200) + offset)
+        if held and log is not None:
+            there = log.at(np.linspace(held[-1].begin, end, 200) + offset)
             if np.ptp(there) < SAME_PRESSURE * np.ptp(log.pressures):  # somebody touched the device
-                found[-1] = Plateau(found[-1].begin, float(end))
+                held[-1] = Plateau(held[-1].begin, float(end))
                 continue
-        found.append(Plateau(float(begin), float(end)))
-    if not found:
+        held.append(Plateau(float(begin), float(end)))
+    if not held:
         raise FilmError(
             f"the picture rests nowhere for {MIN_HOLD:g} s; hold each pressure, or give --every to measure frames of "
             "the whole film"
         )
-    return found
+    return held
 
 
 @dataclasses.dataclass(frozen=True)

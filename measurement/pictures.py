@@ -41,7 +41,10 @@ RAW_ENDINGS = frozenset(
 
 RAW_HINT = "it is a camera's raw file; develop it to a 16-bit TIFF, without lens correction, cropping or turning, and list that"
 
-VIDEO_HINT = "it is a video; save single pictures of it as PNG, at the measured pressures, and list those"
+VIDEO_HINT = (
+    "it is a video; save single pictures of it as PNG, at the measured pressures, and list those, or give a film from the side "
+    "to softmodels measure view"
+)
 
 _SIGNATURES: dict[str, tuple[tuple[int, bytes], ...]] = {
     "it is a PDF document; save the photograph in it as a picture (pdfimages does), and list that": ((0, b"%PDF"),),

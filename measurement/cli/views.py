@@ -100,18 +100,22 @@ def view(listing: Path, setup_file: Path, output: Path | None, **given: Any) -> 
         cli.stop(str(error))
     except OSError as error:
         cli.stop(f"the results cannot be written: {errors.reason(error)}", commands.status_of(error))
-    if not given["quiet"]:
+    _report(made, folder.path, given["quiet"])
+    all_measured = len(made.views) == len(listed)
+    sys.exit(commands.EXIT_DONE if all_measured else cli.EXIT_SOME_REJECTED if made.views else commands.EXIT_FAILED)
+
+
+def _report(made: views.Views, folder: Path, quiet: bool) -> None:
+    if not quiet:
         for photo, outcome in zip(made.photographs, made.outcomes, strict=True):
             if isinstance(outcome, views.View):
                 processes.say(_line(made, photo.pressure, outcome))
         weak = sum(outcome.trust != "yes" for outcome in made.views)
         remark = f", {weak} of them untrusted" if weak else ""
-        processes.say(f"{len(made.views)} of {len(listed)} measured{remark}; written to {folder.path}")
+        processes.say(f"{len(made.views)} of {len(made.photographs)} measured{remark}; written to {folder}")
     for photo, outcome in zip(made.photographs, made.outcomes, strict=True):
         if isinstance(outcome, Refusal):
             processes.say(f"{photo.file.name}: refused, {outcome.reason}", err=True)
-    all_measured = len(made.views) == len(listed)
-    sys.exit(commands.EXIT_DONE if all_measured else cli.EXIT_SOME_REJECTED if made.views else commands.EXIT_FAILED)
 
 
 FILM_OPTIONS = ("pressures", "columns", "pressure_error", "clock_offset", "every")

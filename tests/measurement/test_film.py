@@ -165,7 +165,7 @@ def test_blurred_frame_and_moved_camera_are_doubted(tmp_path):
     first, blurred, last = said(exposure=0.1)
     assert (first, last) == ("", "")
     assert "blurred by motion" in blurred
-    assert "the base moved" in said(shift=lambda time: (0.0, 0.0 if time < 3.0 else 6.0))[2]
+    assert "moved by 6." in said(shift=lambda time: (0.0, 0.0 if time < 3.0 else 6.0))[2]
 
 
 def test_unusable_films_and_logs_are_rejected(taken, tmp_path):

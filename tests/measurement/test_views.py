@@ -64,9 +64,9 @@ def misses(made, truths):
 def test_tip_angle_and_centre_line_are_those_of_the_bar(bars, seen):
     assert [view.trust for view in seen.outcomes] == ["yes"] * len(TURNS)
     tips, angles, lines = misses(seen, bars[1])
-    assert np.linalg.norm(tips, axis=1).max() < 5e-5
+    assert np.linalg.norm(tips, axis=1).max() < 2e-5
     assert np.degrees(np.abs(angles)).max() < 0.1
-    assert lines.max() < 3e-5
+    assert lines.max() < 1.5e-5
     assert (np.abs(tips) < 3.0 * np.array([view.tip_error for view in seen.views])).all()
     assert (np.abs(angles) < 3.0 * np.array([view.angle_error for view in seen.views])).all()
 
