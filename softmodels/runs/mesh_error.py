@@ -27,7 +27,7 @@ from softmodels.runs import columns, labels, table
 FINER: Mapping[int, float] = {2: 2.0, 3: 1.5}
 """How many times smaller the cells of the other path are, by dimension: twice the cost of a section, four times a solid's."""
 CHEAP_SECONDS = 60.0
-"""Longest time of a path of which the mesh error is estimated unasked."""
+"""Longest time of a path, of a core, of which the mesh error is estimated unasked."""
 PEAKS = ("max_stretch", "max_von_mises")
 """Peaks of the fields at integration points: at a sharp corner they grow with every refinement, so that they have no error."""
 NOT_SOLVED = table.PathTable()

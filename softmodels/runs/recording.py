@@ -11,7 +11,7 @@ import shutil
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from time import monotonic
+from time import monotonic, process_time
 from typing import TypedDict
 
 import numpy as np
@@ -422,14 +422,14 @@ def record(
     if not resumed:
         _begin(simulation, results)
     ended: outcomes.PathEnded | None = None
-    started = monotonic()
+    started = process_time()
     try:
         _store(simulation.steps(start), results, comm, begun)
     except outcomes.PathEnded as end:
         if case.program:
             raise
         ended = end
-    cheap = stated and mpi.on_root(comm, lambda: monotonic() - started < mesh_error.CHEAP_SECONDS)
+    cheap = stated and mpi.on_root(comm, lambda: process_time() - started < mesh_error.CHEAP_SECONDS)
     if branch:
         _record_branch(simulation, results)
     sources = solve_sources(simulation, results.own.path / mesh.name)  # stored since the first state

@@ -14,7 +14,7 @@ from softmodels.case.load import steps_of
 from softmodels.case.materials import MaterialErrors
 from softmodels.case.tolerances import Tolerances
 from softmodels.mechanics import mpi
-from softmodels.runs import budget, simulation
+from softmodels.runs import budget, mesh_error, simulation
 from tests.support import runs
 
 LAW = sm.NeoHookean(30e3)
@@ -74,7 +74,7 @@ def test_on_the_command_line(tmp_path):
         'geometry = { device = "HollowDisk", section = "axisymmetric" }\nmaterial = { law = "neo-hookean", shear_modulus = '
         '"30 kPa" }\nload = { pressure_cm = "0,100" }\ntolerance = { process = "resin", gauge = "0.5 cm" }\n'
     )
-    done = runs.run("-m", "softmodels", "run", file, "-o", tmp_path / "out", "--pictures", "none")
+    done = runs.run("-m", "softmodels", "run", file, "-o", tmp_path / "out", "--pictures", "none", "--budget", "auto")
     line = next(line for line in done.out.splitlines() if line.startswith("apex rise "))
     number, parts = line.split(" (95 %): ")
     halves = [float(part.rpartition(" ")[2]) for part in parts.split(", ")]
@@ -110,6 +110,25 @@ def test_no_tolerance_of_what_has_no_band():
         case_of(DISK, LAW, steps=steps_of(share="0:1"), components=[sm.Gravity("-z")], tolerance=TOLERANCE)
 
 
+def test_sources_span_the_silicones_part():
+    run = sm.inflate(DISK, "ecoflex-00-30", "0,10 cm", band="ecoflex-00-30")
+    first, *others = run.budget.contributions(run.table[-1], "apex")
+    assert first.text == "silicone" and not others
+    apex = [rows[-1]["apex_mm"] for rows in run.sources.values()]
+    assert 1e3 * first.half == pytest.approx(max(abs(value - run.rows[-1]["apex_mm"]) for value in apex), rel=1e-9)
+    assert "not in these intervals: lengths as made" in run.budget.lines()[-1]
+
+
+def test_which_path_the_mesh_error_is_from():
+    wedge = case_of(sm.HollowDisk(angle=180.0), LAW, "0,5 cm")
+    section = mesh_error.companion(wedge, cheap=True)
+    assert section.actuator == sm.HollowDisk(angle=180.0, section="axisymmetric", finer=2.0)
+    assert mesh_error.companion(wedge, cheap=False) is None
+    sideways = case_of(sm.HollowDisk(angle=180.0), LAW, "0,5 cm", components=[sm.Gravity("x")])
+    assert mesh_error.companion(sideways, cheap=True) is None
+    assert mesh_error.companion(case_of(sm.PneuNet(), LAW, "0,5 kPa"), cheap=True) is None
+
+
 def last_of(device, material, pressure):
     """The apex rise and the added volume of a device at a pressure, by its own path of few steps."""
     case = case_of(device, material, [pressure])
@@ -130,7 +149,7 @@ def test_the_sum_of_the_parts_against_devices_at_random():
 
     tolerance = {"membrane": "0.08 mm", "gauge": "3 cm"}
     run = sm.inflate(DISK, LAW, "0,100 cm", band=ERRORS, tolerance=tolerance)
-    normal = stats.norm.ppf(stats.qmc.Halton(3, seed=3).random(64)) / budget.HALF_WIDTH_95
+    normal = stats.norm.ppf(stats.qmc.Halton(3, seed=3).random(160)) / budget.HALF_WIDTH_95
     sizes = 0.08e-3, budget.HALF_WIDTH_95 * 1500.0, 3.0 * run.case.column.pascal
     values = [
         last_of(DISK.replaced(membrane=DISK.membrane + t), sm.NeoHookean(30e3 + m), run.pressure[-1] + p)

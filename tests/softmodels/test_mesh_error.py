@@ -92,6 +92,7 @@ def test_of_a_limit_point():
     run = sm.inflate(sm.Balloon(), sm.NeoHookean(20e3), "0:60 cm", mesh_error=True)
     limit = run.table.where("limit")[0]
     errors = mesh_error.MeshErrors(run.case, run.table, run._source.finer).of(limit)
+    assert any(line.startswith("limit pressure ") and "cm (95 %): mesh " in line for line in run.budget.lines())
     assert 0.0 < errors["pressure"] < 0.01 * limit["pressure"]
 
 
