@@ -72,7 +72,9 @@ class Band:
         self._in_time: InTime | None = None
         self._free: list[tuple[str, bool, int, float]] = []
         if case.program:
-            fields.solver.carried = self._in_time = InTime(self._sensitivity, self._roots)
+            fields.solver.carried = self._in_time = InTime(
+                self._sensitivity, {str(k): root for k, root in enumerate(self._roots)}
+            )
             self._free = _not_prescribed(fields, case)
 
     def cells(self, point: stability.Point) -> dict[str, float | None]:
