@@ -362,22 +362,23 @@ class MeasuredSlope:
 
 class InTime:
     """Derivatives of a device's states through steps that remember those before, from rest on: of silicone with a memory by
-    ``names`` of `known_parameters` or `memory_parameters`, of friction by lengths and all parameters of `Sensitivity.force`;
-    and by ``loads``, by which only the control's values change.
+    ``names`` of `known_parameters` or `memory_parameters`, or by name along changes of several, of friction by lengths and all
+    parameters of `Sensitivity.force`; and by ``loads``, by which only the control's values change.
 
     Viscosity that depends on stress has none at rest where its exponent is below 1.
     """
 
-    def __init__(self, sensitivity: Sensitivity, names: Sequence[Along], loads: Sequence[str] = ()):
-        self.sensitivity = sensitivity
-        self._own: dict[Along, Along] = {**{name: name for name in names}, **dict.fromkeys(loads, "")}
+    def __init__(self, sensitivity: Sensitivity, names: Sequence[str] | Mapping[str, Along], loads: Sequence[str] = ()):
+        self.sensitivity, self._own = sensitivity, dict[str, Along]()
+        self._own |= names if isinstance(names, Mapping) else {name: name for name in names}
+        self._own |= dict.fromkeys(loads, "")
         self.names = tuple(self._own)
-        self._values: dict[Along, list[Array]] = {}
+        self._values: dict[str, list[Array]] = {}
         for name, own in self._own.items():
             sensitivity.turn(own)
             self._values[name] = [history.at_rest() for history in sensitivity.histories]
         self._before = {name: np.zeros_like(sensitivity.solver.system.w.x.array) for name in self._own}
-        self.last: Mapping[Along, Rate] | None = {}
+        self.last: Mapping[str, Rate] | None = {}
         """Of the last state; None from one on that has none, where later ones depend on it."""
 
     def begin(self, state: State, rates: Mapping[str, Rate]) -> None:
@@ -404,7 +405,7 @@ class InTime:
         along, _ = self.sensitivity.rates(state, control, ())
         return along, self.advance(state, control, rises)
 
-    def advance(self, state: State, control: Control, rises: Mapping[str, float] = MappingProxyType({})) -> dict[Along, Rate]:
+    def advance(self, state: State, control: Control, rises: Mapping[str, float] = MappingProxyType({})) -> dict[str, Rate]:
         """Return the same of only the state, where `Sensitivity.rates` has been called or they are ``aside``."""
         known, eq = self.sensitivity, self.sensitivity.solver.system
         eq.load(state)
@@ -433,13 +434,13 @@ class InTime:
         except newton.NoConvergence:
             self.last = None if self.sensitivity.histories else {}
 
-    def save(self) -> tuple[dict[Along, list[Array]], dict[Along, Array], Mapping[Along, Rate] | None]:
+    def save(self) -> tuple[dict[str, list[Array]], dict[str, Array], Mapping[str, Rate] | None]:
         """Return copies of how what is remembered now changes with each parameter, for `FrictionDirection.begin`, and of how
         the last state does; see `component.Checkpoint`."""
         values = {name: [part.copy() for part in own] for name, own in self._values.items()}
         return values, {name: before.copy() for name, before in self._before.items()}, self.last
 
-    def restore(self, saved: tuple[dict[Along, list[Array]], dict[Along, Array], Mapping[Along, Rate] | None]) -> None:
+    def restore(self, saved: tuple[dict[str, list[Array]], dict[str, Array], Mapping[str, Rate] | None]) -> None:
         self._values, self._before, self.last = copy.deepcopy(saved[0]), copy.deepcopy(saved[1]), saved[2]
 
 

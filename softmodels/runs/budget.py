@@ -270,7 +270,8 @@ class Band:
         self._in_time: InTime | None = None
         self._free: list[tuple[str, bool, int, float]] = []
         if case.program:
-            made.solver.carried = self._in_time = InTime(self._sensitivity, self._roots)
+            roots = {str(k): root for k, root in enumerate(self._roots)}
+            made.solver.carried = self._in_time = InTime(self._sensitivity, roots)
             self._free = _not_prescribed(made, case)
 
     def release(self) -> None:

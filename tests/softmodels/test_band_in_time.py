@@ -133,6 +133,16 @@ def test_the_numbers_of_a_memory_are_those_of_the_material(tmp_path):
     assert MaterialErrors.of_fit(law, ("gauge1",), np.eye(1), {}, "") is None
 
 
+def test_slopes_of_a_specimen_by_the_time_of_a_branch():
+    time, stretch = PULL
+
+    def stress(second):
+        return stress_in_time(LAW.with_memory(branches=[(0.2, 2.0), (0.1, second)]), time, stretch)[0]
+
+    slopes = stress_in_time(LAW.with_memory(branches=[(0.2, 2.0), (0.1, 30.0)]), time, stretch, parameters=("c1", "time2"))[1]
+    assert slopes[:, 1] == pytest.approx((stress(30.5) - stress(29.5)), abs=2e-3 * np.abs(slopes[:, 1]).max())
+
+
 PULL = (np.linspace(0.0, 40.0, 61), 1.0 + 1.5 * (1.0 - np.abs(np.linspace(-1.0, 1.0, 61))))
 HOLD = (
     np.r_[np.linspace(0.0, 2.0, 9), 2.0 + np.geomspace(2.0, 150.0, 50)],

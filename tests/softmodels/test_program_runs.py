@@ -55,14 +55,16 @@ def test_a_program_runs_and_says_what_each_cavity_has(program, tmp_path):
 
 
 @pytest.mark.campaign
-def test_a_program_goes_on_from_its_last_step(program, tmp_path):
-    """Ended after a step, or in the middle of one, it comes to the states of a program that was never interrupted."""
+@pytest.mark.parametrize("band", ["", "[band]\nparameters = ['shear_modulus']\ncovariance = [[1e6]]\n"])
+def test_a_program_goes_on_from_its_last_step(program, tmp_path, band):
+    """Ended after a step, or in the middle of one, it comes to the states of a program that was never interrupted; with a band,
+    whose derivatives come along the whole path, all is computed anew."""
     series = (("cavity1.pressure_cm", "[40, 40, 20]"), ("cavity2.volume_ml", "[0, 0.03, 0.03]"))
-    whole = "".join(f"{key} = {values}\n" for key, values in series)
+    whole = "".join(f"{key} = {values}\n" for key, values in series) + band
     assert program(whole, "--no-pictures", "--quiet").status == 0
     wanted = runs.rows(tmp_path / "out")
     shutil.rmtree(tmp_path / "out")
-    part = "".join(f"{key} = {values.rsplit(',', 1)[0]}]\n" for key, values in series)
+    part = "".join(f"{key} = {values.rsplit(',', 1)[0]}]\n" for key, values in series) + band
     assert program(part, "--no-pictures", "--quiet").status == 0
     # As if it had been killed two states into the second step.
     results = Results(tmp_path / "out", "pair")
@@ -72,11 +74,12 @@ def test_a_program_goes_on_from_its_last_step(program, tmp_path):
     other = program(whole.replace("40, 40", "50, 50"), "--no-pictures", "--quiet", "--resume")
     assert other.status == 2 and "other steps" in other.err
     done = program(whole, "--no-pictures", "--resume")
-    assert done.status == 0 and "resuming from step 1 of the program" in done.err
+    assert done.status == 0 and (band or "resuming from step 1 of the program" in done.err)
     found = runs.rows(tmp_path / "out")
+    bands = ["tip_ci95_mm", "pressure_2_ci95_cm"] if band else []
     assert len(found) == len(wanted) and [row["step"] for row in found] == list(range(len(found)))
     for row, expected in zip(found, wanted, strict=True):
-        for name in ("load_step", "pressure_1_cm", "pressure_2_cm", "added_volume_1_ml", "tip_mm", "stored_energy_mJ"):
+        for name in ("load_step", "pressure_1_cm", "pressure_2_cm", "added_volume_1_ml", "tip_mm", "stored_energy_mJ", *bands):
             assert row[name] == pytest.approx(expected[name], rel=1e-8, abs=1e-10), name
 
 
