@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 GROUPS = {
     "Runs": "inflate run limit load compare Case Run SolvedState Line Limit Comparison Syringe Reservoir",
-    "Devices": "HollowDisk SeminarActuator PneuNet BendingBellows Cylinder Membrane Balloon Bellows Beam ImportedActuator "
+    "Devices": "HollowDisk SeminarActuator PneuNet BendingBellows Cylinder Membrane Balloon Bellows Beam ChannelPlate ImportedActuator "
     "ImportedMesh",
     "Materials": "NeoHookean MooneyRivlin Yeoh Ogden Gent Polynomial FungDemiray silicone Material Region",
     "Loads, contact and parts": "Gravity Mass Force Moment Rigid RigidShape Obstacle Walls Fibres Fabric Sheet Clamp",
