@@ -34,6 +34,7 @@ RUNS: dict[tuple[str, ...], tuple[str, ...] | str] = {
     ("contact-ball",): CASE.format("HollowDisk", "[0, 20, 40, 60]") + BALL,
     ("contact-lifted",): CASE.format("HollowDisk", "[0, 30, 50, 70, 90]") + GUIDED,
     ("contact-friction",): CASE.format("PneuNet", "[0, 6, 12]") + TABLE,
+    ("network",): (*RUN, "ChannelPlate", "--pressure-cm", "0:60"),
     ("suction-cup",): BENCH["cup.toml"],
     ("grasp",): BENCH["grasp.toml"],
     ("seminar", "lift"): ("softmodels.seminar", "--pressure-cm", "0,70,130,177"),

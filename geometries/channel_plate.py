@@ -266,6 +266,10 @@ class ChannelPlate(actuator.Actuator):
             self.lift, self.offset, "Every channel is round about this plane, so that each layer has open grooves.", *inlets
         )
 
+    def build_whole(self) -> None:
+        """Fill the current Gmsh model (mm) with the plate as the CAD kernel draws it, without roundings where channels meet."""
+        whole_plate(self)
+
     def build(self) -> None:
         """Fill the current Gmsh model (mm) with the plate, its roles and its cell sizes."""
         build_plate(self)
@@ -465,6 +469,33 @@ def build_plate(plate: ChannelPlate) -> None:
     meshing.name_groups(2, roles)
     meshing.name_groups(0, {name: [tag] for name, tag in named.items() if name.startswith("anchor")})
     _set_sizes(plate)
+
+
+def whole_plate(plate: ChannelPlate) -> None:
+    """Fill the current Gmsh model (mm) with a plate as one solid: a prism without cones and balls."""
+    occ, mm, half = gmsh.model.occ, meshing.MM_PER_M, 0.5 * plate.thickness
+    loops = []
+    for path in plate.paths:
+        places = {place: occ.addPoint(mm * place[0], mm * place[1], -mm * half) for place in path}
+        lines = [[places[place] for place in run] for run, _ in _runs(plate, path, set())]
+        loops.append(occ.addCurveLoop([occ.addSpline(line) if len(line) > 2 else occ.addLine(*line) for line in lines]))
+    face = occ.addPlaneSurface(loops)
+    prism = [entity for entity in occ.extrude([(2, face)], 0, 0, mm * plate.thickness) if entity[0] == 3]
+    balls: dict[Vector, float] = {}
+    cones = []
+    for each in plate.drawn.channels:
+        for (a, p), (b, q) in itertools.pairwise(zip(each.points, each.radii, strict=True)):
+            place, along = mm * np.array(a), mm * np.subtract(b, a)
+            cones.append(
+                (3, occ.addCylinder(*place, *along, mm * p) if p == q else occ.addCone(*place, *along, mm * p, mm * q))
+            )
+        for place, radius in zip(each.points, each.radii, strict=True):
+            balls[place] = max(balls.get(place, 0.0), radius)
+    parts = cones + [(3, occ.addSphere(*(mm * np.array(place)), mm * radius)) for place, radius in balls.items()]
+    air = occ.fuse(parts[:1], parts[1:])[0]
+    meshing.one_solid(occ.cut(prism, air)[0])
+    occ.remove([(2, face)], recursive=True)
+    occ.synchronize()
 
 
 def _with_gauge(plate: ChannelPlate) -> tuple[tuple[Place, ...], ...]:
