@@ -1289,6 +1289,8 @@ MIN_EDGE_ANGLE = math.radians(40.0)
 """Angle between triangles of an STL file from which their edge is one of the part."""
 FILL_SIZES = (1.0, 0.9, 0.8)
 """Shares of the cell size to try in turn where Gmsh leaves a cell without volume."""
+FACET_TOLERANCE = 0.01
+"""Distance over the walls' thickness within which facets of an STL part are joined where they cannot be meshed as they are."""
 FILL_CELLS_PER_CIRCLE, MIN_FILL_SHARE = 5.0, 0.35
 """Cells around a full circle of an STL part's roundings, and the smallest ones there over the cell size."""
 MAX_FILL_GROWTH = 0.3
@@ -1543,8 +1545,8 @@ def meshed_solid(file: str, surface: Surface, cell_size: float) -> mesh_arrays.T
     def fill() -> dict[str, NDArray[Any]]:
         try:
             nodes, cells = meshing.apart(_fill, *surface, cell_size)
-        except MeshingError:  # the mesher crashed at some surfaces, so their own triangles have to do
-            nodes, cells = meshing.apart(_mesh_surfaces, *surface, cell_size, False)
+        except MeshingError:  # the mesher crashed at some surfaces
+            nodes, cells = meshing.apart(_fill_between_facets, surface, cell_size)
         return {"nodes": np.asarray(nodes), "cells": np.asarray(cells)}
 
     try:
@@ -1561,14 +1563,24 @@ def _fill(
     points: NDArray[np.float64], triangles: mesh_arrays.Ints, cell_size: float
 ) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
     """Mesh the solid between closed surfaces: nodes in m, and tetrahedra. The largest surface is the outside."""
-    for share in FILL_SIZES:
-        try:
-            nodes, cells = _mesh_surfaces(points, triangles, share * cell_size, True)
-        except Exception:  # bare: Gmsh finds no parameters of some surfaces
-            break
-        if not mesh_arrays.flat_cell(nodes, cells):
-            return nodes, cells
-    return _mesh_surfaces(points, triangles, cell_size, False)  # then their own triangles have to do
+    area, volume = _area_and_volume((points, triangles))
+    surface = (points, triangles)
+    for tolerance in (0.0, FACET_TOLERANCE * 2.0 * volume / area):
+        surface = surfaces.simplified(surface, tolerance) if tolerance else surface
+        for share in FILL_SIZES:
+            try:
+                nodes, cells = _mesh_surfaces(*surface, share * cell_size, True)
+            except Exception:  # bare: Gmsh finds no parameters of some surfaces, or lets them cross
+                break
+            if not mesh_arrays.flat_cell(nodes, cells):
+                return nodes, cells
+    return _fill_between_facets(surface, cell_size)
+
+
+def _fill_between_facets(surface: Surface, cell_size: float) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
+    """Mesh the solid with the triangles of its surface as faces of cells, split where they are longer than a cell: slivers
+    from edge to edge of a wall would be several times too stiff."""
+    return _mesh_surfaces(*surfaces.split(surface, cell_size), cell_size, False)
 
 
 def _mesh_surfaces(

@@ -23,6 +23,10 @@ ZERO_VOLUME_TOLERANCE = 1e-9
 """Six times the volume of a surface, in cubes of its extent, that is no more than rounding."""
 SAME_VOLUME_TOLERANCE = 1e-6
 """Share of a body's volume that is no more than rounding."""
+MAX_HALVINGS = 6
+"""Tolerances tried in turn, each half of the last."""
+SIMPLIFIED_VOLUME_TOLERANCE = 5e-4
+"""Share of the solid's and of the air's volume that leaving out corners may change."""
 MIN_AIR_SHARE = 0.01
 """Share of the air's volume within the body's solid below which the body was drawn hollow."""
 
@@ -129,6 +133,35 @@ def without_air(file: str, body: Surface, air_file: str, air: Surface) -> Surfac
         return body
     points, triangles = _surface_of(solid - space)
     return size * points, triangles
+
+
+def simplified(surface: Surface, tolerance: float) -> Surface:
+    """Return a closed surface with fewer triangles, all within a distance (m) of the others, or less where the volumes of the
+    solid and its air ask for it. A surface that crosses itself stays as it is."""
+    points, triangles = surface
+    size = float(np.ptp(points, axis=0).max())
+    solid = mesh_arrays.manifold(points / size, triangles)
+    air = mesh_arrays.enclosed_air(points / size, triangles)
+    for halvings in range(MAX_HALVINGS if not solid.is_empty() else 0):
+        places, corners = _surface_of(solid.simplify(tolerance / size / 2**halvings))
+        changes = np.array(
+            [mesh_arrays.manifold(places, corners).volume() - solid.volume(), mesh_arrays.enclosed_air(places, corners) - air]
+        )
+        if (np.abs(changes) <= SIMPLIFIED_VOLUME_TOLERANCE * np.array([solid.volume(), air])).all():
+            return size * places, corners
+    return surface
+
+
+def split(surface: Surface, length: float) -> Surface:
+    """Return a closed surface whose triangles are split where their edges are longer than a length (m). A surface that crosses
+    itself stays as it is."""
+    points, triangles = surface
+    size = float(np.ptp(points, axis=0).max())
+    solid = mesh_arrays.manifold(points / size, triangles)
+    if solid.is_empty():
+        return surface
+    places, corners = _surface_of(solid.refine_to_length(length / size))
+    return size * places, corners
 
 
 def _surface_of(solid: mesh_arrays.Manifold) -> Surface:

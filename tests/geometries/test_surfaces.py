@@ -12,7 +12,7 @@ import pytest
 import pyvista
 
 import softmodels as sm
-from geometries import GeometryError, ImportedActuator, ImportedMesh, meshing
+from geometries import GeometryError, ImportedActuator, ImportedMesh, imported, mesh_arrays, meshing, surfaces
 from geometries.imported import read_surfaces
 from geometries.meshing import private_model
 
@@ -136,6 +136,38 @@ def test_cells_of_an_stl_part_get_smaller(tmp_path):
     assert finer.cells > 2 * own.cells and finer.measure == pytest.approx(own.measure, rel=1e-6)
     with pytest.raises(GeometryError, match="used as they are"):
         ImportedMesh(file=str(tmp_path / "part.msh"), unit="m", support="x = 0 mm", finer=2.0)
+
+
+def test_facets_finer_than_the_walls_ask_for_are_joined():
+    """A box with a fine ball of air: no corner is farther from the surface left over than asked, and both volumes are kept."""
+    ball = pyvista.Sphere(radius=3.0, center=(10.0, 5.0, 5.0), theta_resolution=60, phi_resolution=60)
+    corners = soup(OUTSIDE, (np.asarray(ball.points, dtype=float), np.asarray(ball.regular_faces)[:, ::-1]))
+    surface, _ = surfaces.repaired("ball.stl", 1e-3 * corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
+    fewer = surfaces.simplified(surface, 20e-6)
+    assert len(fewer[1]) < 0.9 * len(surface[1])
+    left = pyvista.PolyData.from_regular_faces(1e3 * fewer[0], fewer[1])
+    away = pyvista.PolyData(1e3 * surface[0]).compute_implicit_distance(left)["implicit_distance"]
+    assert np.abs(away).max() < 0.02 * 1.01
+    air = BODY - volume(surface)
+    assert volume(fewer) == pytest.approx(volume(surface), rel=5e-4) and BODY - volume(fewer) == pytest.approx(air, rel=5e-4)
+    coarse = surfaces.simplified(surface, 1e-3)  # which would cut the ball to pieces
+    assert BODY - volume(coarse) == pytest.approx(air, rel=5e-4)
+
+
+def test_long_facets_are_split_where_they_are_faces_of_cells(tmp_path):
+    """A surface that cannot be meshed anew keeps its facets, but no sliver as long as a side: too stiff."""
+    corners = soup(box((0, 60), (0, 10), (0, 10)), (INSIDE[0], INSIDE[1][:, ::-1]))
+    surface, _ = read_surfaces(write(tmp_path / "part.stl", corners), 1e-3)
+    longest = {}
+    for name, (nodes, cells) in {
+        "split": imported._fill_between_facets(surface, 4e-3),
+        "whole": imported._mesh_surfaces(*surface, 4e-3, False),
+    }.items():
+        mesh = mesh_arrays.Tetrahedra.made(nodes, cells, {}, {})
+        assert mesh.volume == pytest.approx((6000.0 - AIR) * 1e-9, rel=1e-9)
+        edges = mesh.points[mesh.cells[:, mesh_arrays.EDGES]]
+        longest[name] = np.linalg.norm(edges[:, :, 1] - edges[:, :, 0], axis=2).max()
+    assert longest["split"] < 8e-3 and longest["whole"] > 40e-3
 
 
 @pytest.mark.parametrize("ending", ["stl", "step"])
