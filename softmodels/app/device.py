@@ -65,7 +65,7 @@ class DevicePage(forms.TabPage):
                 self.limit = forms.tagged(ui.label(), "limit", "", "")
                 self.spread = forms.tagged(ui.label(), "spread", "text-sm", "")
                 self.notes = ui.column().classes("gap-1")
-                forms.job_panel(bench, OUTPUT, "Run with all pictures", self._run, f"{OUTPUT}/report.html", ABOUT)
+                forms.JobPanel(bench, OUTPUT, "Run with all pictures", self._run, f"{OUTPUT}/report.html", ABOUT)
                 self._whole_case()
                 with ui.expansion("The same in a terminal, and in Python").classes("w-full").props("dense"):
                     self.terminal = forms.tagged(ui.code("", language="bash"), "terminal", props="")

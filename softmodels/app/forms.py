@@ -167,82 +167,95 @@ OUTDATED = "out of date"
 """What is said of results that are not those of today's inputs."""
 
 
-def job_panel(
-    bench: Bench, output: str, title: str, command: Callable[[], Command | str], report: str = "", about: str = "",
-    shown: Sequence[Element] = (), kept: Callable[[], bool] = bool,
-) -> None:  # fmt: skip
-    """Add a button that starts a command in the current place of a page, with what it prints, its folder of results, and
-    their report, a page from the project's folder; empty for none. ``command`` returns it, or the sentence why it cannot be
-    given yet. ``about`` says what will stand there. Results that are not those of today's inputs are marked, what is ``shown``
-    of them elsewhere too, unless ``kept`` says that they are in use."""
-    jobs, file = bench.jobs, bench.project / report
+class JobPanel:
+    """A button that starts a command, in the current place of a page, with what it prints, its folder of results, and their
+    ``report``, a page from the project's folder; empty for none.
 
-    def asked() -> Command | str:
+    ``command`` returns it, or the sentence why it cannot be given yet. ``about`` says what will stand there. Results that are
+    not those of today's inputs are marked, what is ``shown`` of them elsewhere too, unless ``kept`` says that they are in use;
+    both may be set later.
+    """
+
+    def __init__(
+        self, bench: Bench, output: str, title: str, command: Callable[[], Command | str], report: str = "", about: str = ""
+    ):
+        self.bench, self.output, self.title, self.command = bench, output, title, command
+        self.report, self.about = report, about
+        self.shown: Sequence[Element] = ()
+        self.kept: Callable[[], bool] = bool
+        with ui.card().classes("w-full"):
+            with ui.row().classes("items-center gap-3"):
+                self.start_button = tagged(ui.button(title, on_click=self._start), f"start-{output}", "", "")
+                self.stop_button = tagged(ui.button("Stop", on_click=self._stop), f"stop-{output}", "", "outline")
+                self.spinner, self.state = ui.spinner(), tagged(ui.label(), f"state-{output}", "", "")
+            self.sentence = tagged(ui.label(), f"why-{output}", "text-negative", "")
+            self.empty = tagged(ui.label(about), f"about-{output}", "quiet", "")
+            self.line = tagged(ui.label(), f"line-{output}", "text-sm font-mono whitespace-pre-wrap break-words", "")
+            with ui.expansion("Log").classes("w-full").props("dense") as self.log:
+                self.whole = ui.code("", language="text").classes("w-full")
+            self.frame = ui.html("", sanitize=False).classes("w-full")
+        bench.jobs.changed.subscribe(lambda job: self._show() if job.output == output else None)
+        ui.timer(1.0, self._follow)
+        self._show()
+
+    def _asked(self) -> Command | str:
         try:
-            return command()
+            return self.command()
         except ERRORS as error:
             return page_words(errors.reason(error))
 
-    def start() -> None:
-        made = asked()
-        sentence.set_text(made if isinstance(made, str) else "")
-        if not isinstance(made, str):
-            try:
-                for name, text in made.written.items():
-                    files.write_text(bench.project / name, text)
-            except OSError as error:
-                return sentence.set_text(errors.reason(error))
-            jobs.start(made.words, made.output, resumable=made.resumable)
-        return None
+    def _start(self) -> None:
+        made = self._asked()
+        self.sentence.set_text(made if isinstance(made, str) else "")
+        if isinstance(made, str):
+            return
+        try:
+            for name, text in made.written.items():
+                files.write_text(self.bench.project / name, text)
+        except OSError as error:
+            return self.sentence.set_text(errors.reason(error))
+        self.bench.jobs.start(made.words, made.output, resumable=made.resumable)
 
-    def stop() -> None:
-        if (job := jobs.latest(output)) is not None:
-            jobs.stop(job)
+    def _stop(self) -> None:
+        if (job := self.bench.jobs.latest(self.output)) is not None:
+            self.bench.jobs.stop(job)
 
-    with ui.card().classes("w-full"):
-        with ui.row().classes("items-center gap-3"):
-            start_button = tagged(ui.button(title, on_click=start), f"start-{output}", "", "")
-            stop_button = tagged(ui.button("Stop", on_click=stop), f"stop-{output}", "", "outline")
-            spinner, state = ui.spinner(), tagged(ui.label(), f"state-{output}", "", "")
-        sentence = tagged(ui.label(), f"why-{output}", "text-negative", "")
-        empty = tagged(ui.label(about), f"about-{output}", "quiet", "")
-        line = tagged(ui.label(), f"line-{output}", "text-sm font-mono whitespace-pre-wrap break-words", "")
-        with ui.expansion("Log").classes("w-full").props("dense") as log:
-            whole = ui.code("", language="text").classes("w-full")
-        frame = ui.html("", sanitize=False).classes("w-full")
+    def _follow(self) -> None:
+        job = self.bench.jobs.latest(self.output)
+        if job is not None and job.active:
+            self._show()
+        else:
+            self._mark()
 
-    def show() -> None:
-        job = jobs.latest(output)
+    def _show(self) -> None:
+        """Show the newest job, what it has printed, and its report once it has ended."""
+        job, file = self.bench.jobs.latest(self.output), self.bench.project / self.report
         active = job is not None and job.active
-        start_button.set_enabled(not active)
-        for element in (stop_button, spinner):
+        self.start_button.set_enabled(not active)
+        for element in (self.stop_button, self.spinner):
             element.set_visibility(active)
-        log.set_visibility(job is not None)
-        empty.set_visibility(job is None and bool(about))
+        self.log.set_visibility(job is not None)
+        self.empty.set_visibility(job is None and bool(self.about))
         if job is None:
             return
-        text = jobs.log(job)
+        text = self.bench.jobs.log(job)
         lines = [text_line for text_line in text.splitlines() if text_line.strip()]
-        state.set_text(job.state)
-        mark()
-        line.set_text(page_words(lines[-1]) if lines else "")
-        whole.set_content(f"$ {job.command}\n{text}")
-        if report and not active and file.is_file():
-            address = f"/files/{quote(report)}?{int(file.stat().st_mtime)}"
-            frame.set_content(f'<iframe src="{address}" title="{title}" sandbox="{ALLOWED}"></iframe>')
+        self.state.set_text(job.state)
+        self._mark()
+        self.line.set_text(page_words(lines[-1]) if lines else "")
+        self.whole.set_content(f"$ {job.command}\n{text}")
+        if self.report and not active and file.is_file():
+            address = f"/files/{quote(self.report)}?{int(file.stat().st_mtime)}"
+            self.frame.set_content(f'<iframe src="{address}" title="{self.title}" sandbox="{ALLOWED}"></iframe>')
 
-    def mark() -> None:
+    def _mark(self) -> None:
         """Mark results that are not those of today's inputs."""
-        if (job := jobs.latest(output)) is None or job.active:
+        if (job := self.bench.jobs.latest(self.output)) is None or job.active:
             return
-        outdated = not kept() and is_outdated(bench, job, asked())
-        state.set_text(f"{OUTDATED}: what it was made of has changed; start it again" if outdated else job.state)
-        for element in (frame, line, *shown):
+        outdated = not self.kept() and is_outdated(self.bench, job, self._asked())
+        self.state.set_text(f"{OUTDATED}: what it was made of has changed; start it again" if outdated else job.state)
+        for element in (self.frame, self.line, *self.shown):
             element.classes("outdated") if outdated else element.classes(remove="outdated")
-
-    jobs.changed.subscribe(lambda job: show() if job.output == output else None)
-    ui.timer(1.0, lambda: show() if (job := jobs.latest(output)) is not None and job.active else mark())
-    show()
 
 
 def is_outdated(bench: Bench, job: jobs.Job, made: Command | str = "") -> bool:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 import tomli_w
@@ -78,7 +79,8 @@ class MaterialPage(forms.TabPage):
             with ui.column().classes("w-full min-w-0"):
                 self.message = forms.tagged(ui.label(), "material-message", "text-negative", "")
                 self.answer = ui.column().classes("gap-1")
-                forms.job_panel(bench, FIT, "Fit", self._command, f"{FIT}/report.html", ABOUT_FIT, [self.answer])
+                panel = forms.JobPanel(bench, FIT, "Fit", self._command, f"{FIT}/report.html", ABOUT_FIT)
+                panel.shown = [self.answer]
         bench.jobs.changed.subscribe(self._ended)
         self._show()
 
@@ -195,8 +197,8 @@ class MouldPage(forms.TabPage):
                 self.files = forms.tagged(ui.column(), "mould-files", "gap-1", "")
             with ui.column().classes("w-full min-w-0"):
                 self.exploded = forms.tagged(ui.html("", sanitize=False), "exploded", props="")
-                dimmed = [self.exploded, self.files]
-                forms.job_panel(bench, MOULD, "Make the mould", self._command, f"{MOULD}/sheet.html", ABOUT_MOULD, dimmed)
+                panel = forms.JobPanel(bench, MOULD, "Make the mould", self._command, f"{MOULD}/sheet.html", ABOUT_MOULD)
+                panel.shown = [self.exploded, self.files]
         bench.jobs.changed.subscribe(self._ended)
         self._show()
 
@@ -274,15 +276,17 @@ class DesignPage(forms.TabPage):
                 self.controls()
             with ui.column().classes("w-full min-w-0"):
                 self.message = forms.tagged(ui.label(), "design-message", "text-negative", "")
-                forms.job_panel(
-                    bench, DESIGN, "Search", self._command, f"{DESIGN}/report.html", ABOUT_DESIGN, kept=self._in_use
-                )
+                panel = forms.JobPanel(bench, DESIGN, "Search", self._command, f"{DESIGN}/report.html", ABOUT_DESIGN)
+                panel.kept = self._in_use
                 forms.tagged(ui.button("Use this device", on_click=self._use), "use-design", "", "outline")
         self.project.changed.subscribe(lambda file: self.controls.refresh())
 
     def _controls(self) -> None:
         device = self.project.case.actuator
-        last = self._last()
+        last = {}  # the problem that was asked last, if the page has written it
+        with contextlib.suppress(OSError, tables.TomlError):
+            problem = tables.read_toml(self.project / PROBLEM)
+            last = problem if problem.get("case") in self.project.case_for("design") else last
         ui.label("What may change").classes("font-bold")
         names = [name for name in actuator.parameter_names(device) if actuator.is_length(device, name)]
         bounds = {name: entry for name, entry in last.get("parameters", {}).items() if name in names}
@@ -310,14 +314,6 @@ class DesignPage(forms.TabPage):
             )
             for name, (quantity, side) in LIMITS.items()
         }
-
-    def _last(self) -> dict[str, Any]:
-        """Return the problem that was asked last; empty without one that the page has written."""
-        try:
-            problem = tables.read_toml(self.project / PROBLEM)
-        except (OSError, tables.TomlError):
-            return {}
-        return problem if problem.get("case") in self.project.case_for("design") else {}
 
     def _command(self) -> forms.Command:
         case = self.project.case_for("design")

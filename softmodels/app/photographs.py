@@ -60,7 +60,7 @@ class PhotographsPage(forms.TabPage):
                 self.image.set_visibility(False)  # until there is one
                 self._controls()
                 self.about = forms.tagged(ui.label(), "about-photograph", "", "")
-                forms.job_panel(bench, OUTLINES, "Measure all outlines", self._measure, f"{OUTLINES}/overview.html", ABOUT)
+                forms.JobPanel(bench, OUTLINES, "Measure all outlines", self._measure, f"{OUTLINES}/overview.html", ABOUT)
         self.photos.changed.subscribe(self._changed)
         bench.jobs.changed.subscribe(self._job_changed)
         self.say(self.photos.error)
@@ -105,7 +105,7 @@ class PhotographsPage(forms.TabPage):
             self.boards = forms.tagged(ui.label(), "boards-given", "", "")
             self.pattern = forms.tagged(ui.input("inner corners", value="9x6"), "pattern", "")
             self.square = forms.tagged(ui.input("side of a square", value="25mm"), "square", "")
-            forms.job_panel(self.bench, LENS, "Calibrate", self._calibrate)
+            forms.JobPanel(self.bench, LENS, "Calibrate", self._calibrate)
         tones = {AUTO: "tone: as the edge shows", **{name: f"tone: {words}" for name, words in TONE_WORDS.items()}}
         tone = ui.select(tones, value=self.photos.tone, label="how the photographs store light")
         self.tone = forms.tagged(tone, "tone").on_value_change(self._tone)
