@@ -578,8 +578,8 @@ def _specimens(sheet: tables.Worksheet, block: _Block, sure: Collection[str], la
         for name, rows in _named_rows(sheet, block, lines):
             table = _numbers(sheet, rows, columns)
             more = [functools.partial(_numbers, sheet, rows, (columns[0], other)) for other in further]
-            about = {"label": name or label, "sizes": block.sizes, "compression": block.compression}
-            made.append(dataclasses.replace(table, others=more, **about))
+            table = dataclasses.replace(table, label=name or label, sizes=block.sizes, compression=block.compression)
+            made.append(dataclasses.replace(table, others=more))
     return made
 
 
