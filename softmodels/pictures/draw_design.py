@@ -218,9 +218,9 @@ def draw(folder: Path, colormap: str = commands.COLORMAP) -> list[Path]:
     files. ResultsError or CaseError if it holds no design that can be read, OSError if it cannot be written."""
     try:
         told = files.read_json(folder / "design.json")
-        if not isinstance(told, dict) or not result.DesignRecord.__required_keys__ <= told.keys():
+        if not result.DesignRecord.__required_keys__ <= set(told):
             raise ValueError
-    except (OSError, ValueError):
+    except (OSError, ValueError, TypeError):
         raise ResultsError(f"{folder} holds no design (design.json)") from None
     before, after = (FolderStates(folder / name) for name in ("before", "after"))
     actuator = before.actuator
