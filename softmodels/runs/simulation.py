@@ -273,8 +273,8 @@ class Simulation:
 
     def release(self) -> None:
         """Release the PETSc and MPI objects of the device; see `Solver.release`."""
-        if getattr(self, "_band", None) is not None:
-            self._band.release()
+        if (band := getattr(self, "_band", None)) is not None:
+            band.release()
         if hasattr(self, "solver"):
             self.solver.release()
 
