@@ -243,18 +243,17 @@ class Distance:
         normals = away[every, nearest] / np.maximum(length[every, nearest], 1e-30)[:, None]
         if self.fillet == 0.0 or owner[0] == owner[-1]:
             return least, normals
-        # Several channels: the nearest piece of each, and of these the few that are within the rounding.
+        # Several channels: the nearest piece of each, weighted by how far it is within the rounding.
         first = np.flatnonzero(np.diff(owner, prepend=-1))
         best = np.minimum.reduceat(distance, first, axis=1)
         near = np.clip(1.0 - (best - least[:, None]) / self.fillet, 0.0, None)
-        for row in np.flatnonzero((near > 0.0).sum(axis=1) > 1).tolist():
-            some = np.flatnonzero(near[row] > 0.0)
-            ends = np.append(first, len(owner))
-            pieces = [ends[k] + int(distance[row, ends[k] : ends[k + 1]].argmin()) for k in some.tolist()]
-            ways = away[row, pieces] / np.maximum(length[row, pieces], 1e-30)[:, None]
-            weights = near[row, some] ** 2
-            pairs = (1.0 - ways @ ways.T) * np.outer(weights, weights)
-            least[row] -= 0.125 * self.fillet * float(pairs.sum())  # each pair stands there twice
+        rows = np.flatnonzero((near > 0.0).sum(axis=1) > 1)
+        ends = [*first.tolist(), len(owner)]
+        pieces = np.stack([k + distance[rows, k:end].argmin(axis=1) for k, end in itertools.pairwise(ends)], axis=1)
+        ways = away[rows[:, None], pieces] / np.maximum(length[rows[:, None], pieces], 1e-30)[..., None]
+        weights = near[rows] ** 2
+        pairs = (1.0 - np.einsum("rgi,rhi->rgh", ways, ways)) * weights[:, :, None] * weights[:, None]
+        least[rows] -= 0.125 * self.fillet * pairs.sum(axis=(1, 2))  # each pair stands there twice
         return least, normals
 
     def projected(self, points: Array) -> Array:
