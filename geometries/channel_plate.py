@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import hashlib
 import itertools
 import math
 import re
@@ -115,7 +116,8 @@ class ChannelPlate(actuator.Actuator):
 
     @property
     def key(self) -> str:
-        return super().key
+        """Twelve digits that change with the parameters and the drawing's contents."""
+        return hashlib.sha256(f"{super().key} {self.digest()}".encode()).hexdigest()[:12]
 
     @property
     def drawn(self) -> Network:
