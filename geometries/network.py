@@ -15,8 +15,10 @@ import math
 import re
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from geometries import mesh_arrays, meshing
 from geometries.actuator import Vector
@@ -284,7 +286,7 @@ MAX_PROJECTIONS, ON_WALL = 30, 1e-9
 # The surface of the air, as triangles.
 
 
-SMOOTHINGS = 8
+SMOOTHING_ROUNDS = 8
 """Rounds of smoothing: a level set's edges differ by 5, then by 3."""
 EDGE_SHARE = 0.72
 """Median edge of a level set's triangles over the size that manifold3d is asked for."""
@@ -298,7 +300,7 @@ def air_surface(channels: Sequence[Channel], fillet: float, edge: float) -> tupl
     return kept["points"], kept["triangles"]
 
 
-def _air_surface(distance: Distance, edge: float) -> dict[str, Array]:
+def _air_surface(distance: Distance, edge: float) -> dict[str, NDArray[Any]]:
     import manifold3d
 
     step = edge / EDGE_SHARE
@@ -347,7 +349,7 @@ def _air_surface(distance: Distance, edge: float) -> dict[str, Array]:
     points = distance.projected(np.asarray(mesh.vert_properties)[:, :3].copy())
     # Corners move to the middles of the triangles around them, larger ones counting more: edges become alike.
     corner = triangles.ravel()
-    for _ in range(SMOOTHINGS):
+    for _ in range(SMOOTHING_ROUNDS):
         a, b, c = np.moveaxis(points[triangles], 1, 0)
         area = np.repeat(np.linalg.norm(np.cross(b - a, c - a), axis=1), 3)
         middle = np.repeat((a + b + c) / 3.0, 3, axis=0) * area[:, None]
