@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import hashlib
 import itertools
 import math
 import re
@@ -115,7 +116,8 @@ class ChannelPlate(actuator.Actuator):
 
     @property
     def key(self) -> str:
-        return super().key
+        """Twelve digits that change with the parameters and the drawing's contents."""
+        return hashlib.sha256(f"{super().key} {self.digest()}".encode()).hexdigest()[:12]
 
     @property
     def drawn(self) -> Network:
@@ -284,16 +286,16 @@ class ChannelPlate(actuator.Actuator):
             for tag, place in zip(tags.tolist(), moved, strict=True):
                 gmsh.model.mesh.setNode(tag, place, [])
         gmsh.model.mesh.optimize("HighOrderElastic")
-        meshing.straighten(3, EASING)
+        meshing.straighten(3, EASED_SHARES)
 
 
 DRAWINGS = (".svg", ".dxf")
 RECTANGLE = "rectangle 40 x 15 mm"
-DEFAULT = "parallel:4"
+DEFAULT_NETWORK = "parallel:4"
 CELL_SIZE_GROWTH = 0.5
-EASING = (0.75, 0.5, 0.25)
+EASED_SHARES = (0.75, 0.5, 0.25)
 """How much of the way to the wall is left to edges that spoil cells, in the order tried."""
-CORNER = math.radians(15.0)
+MIN_CORNER_TURN = math.radians(15.0)
 """Turn between two pieces of the outline above which their common end is a corner."""
 ROUND_PIECES = 360
 
@@ -345,7 +347,7 @@ def _drawn(plate: ChannelPlate, digest: str) -> Network:
             raise GeometryError(f"{plate.network} has no closed path that is the outline; draw one, or give outline")
         return dataclasses.replace(drawing, channels=(*drawing.channels, *own), outline=paths)
     paths = given or outline_paths(RECTANGLE)
-    text = plate.network or ("" if own else DEFAULT)
+    text = plate.network or ("" if own else DEFAULT_NETWORK)
     lines: list[Array] = []
     if text:
         if (family := network.family(text)) is None:
@@ -489,9 +491,9 @@ def whole_plate(plate: ChannelPlate) -> None:
             cones.append(
                 (3, occ.addCylinder(*place, *along, mm * p) if p == q else occ.addCone(*place, *along, mm * p, mm * q))
             )
-        for place, radius in zip(each.points, each.radii, strict=True):
-            balls[place] = max(balls.get(place, 0.0), radius)
-    parts = cones + [(3, occ.addSphere(*(mm * np.array(place)), mm * radius)) for place, radius in balls.items()]
+        for corner, radius in zip(each.points, each.radii, strict=True):
+            balls[corner] = max(balls.get(corner, 0.0), radius)
+    parts = cones + [(3, occ.addSphere(*(mm * np.array(corner)), mm * radius)) for corner, radius in balls.items()]
     air = occ.fuse(parts[:1], parts[1:])[0]
     meshing.one_solid(occ.cut(prism, air)[0])
     occ.remove([(2, face)], recursive=True)
@@ -528,7 +530,9 @@ def _runs(plate: ChannelPlate, path: tuple[Place, ...], marked: set[Place]) -> l
     turn = np.abs(np.arctan2(before[:, 0] * along[:, 1] - before[:, 1] * along[:, 0], (before * along).sum(axis=1)))
     held = {*plate.held} if plate.support not in ("bottom", "top", "free") else set()
     piece_held = [path[k] in held and path[(k + 1) % len(path)] in held for k in range(len(path))]
-    breaks = {k for k in range(len(path)) if turn[k] > CORNER or path[k] in marked or piece_held[k] != piece_held[k - 1]}
+    breaks = {
+        k for k in range(len(path)) if turn[k] > MIN_CORNER_TURN or path[k] in marked or piece_held[k] != piece_held[k - 1]
+    }
     while len(breaks) < 2:
         breaks.add(0 if not breaks else (min(breaks) + len(path) // 2) % len(path))
     ordered = sorted(breaks)

@@ -25,10 +25,10 @@ from softmodels.common import errors, files
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
 
-FLATTENING = 2e-5
+FLATTENING_TOLERANCE = 2e-5
 """Largest distance (m) between a curve and its polyline."""
 MAX_STROKES = 2_000
-DOT = 3.0
+MAX_DOT_RATIO = 3.0
 """Diameter of a dot over the widest stroke, up to which it is an inlet."""
 M_PER_PX = 0.0254 / 96
 """Pixel of SVG (CSS) in m."""
@@ -87,7 +87,7 @@ def read(file: str, radius: float, offset: float, width: float, *, outlined: boo
     channels, holes, inlets = [], [], []
     for stroke in rest:
         span = float(np.ptp(stroke.line, axis=0).max())
-        if len(stroke.line) == 1 or (stroke.closed and stroke.filled and span <= DOT * widest):
+        if len(stroke.line) == 1 or (stroke.closed and stroke.filled and span <= MAX_DOT_RATIO * widest):
             inlets.append(0.5 * (stroke.line.min(axis=0) + stroke.line.max(axis=0)))
         elif stroke.closed and stroke.filled:
             holes.append(stroke.line)
@@ -190,7 +190,7 @@ def _svg(file: str, radius: float) -> Iterator[Stroke]:
             if not np.isfinite(line).all():
                 raise GeometryError(f"network {file}: {name} has a place that is no number")
             closed = isinstance(piece[-1], svgelements.Close) or (
-                len(line) > 3 and float(np.linalg.norm(line[0] - line[-1])) < FLATTENING
+                len(line) > 3 and float(np.linalg.norm(line[0] - line[-1])) < FLATTENING_TOLERANCE
             )
             filled_here = filled and closed
             yield Stroke(
@@ -212,7 +212,7 @@ def _flattened(path: Any) -> Array:
             if segment.end is not None:
                 corners.append((segment.end.x, segment.end.y))
         else:
-            corners += _curve(lambda share, piece=segment: piece.point(share))
+            corners += _curve(segment.point)
     return np.array(corners, dtype=float).reshape(-1, 2)
 
 
@@ -221,7 +221,7 @@ def _curve(point: Callable[[float], Any]) -> list[tuple[float, float]]:
     for pieces in (8, 16, 32, 64, 128, 256):
         places = np.array([[p.x, p.y] for p in map(point, np.linspace(0.0, 1.0, 2 * pieces + 1).tolist())])
         off = np.linalg.norm(places[1::2] - 0.5 * (places[:-1:2] + places[2::2]), axis=1)
-        if off.max() * M_PER_PX < FLATTENING:
+        if off.max() * M_PER_PX < FLATTENING_TOLERANCE:
             break
     return [(float(x), float(y)) for x, y in places[2::2]]
 
@@ -267,7 +267,7 @@ def _dxf(file: str, radius: float) -> Iterator[Stroke]:
             continue  # notes of a draughtsman
         try:
             path = ezdxf.path.make_path(entity)
-            line = metre * np.array([(p.x, p.y) for p in path.flattening(FLATTENING / metre)])
+            line = metre * np.array([(p.x, p.y) for p in path.flattening(FLATTENING_TOLERANCE / metre)])
         except (TypeError, ValueError):
             raise GeometryError(f"network {file} has {name}, which is no line; remove it, or explode it into lines") from None
         thick = 0.5e-5 * entity.dxf.lineweight if entity.dxf.get("lineweight", -1) > 0 else radius

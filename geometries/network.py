@@ -15,8 +15,10 @@ import math
 import re
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from geometries import mesh_arrays, meshing
 from geometries.actuator import Vector
@@ -243,18 +245,17 @@ class Distance:
         normals = away[every, nearest] / np.maximum(length[every, nearest], 1e-30)[:, None]
         if self.fillet == 0.0 or owner[0] == owner[-1]:
             return least, normals
-        # Several channels: the nearest piece of each, and of these the few that are within the rounding.
+        # Several channels: the nearest piece of each, weighted by how far it is within the rounding.
         first = np.flatnonzero(np.diff(owner, prepend=-1))
         best = np.minimum.reduceat(distance, first, axis=1)
         near = np.clip(1.0 - (best - least[:, None]) / self.fillet, 0.0, None)
-        for row in np.flatnonzero((near > 0.0).sum(axis=1) > 1).tolist():
-            some = np.flatnonzero(near[row] > 0.0)
-            ends = np.append(first, len(owner))
-            pieces = [ends[k] + int(distance[row, ends[k] : ends[k + 1]].argmin()) for k in some.tolist()]
-            ways = away[row, pieces] / np.maximum(length[row, pieces], 1e-30)[:, None]
-            weights = near[row, some] ** 2
-            pairs = (1.0 - ways @ ways.T) * np.outer(weights, weights)
-            least[row] -= 0.125 * self.fillet * float(pairs.sum())  # each pair stands there twice
+        rows = np.flatnonzero((near > 0.0).sum(axis=1) > 1)
+        ends = [*first.tolist(), len(owner)]
+        pieces = np.stack([k + distance[rows, k:end].argmin(axis=1) for k, end in itertools.pairwise(ends)], axis=1)
+        ways = away[rows[:, None], pieces] / np.maximum(length[rows[:, None], pieces], 1e-30)[..., None]
+        weights = near[rows] ** 2
+        pairs = (1.0 - np.einsum("rgi,rhi->rgh", ways, ways)) * weights[:, :, None] * weights[:, None]
+        least[rows] -= 0.125 * self.fillet * pairs.sum(axis=(1, 2))  # each pair stands there twice
         return least, normals
 
     def projected(self, points: Array) -> Array:
@@ -285,7 +286,7 @@ MAX_PROJECTIONS, ON_WALL = 30, 1e-9
 # The surface of the air, as triangles.
 
 
-SMOOTHINGS = 8
+SMOOTHING_ROUNDS = 8
 """Rounds of smoothing: a level set's edges differ by 5, then by 3."""
 EDGE_SHARE = 0.72
 """Median edge of a level set's triangles over the size that manifold3d is asked for."""
@@ -299,7 +300,7 @@ def air_surface(channels: Sequence[Channel], fillet: float, edge: float) -> tupl
     return kept["points"], kept["triangles"]
 
 
-def _air_surface(distance: Distance, edge: float) -> dict[str, Array]:
+def _air_surface(distance: Distance, edge: float) -> dict[str, NDArray[Any]]:
     import manifold3d
 
     step = edge / EDGE_SHARE
@@ -348,7 +349,7 @@ def _air_surface(distance: Distance, edge: float) -> dict[str, Array]:
     points = distance.projected(np.asarray(mesh.vert_properties)[:, :3].copy())
     # Corners move to the middles of the triangles around them, larger ones counting more: edges become alike.
     corner = triangles.ravel()
-    for _ in range(SMOOTHINGS):
+    for _ in range(SMOOTHING_ROUNDS):
         a, b, c = np.moveaxis(points[triangles], 1, 0)
         area = np.repeat(np.linalg.norm(np.cross(b - a, c - a), axis=1), 3)
         middle = np.repeat((a + b + c) / 3.0, 3, axis=0) * area[:, None]
