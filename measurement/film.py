@@ -17,8 +17,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 from PIL import Image
+from scipy import fft
 from scipy.ndimage import median_filter, uniform_filter1d
-from scipy.signal import correlate
 from skimage.filters import threshold_otsu
 
 from measurement import pictures
@@ -291,13 +291,19 @@ def _score(moving: Array, y: Array) -> Array:
     """Return the correlation of the picture's changes (n,) and the roots y (m,) of the log's at every offset, (n + m - 1,)."""
     # Roots weigh small steps nearly as much as large ones: how far a device moves by a pressure changes with it.
     x = np.sqrt(moving)
-    together = correlate(y, x, mode="full", method="fft")
-    common = correlate(np.ones_like(y), np.ones_like(x), mode="full", method="fft")
+    together, common = _correlation(y, x), _correlation(np.ones_like(y), np.ones_like(x))
     # What a film shows has to be in the log; of a longer log only that part counts which was filmed.
     whole = len(y) <= len(x)
-    energy = np.full(len(together), np.sum(y**2)) if whole else correlate(y**2, np.ones_like(x), mode="full", method="fft")
+    energy = np.full(len(together), np.sum(y**2)) if whole else _correlation(y**2, np.ones_like(x))
     scale = np.sqrt(np.maximum(energy, 1e-3 * np.sum(y**2)) * max(float(np.sum(moving)), 1e-12))
     return np.where(common >= MIN_OVERLAP * min(len(x), len(y)), together / scale, 0.0)
+
+
+def _correlation(y: Array, x: Array) -> Array:
+    """Return the sums (n + m - 1,) of the products of y (m,) with x (n,) at every offset, from x before y to x behind it."""
+    count = len(x) + len(y) - 1
+    size = fft.next_fast_len(count, real=True)
+    return np.asarray(fft.irfft(fft.rfft(y, size) * fft.rfft(x[::-1], size), size)[:count])
 
 
 MIN_CORRELATION, MAX_SECOND_SHARE = 0.75, 0.92

@@ -108,7 +108,7 @@ def test_command_measures_a_film_with_typed_pressures_and_again_from_its_frames(
     assert [float(row["pressure_Pa"]) for row in rows] == pytest.approx(PROGRAM.levels)
     assert all(a < float(row["time_s"]) < b for row, (a, b) in zip(rows, PROGRAM.plateaus, strict=True))
     for row, level in zip(rows, PROGRAM.levels, strict=True):
-        assert [float(row["tip_x_m"]), float(row["tip_z_m"])] == pytest.approx(films.tip_at(level), abs=1e-4)
+        assert [float(row["tip_x_m"]), float(row["tip_z_m"])] == pytest.approx(films.tip_at(level), abs=1.5e-4)
     assert len(list(film.frames(tmp_path / "views" / "film.mp4"))) == len(rows)
     monkeypatch.setattr(film, "motion_of", None)  # the frames are there
     assert run.invoke(view_command, words).exit_code == 0
