@@ -28,7 +28,7 @@ import numpy as np
 from geometries import Actuator, HollowDisk, PneuNet, SeminarActuator
 from softmodels.case.case import Case
 from softmodels.case.materials import DEFAULT
-from softmodels.common.units import pascal_per_cm
+from softmodels.common import units
 from softmodels.mechanics import newton, solver, system
 from softmodels.mechanics.mpi import start
 from softmodels.path import stability, steps
@@ -109,7 +109,7 @@ def limits() -> tuple[float, dict[bool, float]]:
 def measured(name: str, bandwidth: float, rates: dict[bool, float]) -> None:
     """Follow a model's path twice, and print the second one's times and its least."""
     made, height = MODELS[name]
-    case = Case(name, made(), DEFAULT, steps.one_step(steps.PRESSURE, [height * pascal_per_cm()]))
+    case = Case(name, made(), DEFAULT, steps.one_step(steps.PRESSURE, [height * units.COLUMN.pascal]))
     with TemporaryDirectory() as folder:
         mesh = Path(folder) / "device.msh"
         for _ in range(2):

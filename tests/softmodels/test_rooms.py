@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import graphlib
+import importlib
 import shutil
 import subprocess
 from pathlib import Path
@@ -120,6 +121,21 @@ def test_every_room_has_a_first_page(room):
 
 
 @pytest.mark.skipif(not (TOP / ".git").exists() or shutil.which("git") is None, reason="not a checkout")
+def test_benchmarks_import_names_that_exist():
+    """No other test runs most of them."""
+    missing = []
+    for path in sorted((TOP / "tests/benchmarks").glob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] in PACKAGES:
+                module = importlib.import_module(node.module)
+                missing += [
+                    f"{path.name}: {node.module}.{alias.name}"
+                    for alias in node.names
+                    if not (hasattr(module, alias.name) or _module([*node.module.split("."), alias.name]))
+                ]
+    assert not missing
+
+
 def test_no_results_are_committed():
     """A run that was given a folder of the checkout leaves one that the list of ignored files does not know."""
     done = subprocess.run(["git", "ls-files"], cwd=TOP, capture_output=True, text=True, check=False)
