@@ -369,9 +369,9 @@ class InTime:
     """
 
     def __init__(self, sensitivity: Sensitivity, names: Sequence[str] | Mapping[str, Along], loads: Sequence[str] = ()):
-        self.sensitivity, self._own = sensitivity, dict[str, Along]()
-        self._own |= names if isinstance(names, Mapping) else {name: name for name in names}
-        self._own |= dict.fromkeys(loads, "")
+        own: Mapping[str, Along] = names if isinstance(names, Mapping) else {name: name for name in names}
+        self.sensitivity = sensitivity
+        self._own: dict[str, Along] = {**own, **dict.fromkeys(loads, "")}
         self.names = tuple(self._own)
         self._values: dict[str, list[Array]] = {}
         for name, own in self._own.items():
