@@ -465,8 +465,8 @@ class _Directions:
         ``base.c1``, or along changes of several of the main one's; return the main shear modulus' derivative by it."""
         where, _, number = name.rpartition(".") if isinstance(name, str) else ("", "", "")
         moved = material
-        for own, change in [] if where or not name else [(name, 1.0)] if isinstance(name, str) else name:
-            moved = specimens.nudged(moved, own, 1j * _COMPLEX_STEP * change)
+        for parameter, change in ((name, 1.0),) if isinstance(name, str) else name:
+            moved = moved if where or not parameter else specimens.nudged(moved, parameter, 1j * _COMPLEX_STEP * change)
         mu = complex(moved.shear_modulus_0)
         for law in self.laws:
             own = law.region.material if law.region.name else moved
