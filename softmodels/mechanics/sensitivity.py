@@ -261,10 +261,14 @@ class Sensitivity:
             dmu, (force, opened) = 0.0, self.motion_force(X)
         for friction in self._frictions:
             force = force + friction.force()
-        mu, gap = eq.stress_unit, rise - control.volume_coefficient * opened
-        if dmu:  # every pressure is one in Pa, which is less in larger shear moduli; of dead loads `material_force` knows
-            cavities = len(eq.pressures) - len(eq.dead.forms)
-            force = force + dmu / mu * eq.pressures[:cavities] @ eq.pressure_loads()[:cavities]
+        mu = eq.stress_unit
+        # The line is fixed in Pa and m3; in shear moduli it moves with the shear modulus.
+        gap = rise - control.volume_coefficient * opened - control.pressure_coefficient * state.P * dmu / mu
+        # So are pressures beside it, of which `material_force` has those of dead loads, with what P has in them.
+        beside, cavities = -state.P * eq.coupling.shares, len(eq.pressures) - len(eq.dead.forms)
+        beside[:cavities] += eq.pressures[:cavities]
+        if dmu and beside.any():
+            force = force + dmu / mu * beside @ eq.pressure_loads()
         eq.assembled.whole = True
         try:
             if self.aside:
@@ -273,7 +277,7 @@ class Sensitivity:
                 moved = self.solver.linear_response(-force, gap, ADJOINT_TOLERANCE)
         finally:
             eq.assembled.whole = False
-        return Rate(moved.w, moved.P * mu, (moved.V + opened) * eq.volume_unit, X)
+        return Rate(moved.w, moved.P * mu + state.P * dmu, (moved.V + opened) * eq.volume_unit, X)
 
 
 def slope_along(form: ufl.Form, turns: Mapping[fem.Constant, fem.Constant]) -> ufl.Form | None:
@@ -369,9 +373,9 @@ class InTime:
     """
 
     def __init__(self, sensitivity: Sensitivity, names: Sequence[str] | Mapping[str, Along], loads: Sequence[str] = ()):
-        self.sensitivity, self._own = sensitivity, dict[str, Along]()
-        self._own |= names if isinstance(names, Mapping) else {name: name for name in names}
-        self._own |= dict.fromkeys(loads, "")
+        alone: Mapping[str, Along] = names if isinstance(names, Mapping) else {name: name for name in names}
+        self.sensitivity = sensitivity
+        self._own: dict[str, Along] = {**alone, **dict.fromkeys(loads, "")}
         self.names = tuple(self._own)
         self._values: dict[str, list[Array]] = {}
         for name, own in self._own.items():
@@ -465,8 +469,8 @@ class _Directions:
         ``base.c1``, or along changes of several of the main one's; return the main shear modulus' derivative by it."""
         where, _, number = name.rpartition(".") if isinstance(name, str) else ("", "", "")
         moved = material
-        for own, change in [] if where or not name else [(name, 1.0)] if isinstance(name, str) else name:
-            moved = specimens.nudged(moved, own, 1j * _COMPLEX_STEP * change)
+        for parameter, change in ((name, 1.0),) if isinstance(name, str) else name:
+            moved = moved if where or not parameter else specimens.nudged(moved, parameter, 1j * _COMPLEX_STEP * change)
         mu = complex(moved.shear_modulus_0)
         for law in self.laws:
             own = law.region.material if law.region.name else moved
