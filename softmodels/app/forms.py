@@ -213,8 +213,9 @@ class JobPanel:
             for name, text in made.written.items():
                 files.write_text(self.bench.project / name, text)
         except OSError as error:
-            return self.sentence.set_text(errors.reason(error))
-        self.bench.jobs.start(made.words, made.output, resumable=made.resumable)
+            self.sentence.set_text(errors.reason(error))
+        else:
+            self.bench.jobs.start(made.words, made.output, resumable=made.resumable)
 
     def _stop(self) -> None:
         if (job := self.bench.jobs.latest(self.output)) is not None:

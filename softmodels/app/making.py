@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 from typing import TYPE_CHECKING
 from urllib.parse import quote
@@ -208,7 +207,7 @@ class MouldPage(forms.TabPage):
         text = schema.shown(default, field.kind.unit) if isinstance(default, float) else str(default)
         (given,) = self.given(f"--{name.replace('_', '-')}") or [""]
         box = ui.input(name.replace("_", " "), value=given, placeholder="" if default is None else text)
-        box.props(f'hint="{field.help}"') if name in FIRST_SETTINGS else box.tooltip(field.help)
+        forms.with_attribute(box, "hint", field.help) if name in FIRST_SETTINGS else box.tooltip(field.help)
         self.settings[name] = forms.tagged(box, f"mould-{name}", props="dense stack-label")
 
     def _command(self) -> forms.Command:
@@ -283,10 +282,12 @@ class DesignPage(forms.TabPage):
 
     def _controls(self) -> None:
         device = self.project.case.actuator
-        last = {}  # the problem that was asked last, if the page has written it
-        with contextlib.suppress(OSError, tables.TomlError):
-            problem = tables.read_toml(self.project / PROBLEM)
-            last = problem if problem.get("case") in self.project.case_for("design") else last
+        try:
+            last = tables.read_toml(self.project / PROBLEM)
+        except (OSError, tables.TomlError):
+            last = {}
+        if last.get("case") not in self.project.case_for("design"):  # not one that the page has written
+            last = {}
         ui.label("What may change").classes("font-bold")
         names = [name for name in actuator.parameter_names(device) if actuator.is_length(device, name)]
         bounds = {name: entry for name, entry in last.get("parameters", {}).items() if name in names}

@@ -222,7 +222,7 @@ new MutationObserver(() => document.querySelectorAll("img:not([alt])").forEach(i
 def build_page(bench: Bench) -> None:
     """Build the page of one tab."""
     pages = {
-        "Start": ("home", lambda bench: start.StartPage(bench, tabs.set_value)),
+        "Start": ("home", lambda bench: start.StartPage(bench, lambda name: tabs.set_value(name))),
         "Photographs": ("photo_camera", photographs.PhotographsPage),
         "Material": ("science", making.MaterialPage),
         "Device": ("tune", device.DevicePage),
@@ -233,6 +233,7 @@ def build_page(bench: Bench) -> None:
     ui.add_css(STYLE)
     ui.add_head_html(HEAD)
     ui.colors(primary=BLUE)
+    tabs: ui.tabs
     with ui.header(elevated=False).classes("items-center gap-2 py-1"):
         ui.html('<h1 class="brand">softmodels</h1>', sanitize=False)
         with ui.tabs().props("dense mobile-arrows inline-label").classes("grow") as tabs:

@@ -59,8 +59,8 @@ class StartPage(forms.TabPage):
                     ("science", "My test curves", "Tables of a test machine, as they are.", lambda: go("Material")),
                     ("tune", "A device from the shelf", "Disk, finger, bellows, balloon, cup and more.", lambda: go("Device")),
                 ):  # fmt: skip
-                    button = ui.button(on_click=take).props(f'outline no-caps aria-label="{title}"')
-                    button.classes("p-3 w-full sm:w-56")
+                    button = ui.button(on_click=take).props("outline no-caps").classes("p-3 w-full sm:w-56")
+                    forms.with_attribute(button, "aria-label", title)
                     with button, ui.column().classes("items-center gap-1"):
                         ui.icon(icon, size="md")
                         ui.label(title).classes("font-bold")
@@ -87,7 +87,8 @@ class StartPage(forms.TabPage):
                     with ui.row().classes("w-full items-center justify-between no-wrap"):
                         ui.label(f"{number}  {step.page}").classes("font-bold")
                         if state:
-                            ui.badge(state, color=COLOURS.get(state, "grey-8")).props(f'data-name="step-{step.page}"')
+                            badge = ui.badge(state, color=COLOURS.get(state, "grey-8"))
+                            forms.with_attribute(badge, "data-name", f"step-{step.page}")
                     ui.label(words).classes("text-sm")
 
     def _state(self, step: Step) -> tuple[str, str]:
