@@ -11,7 +11,7 @@ PLACES = {
         "calibrate": ("measurement.cli.setup", "Calibrate the camera from PHOTOGRAPHS of a flat chessboard."),
         "setup": ("measurement.cli.setup", "Find the screen's plane in a PHOTOGRAPH."),
         "photos": ("measurement.cli.photos", "Measure the shadow's outline in every photograph of a list."),
-        "view": ("measurement.cli.views", "Measure how a device bends, in every photograph of a list."),
+        "view": ("measurement.cli.views", "Measure how a device bends, in listed photographs or a film."),
         "demo": ("measurement.cli.photos", "Make a set of synthetic photographs, and measure them."),
     }
 }

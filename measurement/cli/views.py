@@ -52,7 +52,7 @@ from softmodels.common.folders import OwnFolderError
 @click.option("--no-pictures", is_flag=True, help="Skip the pictures.")
 @click.option("--quiet", is_flag=True, help="Print only errors.")
 def view(listing: Path, setup_file: Path, output: Path | None, **given: Any) -> None:
-    """Measure how a device bends, in every photograph of a list or in a film.
+    """Measure how a device bends, in listed photographs or a film.
 
     The list is that of softmodels measure photos. A film with the pressures beside it becomes such a list in a folder of its
     own: a photograph at the end of each plateau. Each photograph shows the device from the side before a background of

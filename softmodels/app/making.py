@@ -297,9 +297,9 @@ class DesignPage(forms.TabPage):
         factor = math.sqrt(ends[0][1] / ends[0][0]) if ends else LENGTH_FACTOR
         self.reach = forms.tagged(ui.input("from and to, as a factor both ways", value=f"{factor:.4g}"), "reach")
         ui.label("What it should do").classes("font-bold")
-        goals = {(table, last[table].get("quantity")): last[table] for table in ("maximise", "minimise") if table in last}
-        objective = next((name for name, goal in OBJECTIVES.items() if goal in goals), "most rise")
-        goal = goals.get(OBJECTIVES[objective], {})
+        goals = {name: last[table] for name, (table, quantity) in OBJECTIVES.items()
+                 if last.get(table, {}).get("quantity") == quantity}  # fmt: skip
+        objective, goal = next(iter(goals.items()), ("most rise", {}))
         self.objective = forms.tagged(ui.select(list(OBJECTIVES), value=objective, label="objective"), "objective")
         probes = list(device.probes)
         probe = goal["of"] if goal.get("of") in probes else probes[0]

@@ -221,8 +221,12 @@ new MutationObserver(() => document.querySelectorAll("img:not([alt])").forEach(i
 
 def build_page(bench: Bench) -> None:
     """Build the page of one tab."""
+
+    def go(name: str) -> None:
+        tabs.set_value(name)
+
     pages = {
-        "Start": ("home", lambda bench: start.StartPage(bench, lambda name: tabs.set_value(name))),
+        "Start": ("home", lambda bench: start.StartPage(bench, go)),
         "Photographs": ("photo_camera", photographs.PhotographsPage),
         "Material": ("science", making.MaterialPage),
         "Device": ("tune", device.DevicePage),

@@ -288,20 +288,17 @@ class Space:
         self.Mx: list[PETSc.Vec] = []
         self.K = np.empty((0, 0))
 
-    def add(self, x: PETSc.Vec, Mx: PETSc.Vec | None = None) -> bool:
-        """Add a direction, which is overwritten, and so is M x, if that is known; return whether it extends the space."""
-        M, Kx = self.pencil.M, self.pencil.M.createVecLeft()
-        if Mx is None:
-            Mx = M.createVecLeft()
-            M.mult(x, Mx)
-        size = left = x.dot(Mx)
+    def add(self, x: PETSc.Vec) -> bool:
+        """Add a direction, which is overwritten; return whether it extends the space."""
+        M, Mx, Kx = self.pencil.M, self.pencil.M.createVecLeft(), self.pencil.M.createVecLeft()
+        M.mult(x, Mx)
+        size = x.dot(Mx)
         if not math.isfinite(size) or size <= 0.0:
             return False
-        if self.x:
-            for _ in range(2):
-                x.maxpy([-share for share in x.mDot(self.Mx)], self.x)
-            M.mult(x, Mx)
-            left = x.dot(Mx)
+        for _ in range(2 if self.x else 0):
+            x.maxpy([-share for share in x.mDot(self.Mx)], self.x)
+        M.mult(x, Mx)
+        left = x.dot(Mx)
         if not left > MIN_NEW_DIRECTION**2 * size:
             return False
         x.scale(left**-0.5)
@@ -387,19 +384,19 @@ def nearest(
         place = min(len(lowest), len(chosen) - 1)
         tolerance = tolerances[min(place, count - 1)]
         solved = min(LOOSE_SOLVE_TOLERANCE, max(TIGHT_SOLVE_TOLERANCE, tolerance))
-        size, new, image = _correction(space, here[place], shares[:, chosen[place]], solved, negatives is not None)
+        size, new = _correction(space, here[place], shares[:, chosen[place]], solved, negatives is not None)
         if size <= tolerance and len(lowest) < len(chosen):
             lowest.append(here[place])
-            polished[place] = _polished(space, here[place], new, image)
-        elif not (math.isfinite(size) and space.add(new, image)):
+            polished[place] = _polished(space, here[place], new)
+        elif not (math.isfinite(size) and space.add(new)):
             break
     raise newton.NoConvergence("the lowest modes did not converge")
 
 
-def _polished(space: Space, value: float, new: PETSc.Vec, image: PETSc.Vec) -> float:
+def _polished(space: Space, value: float, new: PETSc.Vec) -> float:
     """Return an eigenvalue over the space with its last correction too, which is not kept: small ones may be only rounding."""
     kept = space.x, space.Kx, space.Mx, space.K
-    if not space.add(new, image):
+    if not space.add(new):
         return value
     values = np.linalg.eigvalsh(space.K)
     space.x, space.Kx, space.Mx, space.K = kept
@@ -417,9 +414,8 @@ def _chosen(values: Array, of_first: Array, count: int) -> npt.NDArray[np.intp]:
     return np.union1d(near, np.flatnonzero(known & (values < 0.0)))  # values are in rising order
 
 
-def _correction(space: Space, value: float, shares: Array, tolerance: float, exact: bool) -> tuple[float, PETSc.Vec, PETSc.Vec]:
-    """Return K^-1 times the residual of a mode of the space, to a tolerance and without the mode's own part: its length, itself
-    and M times it.
+def _correction(space: Space, value: float, shares: Array, tolerance: float, exact: bool) -> tuple[float, PETSc.Vec]:
+    """Return K^-1 times the residual of a mode of the space, to a tolerance and without the mode's own part, and its length.
 
     With the exact K^-1 what lies in the space is rounding, which near a critical point is large: it is left out.
     """
@@ -431,7 +427,7 @@ def _correction(space: Space, value: float, shares: Array, tolerance: float, exa
     inside = np.asarray(new.mDot(space.Mx))
     new.maxpy([float(-share) for share in (inside if exact else inside @ shares * shares)], space.x)
     pencil.M.mult(new, residual)
-    return max(new.dot(residual), 0.0) ** 0.5, new, residual
+    return max(new.dot(residual), 0.0) ** 0.5, new
 
 
 # ----------------------------------------------------------------------------------------------------------------------

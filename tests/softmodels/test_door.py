@@ -101,6 +101,8 @@ def test_a_saved_folder_is_the_command_lines(folder, tmp_path):
         "60Pa",
         "--pressure-cm",
         "0:177",
+        "--budget",
+        "none",
     ]
     subprocess.run(
         [sys.executable, "-m", "softmodels.disk", *words, "--no-pictures", "--quiet", "-o", str(tmp_path / "disk")],
