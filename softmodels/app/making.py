@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
@@ -299,7 +300,8 @@ class DesignPage(forms.TabPage):
         ui.label("What it should do").classes("font-bold")
         goals = {name: last[table] for name, (table, quantity) in OBJECTIVES.items()
                  if last.get(table, {}).get("quantity") == quantity}  # fmt: skip
-        objective, goal = next(iter(goals.items()), ("most rise", {}))
+        objective = next(iter(goals), "most rise")
+        goal: Mapping[str, str] = goals.get(objective, {})
         self.objective = forms.tagged(ui.select(list(OBJECTIVES), value=objective, label="objective"), "objective")
         probes = list(device.probes)
         probe = goal["of"] if goal.get("of") in probes else probes[0]
