@@ -109,7 +109,10 @@ class Budget:
         return sorted(told, key=lambda contribution: -contribution.half)
 
     def _spread(self, row: table.Row, name: str) -> float:
-        """Return how far the other sources of the silicone lie away at the same requested value; 0 if there are none."""
+        """Return how far the other sources of the silicone lie away at the same requested value; 0 if there are none, and of
+        words and counts."""
+        if not row.unit(name):
+            return 0.0
         value, away = row[self.case.variable], [0.0]
         for rows in self.sources.values():
             same = rows.where(lambda other: name in other and columns.stands_at(other, self.case, value))

@@ -117,6 +117,8 @@ def test_sources_span_the_silicones_part():
     apex = [rows[-1]["apex_mm"] for rows in run.sources.values()]
     assert 1e3 * first.half == pytest.approx(max(abs(value - run.rows[-1]["apex_mm"]) for value in apex), rel=1e-9)
     assert "not in these intervals: lengths as made" in run.budget.lines()[-1]
+    (table,) = run.budget.tables()  # as in summary.json: neither words nor counts have errors
+    assert {"step", "apex_mm", "added_volume_ml"} <= {*table} and not {"control", "newton_iterations", "limit"} & {*table}
 
 
 def test_which_path_the_mesh_error_is_from():
