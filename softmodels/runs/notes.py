@@ -634,6 +634,8 @@ def closing(case: Case, row: table.Row, meshed: Mapping[str, float] = MappingPro
     numbers where the case asks for errors; ``meshed`` are mesh errors by variable, see
     `softmodels.runs.mesh_error.MeshErrors.of`."""
     words, gauge = labels.state_labels(case), case.actuator.gauge
+    if isinstance(case.band, materials.SourceBand):  # the row does not know what the sources span: the budget says it
+        row = table.Row({column: cell for column, cell in row.cells.items() if "_ci95" not in column}, row.cm)
     meshed = meshed if case.mesh_error else {}
     volume = f", added volume {row.shown('added_volume'):.5g}{_half(row, 'added_volume', meshed)} ml" if words.volume else ""
     breaks, overlap = silicones.break_words(case.material), labels.overlap_text(row)
