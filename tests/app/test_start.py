@@ -139,7 +139,7 @@ def test_samples_fill_a_project_and_are_measured(browser, tmp_path):
         page.wait_for_function("document.querySelector('[data-name=\"state-outlines\"]').textContent == 'done'")
         page.get_by_role("tab", name="Start").click()
         assert value(page, "step-Photographs") == DONE
-        assert page.get_by_text("9 measured, 9 trusted").count() == 1
+        assert page.get_by_text("10 measured, 10 trusted").count() == 1
         page.get_by_role("button", name="Try it with sample photographs").click()
         page.get_by_text("this project has photographs already").wait_for()
 
