@@ -85,14 +85,14 @@ def test_what_is_no_photograph_is_told(page, tmp_path):
         (tmp_path / name).write_bytes(data)
         bad.append(tmp_path / name)
     for file in bad:
-        page.locator("input[type=file]").first.set_input_files(file)
+        page.locator('[data-name="drop"] input[type=file]').set_input_files(file)
         page.wait_for_function(
             "name => document.querySelector('[data-name=\"photo-message\"]').textContent.startsWith(name)",
             arg=f"{file.name}:",
         )
     page.wait_for_function("!document.querySelector('.q-uploader__file')")
     (tmp_path / "a.exe").write_bytes(b"MZ")
-    page.locator("input[type=file]").first.set_input_files(tmp_path / "a.exe")
+    page.locator('[data-name="drop"] input[type=file]').set_input_files(tmp_path / "a.exe")
     page.wait_for_function("document.querySelector('[data-name=\"photo-message\"]').textContent.startsWith('not taken')")
     assert page.locator('button:has-text("empty.jpg")').count() == 0
 
