@@ -94,7 +94,10 @@ def read(file: str, radius: float, offset: float, width: float, *, outlined: boo
         else:
             channels.append(_channel(file, stroke, offset))
     if not channels:
-        raise GeometryError(f"network {file} has no open stroke, so that it has no channels")
+        raise GeometryError(
+            f"network {file} has no open stroke, so that it has no channels; draw each channel as a line without filling, as "
+            "wide as its bore (filled shapes are outlines and holes)"
+        )
     for x, y in inlets:
         places = [(math.dist(place[:2], (x, y)) - r, each.name) for each in channels for place, r in _dense(each)]
         away, name = min(places)
