@@ -21,7 +21,7 @@ import numpy.typing as npt
 from numpy.typing import ArrayLike, NDArray
 
 from geometries import meshing
-from softmodels.common import arrays, errors, schema, units
+from softmodels.common import arrays, errors, files, schema, units
 from softmodels.common.errors import GeometryError, MeshingError
 from softmodels.common.lazy import gmsh
 
@@ -284,6 +284,10 @@ class Actuator(Designable, Castable, DeviceLabels, ABC):
         """Files that the device is made from, by the parameter that names them; their contents determine its shape."""
         return {}
 
+    def digest(self) -> str:
+        """Return SHA-256 of the contents of its `files`, empty without one; GeometryError for one that cannot be read."""
+        return "-".join(_digest(name, file) for name, file in self.files.items())
+
     @property
     def name(self) -> str:
         """Default name for files: the device and its key."""
@@ -490,6 +494,15 @@ class Actuator(Designable, Castable, DeviceLabels, ABC):
         """
 
         return meshing.write_mesh(self, Path(path), stopped)
+
+
+def _digest(name: str, file: str) -> str:
+    try:
+        return files.file_digest(file)
+    except OSError as error:
+        raise GeometryError(f"{name} {file} cannot be read ({errors.reason(error)})") from None
+    except ValueError:  # a zero byte in its name
+        raise GeometryError(f"{name} {file!r} is not a file name") from None
 
 
 @dataclasses.dataclass(frozen=True)

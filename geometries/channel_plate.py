@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from geometries import actuator, faces, mesh_arrays, meshing, network, registry, revolved
 from geometries.actuator import Hold, Vector
 from geometries.network import Channel, Network, Place
-from softmodels.common import errors, files, schema, units
+from softmodels.common import errors, schema, units
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
 from softmodels.common.lazy import gmsh, scipy
@@ -109,10 +109,6 @@ class ChannelPlate(actuator.Actuator):
     @property
     def files(self) -> Mapping[str, str]:
         return {"network": self.network} if Path(self.network).suffix.lower() in DRAWINGS else {}
-
-    def digest(self) -> str:
-        """Return SHA-256 of the drawing; empty without one."""
-        return _digest(self.network) if self.files else ""
 
     @property
     def key(self) -> str:
@@ -232,7 +228,7 @@ class ChannelPlate(actuator.Actuator):
             x, y, _ = faces.point("gauge_point", text)
             return {"gauge": (x, y, half)}
         if self.support in ("bottom", "top", "edge", "free"):
-            if not inside(self.paths, centre):
+            if network.depths(centre[None], self.paths)[0] <= 0.0:
                 raise GeometryError("the middle of the outline is not in the plate; give gauge_point, such as 'at 20, 0 mm'")
             return {"middle": (float(centre[0]), float(centre[1]), half)}
         held = np.array(self.held)
@@ -300,14 +296,6 @@ MIN_CORNER_TURN = math.radians(15.0)
 ROUND_PIECES = 360
 
 
-@functools.lru_cache(maxsize=64)
-def _digest(file: str) -> str:
-    try:
-        return files.file_digest(file)
-    except OSError as error:
-        raise GeometryError(f"network {file} cannot be read ({errors.reason(error)})") from None
-
-
 def outline_paths(text: str) -> tuple[tuple[Place, ...], ...]:
     """Return the closed path of an outline's text, in m."""
     number = network.NUMBER
@@ -324,7 +312,7 @@ def outline_paths(text: str) -> tuple[tuple[Place, ...], ...]:
             values = [units.quantity(f"{value} {match[2]}", "m") for value in match[1].split(",")]
             if len(values) % 2 == 0 and len(values) >= 6:
                 places = tuple(zip(values[::2], values[1::2], strict=True))
-                return (places if _area(places) > 0.0 else places[::-1],)
+                return (places if network.signed_area(places) > 0.0 else places[::-1],)
     except units.UnitError as error:
         raise GeometryError(f"outline: {error}") from None
     raise GeometryError(
@@ -365,25 +353,10 @@ def _drawn(plate: ChannelPlate, digest: str) -> Network:
     return Network((*made, *own), paths)
 
 
-def _area(path: tuple[Place, ...]) -> float:
-    x, y = np.array(path).T
-    return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
-
-
 def outline_area(paths: tuple[tuple[Place, ...], ...]) -> float:
     """Return the area in m2 within an outline and outside of its holes."""
-    first, *holes = (abs(_area(path)) for path in paths)
+    first, *holes = (abs(network.signed_area(path)) for path in paths)
     return first - sum(holes)
-
-
-def inside(paths: tuple[tuple[Place, ...], ...], place: Array) -> bool:
-    """Return whether a place lies within an outline and in none of its holes."""
-    x, y = place
-    crossings = 0
-    for path in paths:
-        for (x0, y0), (x1, y1) in itertools.pairwise((*path, path[0])):
-            crossings += (y0 > y) != (y1 > y) and x < x0 + (y - y0) / (y1 - y0) * (x1 - x0)
-    return crossings % 2 == 1
 
 
 def _on_side(path: tuple[Place, ...], place: Array) -> bool:

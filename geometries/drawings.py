@@ -20,6 +20,7 @@ from xml.sax import saxutils
 
 import numpy as np
 
+from geometries import network
 from geometries.network import Channel, Network, shown_at
 from softmodels.common import errors, files
 from softmodels.common.arrays import Array
@@ -49,8 +50,7 @@ class Stroke:
 
     @property
     def area(self) -> float:
-        x, y = self.line.T
-        return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) if self.closed else 0.0
+        return abs(network.signed_area(self.line)) if self.closed else 0.0
 
 
 def read(file: str, radius: float, offset: float, width: float, *, outlined: bool) -> Network:
@@ -121,11 +121,22 @@ def _channel(file: str, stroke: Stroke, offset: float) -> Channel:
             f"network {file}: {stroke.name} {shown_at(*line[0])} is an open line without a stroke; give it a "
             "stroke as wide as the channel, or close it"
         )
-    height = float(stroke.more.get("data-offset", 1e3 * offset)) * 1e-3
-    radii = [1e-3 * float(value) for value in stroke.more.get("data-radii", "").split()]
+    (height,) = _written(file, stroke, "data-offset")[:1] or [offset]
+    radii = _written(file, stroke, "data-radii")
     if len(radii) == len(line):
         return Channel(stroke.name, tuple((float(x), float(y), height) for x, y in line), tuple(radii), stroke.cavity)
     return Channel.along(stroke.name, line, height, (stroke.radius, stroke.radius), stroke.cavity)
+
+
+def _written(file: str, stroke: Stroke, key: str) -> list[float]:
+    """Return lengths in m that the file says of a channel beside its line, in mm there; none where it does not."""
+    text = stroke.more.get(key, "")
+    try:
+        return [1e-3 * float(value) for value in text.split()]
+    except ValueError:
+        raise GeometryError(
+            f"network {file}: {stroke.name} has {key} {text[:80]!r}; write numbers of mm, or leave it out"
+        ) from None
 
 
 def _dense(channel: Channel) -> Iterator[tuple[Array, float]]:
@@ -138,8 +149,7 @@ def _dense(channel: Channel) -> Iterator[tuple[Array, float]]:
 def _path(line: Array) -> tuple[tuple[float, float], ...]:
     """Return a closed path, counterclockwise, without repeated corners."""
     line = line[np.linalg.norm(line - np.roll(line, 1, axis=0), axis=1) > 1e-9]
-    x, y = line.T
-    turned = line if x @ np.roll(y, -1) > y @ np.roll(x, -1) else line[::-1]
+    turned = line if network.signed_area(line) > 0.0 else line[::-1]
     return tuple((float(px), float(py)) for px, py in turned)
 
 
@@ -288,9 +298,9 @@ WRITTEN_BY = "<!-- a network by softmodels draw-network -->"
 COLOURS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#17becf", "#8c564b", "#e377c2")
 
 
-def svg_text(network: Network) -> str:
-    """Return the network as an SVG drawing in mm, from which `read` returns an equal one, to 1e-12 m."""
-    places = 1e3 * np.concatenate([np.array(path) for path in network.outline])
+def svg_text(drawn: Network) -> str:
+    """Return a network as an SVG drawing in mm, from which `read` returns an equal one, to 1e-12 m."""
+    places = 1e3 * np.concatenate([np.array(path) for path in drawn.outline])
     (x0, y0), (x1, y1) = places.min(axis=0) - 1.0, places.max(axis=0) + 1.0
 
     def at(line: Array) -> str:
@@ -301,12 +311,12 @@ def svg_text(network: Network) -> str:
         f'viewBox="{x0:.9f} {-y1:.9f} {x1 - x0:.9f} {y1 - y0:.9f}">',
         WRITTEN_BY,
     ]
-    for number, path in enumerate(network.outline):
+    for number, path in enumerate(drawn.outline):
         fill = "#cccccc" if number else "none"
         style = f'fill="{fill}" stroke="black" stroke-width="0.2"'
         rows.append(f'<polygon id="{"hole " + str(number) if number else "outline"}" points="{at(np.array(path))}" {style}/>')
-    for channel in network.channels:
-        colour = COLOURS[network.cavities.index(channel.cavity) % len(COLOURS)]
+    for channel in drawn.channels:
+        colour = COLOURS[drawn.cavities.index(channel.cavity) % len(COLOURS)]
         line = np.array(channel.points)
         radii = " ".join(f"{1e3 * radius:.9f}" for radius in channel.radii)
         cavity = saxutils.quoteattr(channel.cavity)
@@ -316,8 +326,8 @@ def svg_text(network: Network) -> str:
             f'data-cavity={cavity} data-offset="{1e3 * channel.points[0][2]:.9f}" '
             f'data-radii="{radii}"/>'
         )
-    for x, y in network.inlets:
+    for x, y in drawn.inlets:
         rows.append(
-            f'<circle cx="{1e3 * x:.9f}" cy="{-1e3 * y:.9f}" r="{1e3 * min(min(c.radii) for c in network.channels):.9f}"/>'
+            f'<circle cx="{1e3 * x:.9f}" cy="{-1e3 * y:.9f}" r="{1e3 * min(min(c.radii) for c in drawn.channels):.9f}"/>'
         )
     return "\n".join([*rows, "</svg>\n"])

@@ -37,6 +37,8 @@ class Faces:
 
 FORMATS: Mapping[str, str] = {".msh": "gmsh", ".inp": "abaqus", ".stl": "stl", ".vtk": "vtk", ".vtu": "vtu"}
 """Endings of the files that are read, and meshio's names for them."""
+PART_DEVICES = {".step": "ImportedActuator", ".stp": "ImportedActuator", **dict.fromkeys(FORMATS, "ImportedMesh")}
+"""Devices of parts by the endings of their files."""
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "inch": 0.0254}
 """Of files that do not store the unit of their lengths, in m."""
 Colour = tuple[int, int, int]

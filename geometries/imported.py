@@ -119,10 +119,6 @@ class ImportedPart(Actuator):
     def reading(self) -> Reading:
         """Contents of the file; read once."""
 
-    def digest(self) -> str:
-        """Return SHA-256 of the content of its files; GeometryError for one that cannot be read."""
-        return _digest(self.file)
-
     @property
     def files(self) -> Mapping[str, str]:
         return {"file": self.file}
@@ -278,15 +274,6 @@ class ImportedPart(Actuator):
     def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """None: which line a camera would see is not known of a foreign part."""
         return np.zeros(len(points), dtype=bool)
-
-
-def _digest(file: str) -> str:
-    try:
-        return files.file_digest(file)
-    except OSError as error:
-        raise GeometryError(f"file {file} cannot be read ({errors.reason(error)})") from None
-    except ValueError:  # a zero byte in its name
-        raise GeometryError(f"file {file!r} is not a file name") from None
 
 
 MAIN = "solid"
@@ -1813,9 +1800,6 @@ class ImportedMesh(ImportedPart):
     @property
     def files(self) -> Mapping[str, str]:
         return {"file": self.file, "air": self.air} if self.air else {"file": self.file}
-
-    def digest(self) -> str:
-        return "-".join(_digest(file) for file in self.files.values())
 
     @property
     def mesh(self) -> mesh_arrays.Tetrahedra:

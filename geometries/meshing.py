@@ -42,6 +42,7 @@ class Meshable(Protocol):
 
     __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]
 
+    def digest(self) -> str: ...
     @property
     def finer(self) -> float: ...
     @property
@@ -588,8 +589,7 @@ def _place(actuator: Meshable) -> Path | None:
     if kind.__module__.partition(".")[0] != __name__.partition(".")[0]:
         return None
     fields = [(field.name, getattr(actuator, field.name)) for field in dataclasses.fields(actuator)]
-    drawn = actuator.digest() if hasattr(actuator, "digest") else ""
-    key = repr((kind.__qualname__, fields, drawn, _mesher_versions()))
+    key = repr((kind.__qualname__, fields, actuator.digest(), _mesher_versions()))
     return folder() / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.msh"
 
 

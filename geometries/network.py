@@ -40,6 +40,13 @@ class Channel:
     radii: tuple[float, ...]
     cavity: str = ""
 
+    def __post_init__(self) -> None:
+        if not np.isfinite([*itertools.chain.from_iterable(self.points), *self.radii]).all():
+            raise GeometryError(f"{self.name} has a place or a radius that is no number")
+        if (least := min(self.radii)) < MIN_RADIUS:
+            least_text = schema.shown(MIN_RADIUS, "m")
+            raise GeometryError(f"{self.name} has a radius of {schema.shown(least, 'm')}; channels have at least {least_text}")
+
     @classmethod
     def along(cls, name: str, line: Array, offset: float, radii: tuple[float, float], cavity: str = "") -> Channel:
         """Return the channel along a polyline in the plane (m, shape (n, 2)) at a height, its radius linear in the length."""
@@ -47,6 +54,10 @@ class Channel:
         share = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
         points = tuple((float(x), float(y), offset) for x, y in line)
         return cls(name, points, tuple((radii[0] + share * (radii[1] - radii[0])).tolist()), cavity)
+
+
+MIN_RADIUS = 1e-5
+"""Of a channel, in m."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,6 +74,30 @@ class Network:
     def cavities(self) -> tuple[str, ...]:
         """Names of the cavities, in the order of their first channels."""
         return tuple(dict.fromkeys(channel.cavity for channel in self.channels))
+
+
+def signed_area(path: Sequence[Place] | Array) -> float:
+    """Return the area in m2 within a closed path of corners (m, shape (n, 2)), above 0 if it runs counterclockwise."""
+    x, y = np.asarray(path).T
+    return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+
+
+def depths(points: Array, paths: Sequence[Sequence[Place]]) -> Array:
+    """Return how far points (m, shape (n, 2)) lie within the closed paths of an outline, holes behind it; below 0 outside."""
+    inside = np.zeros(len(points), dtype=bool)
+    away = np.full(len(points), np.inf)
+    for path in paths:
+        start = np.array(path)
+        along = np.roll(start, -1, axis=0) - start
+        off = points[:, None] - start
+        share = np.clip((off * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
+        away = np.minimum(away, np.linalg.norm(off - share[..., None] * along, axis=2).min(axis=1))
+        ends = start[:, 1] + along[:, 1]
+        across = (start[:, 1] > points[:, 1:]) != (ends > points[:, 1:])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            left = start[:, 0] + (points[:, 1:] - start[:, 1]) / along[:, 1] * along[:, 0]
+        inside ^= (across & (points[:, :1] < left)).sum(axis=1) % 2 == 1
+    return np.where(inside, away, -away)
 
 
 def shown_at(x: float, y: float) -> str:
@@ -453,22 +488,10 @@ def check_plate(channels: Sequence[Channel], samples: Samples, thickness: float,
 def check_outline(channels: Sequence[Channel], samples: Samples, paths: Sequence[Sequence[Place]], least: float) -> None:
     """Reject channels that leave less than a wall (m) to the closed paths of a plate's outline, holes behind it."""
     points = samples.places[:, :2]
-    inside = np.zeros(len(points), dtype=bool)
-    away = np.full(len(points), np.inf)
-    for path in paths:
-        start = np.array(path)
-        along = np.roll(start, -1, axis=0) - start
-        off = points[:, None] - start
-        share = np.clip((off * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
-        away = np.minimum(away, np.linalg.norm(off - share[..., None] * along, axis=2).min(axis=1))
-        ends = start[:, 1] + along[:, 1]
-        across = (start[:, 1] > points[:, 1:]) != (ends > points[:, 1:])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            left = start[:, 0] + (points[:, 1:] - start[:, 1]) / along[:, 1] * along[:, 0]
-        inside ^= (across & (points[:, :1] < left)).sum(axis=1) % 2 == 1
-    wall = np.where(inside, away, -away) - samples.radii
+    deep = depths(points, paths)
+    wall = deep - samples.radii
     if wall[at := int(wall.argmin())] < least * (1.0 - schema.BOUND_TOLERANCE):
-        where = "lies outside of the outline" if not inside[at] else f"leaves {_wall(wall[at])} to the outline"
+        where = "lies outside of the outline" if deep[at] <= 0.0 else f"leaves {_wall(wall[at])} to the outline"
         raise GeometryError(
             f"{channels[samples.owner[at]].name} {where} {shown_at(*points[at])}, and least_wall is "
             f"{schema.shown(least, 'm')}; end it earlier, or make the plate wider"

@@ -37,9 +37,7 @@ STEPS = (
     Step("Design", making.DESIGN, "Let a search change lengths within limits.", "Use the device that was found."),
     Step("Mould", making.MOULD, "Make the bodies to print and the sheet for the bench.", "Print, mix, pour."),
 )  # fmt: skip
-PART_SUFFIXES = {".step": "ImportedActuator", ".stp": "ImportedActuator", **dict.fromkeys(faces.FORMATS, "ImportedMesh")}
-"""Devices of parts by their files' endings."""
-PART = FileKind("parts", "STEP, STL, MSH or VTK", tuple(PART_SUFFIXES), 80 << 20)
+PART = FileKind("parts", "STEP, STL, MSH or VTK", tuple(faces.PART_DEVICES), 80 << 20)
 COLOURS = {jobs.DONE: "positive", jobs.FAILED: "negative", forms.OUTDATED: "warning", jobs.RUNNING: "primary"}
 
 
@@ -68,7 +66,7 @@ class StartPage(forms.TabPage):
             with ui.expansion("My own part (STEP, STL)").classes("w-full").props("dense"):
                 self.support = forms.tagged(ui.input("where it is held", value="x = 0 mm"), "part-support", "w-56", "")
                 self.support.tooltip("A plane, or a face as documented: named flange, normal 1, 0, 0 at 5 mm")
-                self.upload_box("Drop your part", PART, ",".join(PART_SUFFIXES), "part", self._part)
+                self.upload_box("Drop your part", PART, ",".join(PART.endings), "part", self._part)
             with ui.row().classes("items-center gap-2"):
                 self.spinner = ui.spinner()
                 self.spinner.set_visibility(False)
@@ -121,7 +119,7 @@ class StartPage(forms.TabPage):
         for given in event.files:
             with self.saying():
                 file = self.project.keep(PARTS, given.name, await given.read(), PART)
-                kind = registry.ACTUATORS[PART_SUFFIXES[file.suffix.lower()]]
+                kind = registry.ACTUATORS[faces.PART_DEVICES[file.suffix.lower()]]
                 values = {"file": str(file), "support": str(self.support.value)}
                 try:
                     actuator = registry.device_from(kind, values)

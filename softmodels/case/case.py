@@ -498,8 +498,7 @@ def with_changes(table: Tables, changes: Iterable[str]) -> Tables:
 
 def _check_case_file(path: Path) -> None:
     """Reject a path that is not a case file (a part, a folder, a misspelt name), and say how to fix it."""
-    kinds = {".step": "ImportedActuator", ".stp": "ImportedActuator", **dict.fromkeys(faces.FORMATS, "ImportedMesh")}
-    kind = kinds.get(path.suffix.lower())
+    kind = faces.PART_DEVICES.get(path.suffix.lower())
     if kind is not None:
         held = "cavities = ['at 10, 0, 4 mm'] (a point in its air) and support = 'x = 0 mm' (what holds it)"
         raise CaseError(

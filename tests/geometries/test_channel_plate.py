@@ -93,6 +93,7 @@ def test_families_fit_in_their_box(text):
         ({"channels": ("5, 0 to 20, 0 mm", "5, 0 to 20, 2 mm")}, "more than 23 degrees"),
         ({"channels": ("from 5 to 6",)}, "write places"),
         ({"channels": ("5, 0 to 5, 0 mm",)}, "two places in a row are the same"),
+        ({"channels": ("5, 0 to 20, 0 mm radius -1 mm",)}, "channel 1 has a radius of -1 mm; channels have at least 0.01 mm"),
         ({"network": "radial"}, "number of a family's airways"),
         ({"network": "star:5"}, "families: fan"),
         ({"outline": "circle"}, "outline is 'circle'"),
@@ -126,6 +127,16 @@ def test_a_leaf_of_inkscape(tmp_path):
     assert area == pytest.approx(_area_of_blade(), rel=1e-3)
 
 
+def test_a_drawing_that_changes_is_read_again(tmp_path):
+    """As while somebody draws beside a notebook."""
+    file = tmp_path / "leaf.svg"
+    file.write_text(LEAF)
+    plate = ChannelPlate(network=str(file))
+    before = len(plate.drawn.channels), plate.key
+    file.write_text(LEAF.replace("</svg>", '<path d="M20 26 L24 26" stroke="#1f77b4" stroke-width="2" fill="none"/></svg>'))
+    assert len(plate.drawn.channels) == before[0] + 1 and plate.key != before[1]
+
+
 def _area_of_blade():
     """Area in m2 of the leaf's blade by Gmsh's Bezier curves and CAD kernel."""
     with meshing.private_model():
@@ -146,6 +157,12 @@ def _area_of_blade():
         ('<path d="M10 20 H40" stroke="red" stroke-width="2"/><circle cx="10" cy="30" r="1"/>', r"a dot near \(9, -10\) mm"),
         ("", "no open stroke"),
         ("<g>", "not an SVG drawing"),
+        ('<path d="M10 20 H40" stroke="red" stroke-width="2" fill="none" data-offset="abc"/>', "data-offset 'abc'"),
+        ('<path d="M10 20 H40" stroke="red" stroke-width="2" fill="none" data-offset="nan"/>', "a radius that is no number"),
+        ('<path d="M10 20 H40" stroke="red" stroke-width="2" fill="none" data-radii="1 x"/>', "data-radii '1 x'"),
+        ('<path d="M10 20 H40" stroke="red" stroke-width="2" fill="none" data-radii="1 -1"/>', "has a radius of -1 mm"),
+        ('<path d="M10 20 H40" stroke="red" stroke-width="-2" fill="none"/>', "has a radius of -1 mm"),
+        ('<path d="M10 20 H40" stroke="red" stroke-width="1e-8" fill="none"/>', "channels have at least 0.01 mm"),
     ],
 )
 def test_drawings_that_are_refused(tmp_path, drawn, words):
