@@ -63,8 +63,9 @@ class Bench:
         if not (project / CASE).exists():
             project.change_text(files.read_text(SAMPLES / "cases" / "disk.toml"))
         boards = [f"{BOARDS}/{file.name}" for file in project.files(BOARDS, photo_list.PICTURES)]
-        tell("calibrating the lens by photographs of a chessboard")
-        lens = self.jobs.start(["measurement", "calibrate", *boards, *SAMPLE_BOARD, "-o", LENS], LENS)
+        lens = self.jobs.start(
+            ["measurement", "calibrate", *boards, "--pattern", SQUARES, "--pitch", SQUARE_SIDE, "-o", LENS], LENS
+        )
         samples = sorted((made / "photographs").iterdir(), key=lambda file: (file.suffix != ".csv", file.name))
         for number, file in enumerate(samples):
             tell(f"photograph {number} of {len(samples) - 1}")
@@ -75,7 +76,7 @@ class Bench:
         if lens.state != jobs.DONE:
             raise jobs.AnswerError(f"the lens was not calibrated: {self.jobs.log(lens).strip()}")
         tell("finding the grid, and the edge in each photograph")
-        await photographs.find_plane(SAMPLE_GRID, SAMPLE_PITCH, LENS)
+        await photographs.find_plane(SAMPLE_GRID, photographs.pitch, LENS)
         tell("filled: look at the photographs, then measure all outlines")
 
     def end(self) -> None:
@@ -86,11 +87,13 @@ class Bench:
 
 OUTLINES, LENS = "outlines", "lens.toml"
 CASE, PHOTOS, SETUP, FITTED = "case.toml", "photos.csv", "setup.toml", "fitted.toml"
+FIT_CASE, MOULD_CASE, DESIGN_CASE = "fit-case.toml", "mould-case.toml", "design-case.toml"
 PHOTOGRAPHS, BOARDS, CURVES, PARTS, RESULTS = "photographs", "boards", "curves", "parts", "results"
 SAMPLES = Path(__file__).parents[1] / "cli" / "files"
 """The examples that come with the package: `softmodels.cli.examples`."""
-SAMPLE_GRID, SAMPLE_PITCH = "grid.jpg", "9mm"
-SAMPLE_BOARD = ("--pattern", "9x6", "--pitch", "25mm")
+SAMPLE_GRID = "grid.jpg"
+SQUARES, SQUARE_SIDE = "9x6", "25mm"
+"""Inner corners of a chessboard and the side of its squares, until they are given; those of the samples."""
 AUTO = "auto"
 """How photographs store light: as their edges show; `measurement.series.measuring.AUTO`, which this process does not import."""
 FIRST_PRESSURES = "0:60 cm"
@@ -191,13 +194,19 @@ class Project:
         self.case, self._text, self.case_error = case, text, ""
         self.changed.emit(CASE)
 
-    def case_for(self, work: str, *without: str) -> dict[str, str]:
-        """Return the name and the text of the case that a task is given: without its load, which does not matter there, and
-        without some other tables. What does not matter does not put results out of date."""
+    @property
+    def task_cases(self) -> dict[str, str]:
+        """Texts of the cases that fits, moulds and designs are given, by their files' names: without the load, and for a fit
+        without the material. What does not matter there does not put their results out of date."""
         water = self.case.water_density
         made = dataclasses.replace(self.case, steps=load.steps_of(pressure=FIRST_PRESSURES, water_density=water), band=None)
-        tables = tomllib.loads(made.to_toml())
-        return {f"{work}-case.toml": tomli_w.dumps({name: table for name, table in tables.items() if name not in without})}
+        text = made.to_toml()
+        device = {name: table for name, table in tomllib.loads(text).items() if name != "material"}
+        return {FIT_CASE: tomli_w.dumps(device), MOULD_CASE: text, DESIGN_CASE: text}
+
+    def case_for(self, name: str) -> dict[str, str]:
+        """Return one of `task_cases` by its file's name."""
+        return {name: self.task_cases[name]}
 
     def case_file(self) -> str:
         """Return the name of the case's file, which is written if it is not there yet."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING
 from urllib.parse import quote
@@ -128,6 +128,11 @@ UPLOAD = """<div class="row items-center no-wrap q-pa-sm">
 def tagged[Shown: Element](element: Shown, name: str, classes: str = "w-full", props: str = "dense") -> Shown:
     """Return an element with its looks and its name for tests."""
     return with_attribute(element.classes(classes).props(props), "data-name", name)
+
+
+def known(values: Iterable[str], options: Collection[str], default: str) -> str:
+    """Return the first of some values that is an option; records of a foreign project may hold any."""
+    return next((value for value in values if value in options), default)
 
 
 def with_attribute[Shown: Element](element: Shown, name: str, value: str) -> Shown:
@@ -253,7 +258,7 @@ class JobPanel:
         """Mark results that are not those of today's inputs."""
         if (job := self.bench.jobs.latest(self.output)) is None or job.active:
             return
-        outdated = not self.kept() and is_outdated(self.bench, job, self._asked())
+        outdated = job.state == jobs.DONE and not self.kept() and is_outdated(self.bench, job, self._asked())
         self.state.set_text(f"{OUTDATED}: what it was made of has changed; start it again" if outdated else job.state)
         for element in (self.frame, self.line, *self.shown):
             element.classes("outdated") if outdated else element.classes(remove="outdated")
@@ -261,13 +266,11 @@ class JobPanel:
 
 def is_outdated(bench: Bench, job: jobs.Job, made: Command | str = "") -> bool:
     """Return whether a job's results are not those of the project's files as they are now, or of the command that would be
-    started now."""
-    if isinstance(made, str):
-        return bench.jobs.is_outdated(job)
-    with contextlib.suppress(OSError):
-        if any(files.read_text(bench.project / name) != text for name, text in made.written.items()):
-            return job.state == jobs.DONE
-    return bench.jobs.is_outdated(job, made.words)
+    started now, where that is known."""
+    if job.state != jobs.DONE:
+        return False
+    words, written = ([], {}) if isinstance(made, str) else (made.words, made.written)
+    return bench.jobs.is_outdated(job, words, {**bench.project.task_cases, **written})
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -18,8 +18,9 @@ import shlex
 import signal
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from nicegui import Event
@@ -66,20 +67,11 @@ class Job:
     def from_table(cls, table: Any, number: int) -> Job:
         """Return the job of a record with a number; ValueError or TypeError if the record is not one."""
         job = cls(**table)
-        types = (
-            (job.number, int),
-            (job.words, list),
-            (job.output, str),
-            (job.resumable, bool),
-            (job.state, str),
-            (job.inputs, str),
-        )
-        if (
-            not (job.words and all(isinstance(word, str) for word in job.words))
-            or job.number != number
-            or not all(isinstance(value, kind) for value, kind in types)
-        ):
+        texts = (job.output, job.state, job.inputs, *(job.words if isinstance(job.words, list) else [None]))
+        if not job.words or not all(isinstance(text, str) for text in texts) or not isinstance(job.resumable, bool):
             raise ValueError("not a record of a job")
+        if not isinstance(job.number, int) or job.number != number:
+            raise ValueError("not the number of the record's file")
         return job
 
 
@@ -131,11 +123,10 @@ class Jobs:
         self._launch(job)
         return job
 
-    def is_outdated(self, job: Job, words: Sequence[str] = ()) -> bool:
-        """Return whether the results of a job that is done are not those of the files as they are now, or of the words that
-        would be given now."""
-        changed = bool(words) and list(words) != job.asked
-        return job.state == DONE and bool(job.inputs) and (changed or job.inputs != digest(job.asked, self.project))
+    def is_outdated(self, job: Job, words: Sequence[str], written: Mapping[str, str]) -> bool:
+        """Return whether the results of a job that is done are not those of the words that would be given now, or, if these are
+        not known, of its own, and of the files as they would be ``written`` and are; see `digest`."""
+        return job.state == DONE and bool(job.inputs) and job.inputs != digest(words or job.asked, self.project, written)
 
     def latest(self, output: str) -> Job | None:
         """Return the newest job with a folder of results."""
@@ -307,22 +298,25 @@ MAX_LISTED_BYTES = 1 << 20
 """Size of the largest table or list that is searched for the names of further files."""
 
 
-def digest(words: Sequence[str], project: Path) -> str:
+def digest(words: Sequence[str], project: Path, written: Mapping[str, str] = MappingProxyType({})) -> str:
     """Return SHA-256 of the words after ``python -m`` and of the files of a project that they name, but for the results; and of
-    the files that these tables and lists name, such as photographs."""
+    the files that these tables and lists name, such as photographs. Files may have texts other than those that they hold."""
     named = [word for before, word in itertools.pairwise(["", *words[2:]]) if before != "-o"]
     seen: dict[str, str] = {}
     while named:
         word = named.pop()
         for name in (word, word.rpartition(":")[0]):
-            file = project / name
-            if name in seen or not name or not file.exists():
+            file, text = project / name, written.get(name)
+            if name in seen or not name or (text is None and not file.exists()):
                 continue
-            written = file.stat().st_mtime
-            seen[name] = _fingerprint(file, written if time.time() - written > CLOCK_STEP else time.time())
-            if file.suffix in (".csv", ".toml") and file.is_file() and file.stat().st_size < MAX_LISTED_BYTES:
-                text = files.read_file(file).decode("utf-8", "replace")
-                named += [part for part in re.split(r"[\s\"',]+", text) if "." in part[1:]]
+            if text is None:
+                since = file.stat().st_mtime
+                seen[name] = _fingerprint(file, since if time.time() - since > CLOCK_STEP else time.time())
+                if file.suffix in (".csv", ".toml") and file.is_file() and file.stat().st_size < MAX_LISTED_BYTES:
+                    text = files.read_file(file).decode("utf-8", "replace")
+            else:
+                seen[name] = hashlib.sha256(text.encode()).hexdigest()
+            named += [part for part in re.split(r"[\s\"',]+", text or "") if "." in part[1:]]
     return hashlib.sha256("\n".join([*words, *(f"{name} {seen[name]}" for name in sorted(seen))]).encode()).hexdigest()
 
 

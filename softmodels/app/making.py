@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
@@ -12,7 +14,7 @@ from nicegui import ui
 
 from geometries import actuator
 from softmodels.app import forms, jobs
-from softmodels.app.bench import CURVES, FITTED, OUTLINES, RESULTS, Bench, FileKind
+from softmodels.app.bench import CURVES, DESIGN_CASE, FIT_CASE, FITTED, MOULD_CASE, OUTLINES, RESULTS, Bench, FileKind
 from softmodels.app.jobs import Job
 from softmodels.case import materials
 from softmodels.case.case import Case
@@ -65,17 +67,17 @@ class MaterialPage(forms.TabPage):
                 self.with_outlines = ui.switch("Outlines of the photographs", value=(self.project / OUTLINES).is_dir())
                 forms.tagged(self.with_outlines, "with-outlines", "", "")
                 self.with_outlines.tooltip("Without those that are not trusted, unless they shall be used anyway")
-                chosen = ",".join(given("--material")).split(",") if last else ["yeoh"]
-                laws = ui.select(sorted(LAWS), value=chosen, label="Laws to compare", multiple=True)
+                chosen = [law for law in ",".join(given("--material")).split(",") if law in LAWS]
+                laws = ui.select(sorted(LAWS), value=chosen or ["yeoh"], label="Laws to compare", multiple=True)
                 self.laws = forms.tagged(laws, "laws", props="dense use-chips")
                 self.fixed = forms.tagged(
                     ui.input("Fixed parameters", value=", ".join(given("--fix")), placeholder="c3=0, leak=0"), "fixed"
                 )
-                (ratio,) = given("--poisson") or [f"{DEFAULT_POISSON_RATIO:g}"]
+                ratio = next(iter(given("--poisson")), f"{DEFAULT_POISSON_RATIO:g}")
                 self.poisson = forms.tagged(ui.input("Poisson's ratio", value=ratio), "poisson")
-                (product,) = given("--silicone") or ["any"]
-                products = ui.select(["any", *sorted(silicones.PRODUCTS)], value=product, label="Cast from", with_input=True)
-                self.product = forms.tagged(products, "product")
+                products = ["any", *sorted(silicones.PRODUCTS)]
+                product = forms.known(given("--silicone"), products, "any")
+                self.product = forms.tagged(ui.select(products, value=product, label="Cast from", with_input=True), "product")
             with ui.column().classes("w-full min-w-0"):
                 self.message = forms.tagged(ui.label(), "material-message", "text-negative", "")
                 self.answer = ui.column().classes("gap-1")
@@ -89,7 +91,7 @@ class MaterialPage(forms.TabPage):
         for file in self.project.files(CURVES, CURVE.endings):
             with ui.row().classes("w-full items-center no-wrap gap-2"):
                 ui.label(file.name).classes("grow truncate")
-                test = self.given_tests.get(file.name, TESTS[0])
+                test = forms.known([self.given_tests.get(file.name, "")], TESTS, TESTS[0])
                 self.tests[file.name] = ui.select(["not used", *TESTS], value=test).props("dense").classes("w-32")
 
     async def _uploaded(self, event: MultiUploadEventArguments) -> None:
@@ -97,12 +99,11 @@ class MaterialPage(forms.TabPage):
         self.curves.refresh()
 
     def _command(self) -> forms.Command | str:
-        words, case = ["softmodels", "fit"], {}
+        words = ["softmodels", "fit"]
         if self.with_outlines.value:
             if not (self.project / OUTLINES).is_dir():
                 return "there are no outlines yet: measure the photographs first, or switch the outlines off"
-            case = self.project.case_for("fit", "material")
-            words += [*case, f"{OUTLINES}/"]
+            words += [FIT_CASE, f"{OUTLINES}/"]
             for name, row in self.bench.photographs.measured.items():
                 words += ["--exclude", name] if row["trusted"] == "no" else []
         for name, test in self.tests.items():
@@ -115,7 +116,7 @@ class MaterialPage(forms.TabPage):
         words += ["--silicone", str(self.product.value)] if self.product.value else []
         for text in str(self.fixed.value or "").replace(";", ",").split(","):
             words += ["--fix", text.strip()] if text.strip() else []
-        return forms.Command([*words, "-o", FIT], FIT, written=case)
+        return forms.Command([*words, "-o", FIT], FIT, written=self.project.case_for(FIT_CASE))
 
     async def _ended(self, job: Job) -> None:
         if job.output == OUTLINES and not job.active:
@@ -184,7 +185,7 @@ class MouldPage(forms.TabPage):
                 last = bench.jobs.latest(MOULD)
                 self.given = last.options if last else lambda name: []
                 products = ["as simulated", *sorted(silicones.PRODUCTS)]
-                (product,) = self.given("--silicone") or products[:1]
+                product = forms.known(self.given("--silicone"), products, products[0])
                 self.silicone = forms.tagged(ui.select(products, value=product, label="Silicone to cast"), "cast-silicone")
                 self.settings: dict[str, ui.input] = {}
                 for name in FIRST_SETTINGS:
@@ -206,19 +207,18 @@ class MouldPage(forms.TabPage):
         """Add a box; empty it means the default, which it shows."""
         field, default = schema.about(settings.Workshop)[name], getattr(settings.Workshop, name)
         text = schema.shown(default, field.kind.unit) if isinstance(default, float) else str(default)
-        (given,) = self.given(f"--{name.replace('_', '-')}") or [""]
+        given = next(iter(self.given(f"--{name.replace('_', '-')}")), "")
         box = ui.input(name.replace("_", " "), value=given, placeholder="" if default is None else text)
         forms.with_attribute(box, "hint", field.help) if name in FIRST_SETTINGS else box.tooltip(field.help)
         self.settings[name] = forms.tagged(box, f"mould-{name}", props="dense stack-label")
 
     def _command(self) -> forms.Command:
-        case = self.project.case_for("mould")
-        words = ["softmodels", "mould", *case, "-o", MOULD]
+        words = ["softmodels", "mould", MOULD_CASE, "-o", MOULD]
         words += ["--silicone", str(self.silicone.value)] if self.silicone.value != "as simulated" else []
         for name, box in self.settings.items():
             if text := str(box.value or "").strip():
                 words += [f"--{name.replace('_', '-')}", text]
-        return forms.Command(words, MOULD, written=case)
+        return forms.Command(words, MOULD, written=self.project.case_for(MOULD_CASE))
 
     async def _ended(self, job: Job) -> None:
         if job.output == MOULD and job.state == jobs.DONE:
@@ -265,6 +265,44 @@ LENGTH_FACTOR = 1.5
 """Bounds of a varied length, as a factor of the present one both ways."""
 
 
+FIRST_LIMITS = MappingProxyType({"limit_margin": "1.25", "clearances": "0.8 mm"})
+"""Limits until they are given, by their quantities."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ProblemChoices:
+    """What the page's problem asks: lengths that may change, and by which factor both ways, the objective, its probe and its
+    pressure ("" for none), and the limits by their quantities."""
+
+    lengths: Sequence[str] = ()
+    factor: float = LENGTH_FACTOR
+    objective: str = "most rise"
+    of: str = ""
+    at: str = ""
+    limits: Mapping[str, str] = FIRST_LIMITS
+
+
+def last_problem(file: Path) -> ProblemChoices | None:
+    """Return what was asked last; None without a problem that the page has written."""
+    try:
+        problem = tables.read_toml(file)
+        if problem["case"] != DESIGN_CASE:
+            return None
+        bounds = problem["parameters"]
+        first, *_ = bounds.values()
+        low, high = (units.quantity(first[end], "m") for end in ("from", "to"))
+        found = [(name, problem[table]) for name, (table, quantity) in OBJECTIVES.items()
+                 if problem.get(table, {}).get("quantity") == quantity]  # fmt: skip
+        ((objective, goal),) = found
+        sides = dict(LIMITS.values())
+        limits = {entry["quantity"]: str(entry[sides[entry["quantity"]]]) for entry in problem["keep"]}
+        factor = math.sqrt(high / low)
+        return ProblemChoices([*bounds], factor, objective, str(goal.get("of", "")), str(goal.get("at", "")), limits)
+    except (OSError, tables.TomlError, units.UnitError, KeyError, TypeError, ValueError, AttributeError,
+            ZeroDivisionError):  # fmt: skip
+        return None
+
+
 class DesignPage(forms.TabPage):
     """One tab's page of designs."""
 
@@ -283,44 +321,30 @@ class DesignPage(forms.TabPage):
 
     def _controls(self) -> None:
         device = self.project.case.actuator
-        try:
-            last = tables.read_toml(self.project / PROBLEM)
-        except (OSError, tables.TomlError):
-            last = {}
-        if last.get("case") not in self.project.case_for("design"):  # not one that the page has written
-            last = {}
-        ui.label("What may change").classes("font-bold")
         names = [name for name in actuator.parameter_names(device) if actuator.is_length(device, name)]
-        bounds = {name: entry for name, entry in last.get("parameters", {}).items() if name in names}
-        varied = ui.select(names, value=[*bounds] or names[:1], label="lengths", multiple=True)
-        self.varied = forms.tagged(varied, "varied", props="dense use-chips")
-        ends = [[units.quantity(entry[end], "m") for end in ("from", "to")] for entry in bounds.values()]
-        factor = math.sqrt(ends[0][1] / ends[0][0]) if ends else LENGTH_FACTOR
-        self.reach = forms.tagged(ui.input("from and to, as a factor both ways", value=f"{factor:.4g}"), "reach")
-        ui.label("What it should do").classes("font-bold")
-        goals = {name: last[table] for name, (table, quantity) in OBJECTIVES.items()
-                 if last.get(table, {}).get("quantity") == quantity}  # fmt: skip
-        objective = next(iter(goals), "most rise")
-        goal: Mapping[str, str] = goals.get(objective, {})
-        self.objective = forms.tagged(ui.select(list(OBJECTIVES), value=objective, label="objective"), "objective")
         probes = list(device.probes)
-        probe = goal["of"] if goal.get("of") in probes else probes[0]
-        self.probe = forms.tagged(ui.select(probes, value=probe, label="of"), "probe")
         highest = max(self.project.case.load.of(steps.PRESSURE), default=0.0) / self.project.case.column.pascal
-        self.at = forms.tagged(ui.input("at", value=goal.get("at", f"{highest:g} cm")), "design-pressure")
+        last = last_problem(self.project / PROBLEM) or ProblemChoices()
+        ui.label("What may change").classes("font-bold")
+        varied = [name for name in last.lengths if name in names] or names[:1]
+        self.varied = forms.tagged(
+            ui.select(names, value=varied, label="lengths", multiple=True), "varied", props="dense use-chips"
+        )
+        self.reach = forms.tagged(ui.input("from and to, as a factor both ways", value=f"{last.factor:.4g}"), "reach")
+        ui.label("What it should do").classes("font-bold")
+        objective = ui.select(list(OBJECTIVES), value=last.objective, label="objective")
+        self.objective = forms.tagged(objective, "objective")
+        probe = forms.known([last.of], probes, probes[0])
+        self.probe = forms.tagged(ui.select(probes, value=probe, label="of"), "probe")
+        self.at = forms.tagged(ui.input("at", value=last.at or f"{highest:g} cm"), "design-pressure")
         ui.label("Limits that it keeps").classes("font-bold")
-        kept = {entry["quantity"]: entry for entry in last.get("keep", ())}
-        defaults = {} if last else {"limit_margin": "1.25", "clearances": "0.8 mm"}
         self.limits = {
-            name: forms.tagged(
-                ui.input(name, value=str(kept.get(quantity, {}).get(side, defaults.get(quantity, "")))), f"keep-{quantity}"
-            )
-            for name, (quantity, side) in LIMITS.items()
+            name: forms.tagged(ui.input(name, value=last.limits.get(quantity, "")), f"keep-{quantity}")
+            for name, (quantity, _) in LIMITS.items()
         }
 
     def _command(self) -> forms.Command:
-        case = self.project.case_for("design")
-        written = {PROBLEM: tomli_w.dumps(self._problem(*case)), **case}
+        written = {PROBLEM: tomli_w.dumps(self._problem()), **self.project.case_for(DESIGN_CASE)}
         return forms.Command(["softmodels", "design", PROBLEM, "-o", DESIGN], DESIGN, True, written)
 
     def _in_use(self) -> bool:
@@ -330,8 +354,8 @@ class DesignPage(forms.TabPage):
         except (*forms.ERRORS, ValueError):
             return False
 
-    def _problem(self, case: str) -> dict[str, object]:
-        """Return the problem on a case as its file has it."""
+    def _problem(self) -> dict[str, object]:
+        """Return the problem as its file has it."""
         device, reach = self.project.case.actuator, units.number(str(self.reach.value))
         if not self.varied.value:
             raise errors.FieldError("choose at least one length that may change")
@@ -348,7 +372,7 @@ class DesignPage(forms.TabPage):
             if str(box.value or "").strip()
         ]
         asked = self._asked(quantity)
-        return {"name": "design", "case": case, "parameters": bounds, table: asked, "keep": kept}
+        return {"name": "design", "case": DESIGN_CASE, "parameters": bounds, table: asked, "keep": kept}
 
     def _asked(self, quantity: str) -> dict[str, object]:
         asked: dict[str, object] = {"quantity": quantity}

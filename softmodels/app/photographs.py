@@ -15,7 +15,19 @@ from nicegui import ui
 from measurement.series import photo_list
 from measurement.series.photo_list import PhotoListError
 from softmodels.app import device, forms, jobs, replies
-from softmodels.app.bench import AUTO, BOARDS, LENS, OUTLINES, PHOTOGRAPH, PHOTOS, SETUP, Bench, ListedPhotograph
+from softmodels.app.bench import (
+    AUTO,
+    BOARDS,
+    LENS,
+    OUTLINES,
+    PHOTOGRAPH,
+    PHOTOS,
+    SETUP,
+    SQUARE_SIDE,
+    SQUARES,
+    Bench,
+    ListedPhotograph,
+)  # fmt: skip
 from softmodels.app.jobs import Job
 from softmodels.common import units
 from softmodels.common.arrays import Array
@@ -103,8 +115,8 @@ class PhotographsPage(forms.TabPage):
             drop, kinds = "Drop ten photographs of a chessboard", "image/*,.heic,.tif,.tiff"
             self.upload_box(drop, PHOTOGRAPH, kinds, "boards", self._boards)
             self.boards = forms.tagged(ui.label(), "boards-given", "", "")
-            self.pattern = forms.tagged(ui.input("inner corners", value="9x6"), "pattern", "")
-            self.square = forms.tagged(ui.input("side of a square", value="25mm"), "square", "")
+            self.pattern = forms.tagged(ui.input("inner corners", value=SQUARES), "pattern", "")
+            self.square = forms.tagged(ui.input("side of a square", value=SQUARE_SIDE), "square", "")
             forms.JobPanel(self.bench, LENS, "Calibrate", self._calibrate)
         tones = {AUTO: "tone: as the edge shows", **{name: f"tone: {words}" for name, words in TONE_WORDS.items()}}
         tone = ui.select(tones, value=self.photos.tone, label="how the photographs store light")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from types import SimpleNamespace
 
 import pytest
@@ -115,6 +116,56 @@ def test_what_depends_on_a_change_is_out_of_date_and_nothing_else(what, project)
     now = {command.output: command for command in commands(project)}
     outdated = {output for output, job in before.items() if forms.is_outdated(bench, job, now[output])}
     assert {output.rpartition("/")[2] for output in outdated} == wanted
+
+
+@pytest.mark.parametrize("what", ["length", "material", "pressure"])
+def test_the_start_says_the_same_as_the_pages(what, project):
+    """It does not know the commands that the pages would start."""
+    bench = SimpleNamespace(project=project, jobs=Jobs(project.folder))
+    before = {command.output: done(project, command) for command in commands(project)}
+    wanted, change = CHANGES[what]
+    change(project)
+    assert {output.rpartition("/")[2] for output, job in before.items() if forms.is_outdated(bench, job)} == wanted
+
+
+FOREIGN_WORDS = ["softmodels", "fit", "case.toml", "--material", "nosuch", "--poisson", "0.4", "--poisson", "x", "--silicone",
+                 "nosuch", "--tensile", "curves/pull.csv:nosuch", "-o", "results/fit"]  # fmt: skip
+FOREIGN_PROBLEM = (
+    "case = 'design-case.toml'\nparameters = 3\n", "case = 'design-case.toml'\nkeep = [1]\n[parameters.wall]\nfrom = 'x'\n",
+    "case = 'design-case.toml'\n[parameters]\n", "case = [", "case = 'design-case.toml'\n[maximise]\nquantity = 'rise'\n",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("problem", FOREIGN_PROBLEM)
+def test_a_problem_of_another_shape_is_none(problem, tmp_path):
+    (tmp_path / "problem.toml").write_text(problem)
+    assert making.last_problem(tmp_path / "problem.toml") is None
+
+
+def test_the_last_problem_is_what_was_asked(project):
+    command = commands(project)[-1]
+    (project / making.PROBLEM).write_text(command.written[making.PROBLEM])
+    last = making.last_problem(project / making.PROBLEM)
+    assert (last.lengths, last.objective, last.of, last.at) == (["wall"], "most rise", "apex", "60 cm")
+    assert last.factor == pytest.approx(1.5)
+    assert last.limits == {quantity: "1.25" for quantity, _ in making.LIMITS.values()}
+
+
+@pytest.mark.campaign
+def test_choices_of_a_foreign_project_do_not_break_the_page(browser, tmp_path):
+    project = tmp_path / "project"
+    (project / "jobs").mkdir(parents=True)
+    (project / "curves").mkdir()
+    (project / "curves" / "pull.csv").write_text("stretch,stress\n1,0\n")
+    (project / "problem.toml").write_text(FOREIGN_PROBLEM[1])
+    mould = ["softmodels", "mould", "x", "--silicone", "nosuch", "--tube", "1 mm", "--tube", "2 mm"]
+    for number, words in enumerate((FOREIGN_WORDS, mould), 1):
+        record = {"number": number, "words": words, "output": f"results/{words[1]}", "resumable": False, "state": DONE}
+        (project / "jobs" / f"{number}.json").write_text(json.dumps(record))
+    with served(project) as (_, address), tab(browser, address, "Mould") as page:
+        page.get_by_role("button", name="Make the mould").wait_for()
+        page.get_by_role("tab", name="Material").click()
+        assert page.locator('input[data-name="poisson"]').input_value() == "0.4"
 
 
 def test_another_choice_puts_results_out_of_date(project):
