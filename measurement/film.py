@@ -8,7 +8,6 @@ are a photograph like any other, and so is each frame of a history in time.
 from __future__ import annotations
 
 import collections
-import csv
 import dataclasses
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -22,7 +21,7 @@ from scipy.ndimage import median_filter, uniform_filter1d
 from skimage.filters import threshold_otsu
 
 from measurement import pictures
-from softmodels.common import columns
+from softmodels.common import columns, files
 from softmodels.common.arrays import Array
 
 
@@ -466,9 +465,10 @@ def write_shots(path: Path, shots: Sequence[Shot], folder: Path, done: Callable[
         if not waiting:
             break
     timed = all(math.isfinite(shot.hold) for shot in shots)
-    with (folder / LIST).open("w", newline="", encoding="utf-8") as file:
-        rows = csv.writer(file)
-        rows.writerow(("file", "pressure", "error", "time", *(("hold", "rise") if timed else ())))
-        for shot in shots:
-            held = (f"{shot.hold:.6g} s", f"{shot.rise:.6g} s") if timed else ()
-            rows.writerow((shot.name, f"{shot.pressure:.9g} Pa", f"{shot.error:.6g} Pa", f"{shot.time:.6f} s", *held))
+    rows = [
+        (shot.name, f"{shot.pressure:.9g} Pa", f"{shot.error:.6g} Pa", f"{shot.time:.6f} s")
+        + ((f"{shot.hold:.6g} s", f"{shot.rise:.6g} s") if timed else ())
+        for shot in shots
+    ]
+    head = ("file", "pressure", "error", "time", *(("hold", "rise") if timed else ()))
+    files.write_text(folder / LIST, files.csv_text(head, rows))

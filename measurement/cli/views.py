@@ -218,13 +218,8 @@ def _scene(setup: Setup, given: dict[str, Any]) -> views.Scene:
     be, and for what is missing."""
     if given["case"] is not None:
         sizes = size_of(given["case"])
-        given = {
-            **given,
-            **{
-                name: given[name] or (f"{size!r} m" if size else "0")
-                for name, size in zip(("depth", "length"), sizes, strict=True)
-            },
-        }
+        known = {name: f"{size!r} m" if size else "0" for name, size in zip(("depth", "length"), sizes, strict=True)}
+        given = {**given, **{name: given[name] or text for name, text in known.items()}}
     for name, why in (
         ("camera_distance", "how large its front and rear faces appear depends on it; such as 80cm+-1cm"),
         ("depth", "the outline is that of its front or rear face; 0 for a round device (or --device CASE.toml)"),

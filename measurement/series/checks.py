@@ -915,8 +915,10 @@ MAX_SHRINKAGE, MAX_STRETCH = 0.03, 0.35
 """Shares of its length by which a centre line may become shorter or longer in its plane."""
 
 MAX_BRIGHTER = 1.6
-MAX_SOFTER = 2.0
 """How many times brighter or darker the background may be than without pressure."""
+
+MAX_SOFTER = 2.0
+"""How many times as wide as without pressure the edge may be."""
 
 MAX_WIDENING = 1.7
 """How many times wider or narrower a device may become anywhere along its centre line, on the mean over a seventh of it."""

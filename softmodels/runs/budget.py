@@ -79,7 +79,8 @@ class Budget:
     sources: columns.SourceTables
 
     @functools.cached_property
-    def _mesh(self) -> mesh_error.MeshErrors:
+    def mesh(self) -> mesh_error.MeshErrors:
+        """The mesh errors of the path's states."""
         return mesh_error.MeshErrors(self.case, self.rows, self.finer)
 
     @property
@@ -101,7 +102,7 @@ class Budget:
 
     def contributions(self, row: table.Row, name: str) -> list[Contribution]:
         """Return what is known of a variable's error in a state, the largest contribution first."""
-        halves = parts(row, name, self._mesh.of(row))
+        halves = parts(row, name, self.mesh.of(row))
         if spread := self._spread(row, name):
             halves[MATERIAL] = spread
         deviations = {deviation.name: deviation for deviation in self.case.deviations}

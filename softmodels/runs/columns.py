@@ -209,13 +209,7 @@ def _band_term(column: str, device: Actuator | None) -> table.ColumnText | None:
         return table.described(column, ("band of the pressure at equal rise", text))
     own = term(f"{name.removesuffix('_ci95')}{column.removeprefix(name)}", device)
     kept = "at the same added volume" if name == "pressure_ci95" else "at the same requested value"
-    return table.described(
-        column,
-        (
-            f"band of the {own.name}",
-            f"{CAUSES}, {kept}",
-        ),
-    )
+    return table.described(column, (f"band of the {own.name}", f"{CAUSES}, {kept}"))
 
 
 def _extremes(name: str) -> Sequence[table.Variable]:
