@@ -293,11 +293,12 @@ def _errors(states: StoredStates) -> Iterator[pages.Section]:
     known, gauge = _budget(states), states.words.gauge
     row = next((row for row in known.stated if not row.get("limit")), None)
     if row is not None and (told := known.contributions(row, gauge)):
-        with matplotlib.rc_context(style.STYLE):
-            figure = curves.contributions(row, gauge, told)
-        drawn = [(f"{states.name}-errors.svg", curves.drawing(figure, states.case.column))]
-        texts = [*known.lines(), known.next_step(row, gauge)]
-        yield f"Error of the {gauge} rise", [pages.Charts(drawn), pages.Bullets(texts)]
+        drawn = []
+        if len(told) > 1:
+            with matplotlib.rc_context(style.STYLE):
+                figure = curves.contributions(row, gauge, told)
+            drawn = [pages.Charts([(f"{states.name}-errors.svg", curves.drawing(figure, states.case.column))])]
+        yield f"Error of the {gauge} rise", [*drawn, pages.Bullets([*known.lines(), known.next_step(row, gauge)])]
 
 
 def _limit(states: StoredStates, told: dict[str, object]) -> pages.Fact:

@@ -149,16 +149,23 @@ class Budget:
             yield "the mesh (--mesh-error)"
 
     def half_text(self, row: table.Row, name: str) -> str:
-        """Return half the 95 % interval of a variable of a state, such as ``"+- 0.21 mm (95 %)"``; "" if nothing is known."""
+        """Return half the 95 % interval of a variable of a state, such as ``"+- 0.21 mm (95 %)"``, and its cause if it has only
+        one; "" if nothing is known."""
         told = self.contributions(row, name)
-        return f"+- {rounded(row, name, _sum(told))[1]} {row.unit(name)}".rstrip() + " (95 %)" if told else ""
+        if not told:
+            return ""
+        alone = f", {told[0].text} only" if len(told) == 1 else ""
+        return f"+- {rounded(row, name, _sum(told))[1]} {row.unit(name)}".rstrip() + f" (95 %{alone})"
 
     def next_step(self, row: table.Row, name: str) -> str:
-        """Return which contribution to narrow first and what half of it would give, as a sentence; "" if nothing is known."""
+        """Return which contribution to narrow first and what half of it would give, or what to state first, as a sentence; ""
+        if nothing is known."""
         told = self.contributions(row, name)
         if not told:
             return ""
         first, *others = told
+        if first.name == MESH and not others and (missing := ", ".join(self._missing())):
+            return f"Only the mesh is known here, and mostly a small part; state the others first: {missing}."
         halved = math.hypot(0.5 * first.half, *(other.half for other in others))
         now, then = (rounded(row, name, half)[1] for half in (_sum(told), halved))
         cure = {MESH: "use smaller cells (--finer 2)", MATERIAL: "test this silicone, and fit it"}

@@ -121,6 +121,16 @@ def test_sources_span_the_silicones_part():
     assert {"step", "apex_mm", "added_volume_ml"} <= {*table} and not {"control", "newton_iterations", "limit"} & {*table}
 
 
+def test_the_mesh_alone_is_no_advice_to_refine(run):
+    """Where the silicone is not in the budget, its part is mostly the larger one."""
+    alone = sm.inflate(DISK, LAW, "0,20 cm", mesh_error=True)
+    row = alone.table[-1]
+    assert alone.budget.half_text(row, "apex").endswith(" mm (95 %, mesh only)")
+    assert "state the others first: the silicone (--band)" in alone.budget.next_step(row, "apex")
+    assert "The largest contribution is" in run.budget.next_step(run.table[-1], "apex")
+    assert run.budget.half_text(run.table[-1], "apex").endswith(" mm (95 %)")
+
+
 def test_which_path_the_mesh_error_is_from():
     wedge = case_of(sm.HollowDisk(angle=180.0), LAW, "0,5 cm")
     section = mesh_error.companion(wedge, cheap=True)
