@@ -282,27 +282,6 @@ class ProblemChoices:
     limits: Mapping[str, str] = FIRST_LIMITS
 
 
-def last_problem(file: Path) -> ProblemChoices | None:
-    """Return what was asked last; None without a problem that the page has written."""
-    try:
-        problem = tables.read_toml(file)
-        if problem["case"] != DESIGN_CASE:
-            return None
-        bounds = problem["parameters"]
-        first, *_ = bounds.values()
-        low, high = (units.quantity(first[end], "m") for end in ("from", "to"))
-        found = [(name, problem[table]) for name, (table, quantity) in OBJECTIVES.items()
-                 if problem.get(table, {}).get("quantity") == quantity]  # fmt: skip
-        ((objective, goal),) = found
-        sides = dict(LIMITS.values())
-        limits = {entry["quantity"]: str(entry[sides[entry["quantity"]]]) for entry in problem["keep"]}
-        factor = math.sqrt(high / low)
-        return ProblemChoices([*bounds], factor, objective, str(goal.get("of", "")), str(goal.get("at", "")), limits)
-    except (OSError, tables.TomlError, units.UnitError, KeyError, TypeError, ValueError, AttributeError,
-            ZeroDivisionError):  # fmt: skip
-        return None
-
-
 class DesignPage(forms.TabPage):
     """One tab's page of designs."""
 
@@ -389,6 +368,27 @@ class DesignPage(forms.TabPage):
         with self.saying():
             self.project.change(actuator=Case.from_file(file).actuator)
             self.say("")
+        return None
+
+
+def last_problem(file: Path) -> ProblemChoices | None:
+    """Return what was asked last; None without a problem that the page has written."""
+    try:
+        problem = tables.read_toml(file)
+        if problem["case"] != DESIGN_CASE:
+            return None
+        bounds = problem["parameters"]
+        first, *_ = bounds.values()
+        low, high = (units.quantity(first[end], "m") for end in ("from", "to"))
+        goals = [(name, problem[table]) for name, (table, quantity) in OBJECTIVES.items()
+                 if problem.get(table, {}).get("quantity") == quantity]  # fmt: skip
+        ((objective, goal),) = goals
+        sides = dict(LIMITS.values())
+        limits = {entry["quantity"]: str(entry[sides[entry["quantity"]]]) for entry in problem["keep"]}
+        factor = math.sqrt(high / low)
+        return ProblemChoices([*bounds], factor, objective, str(goal.get("of", "")), str(goal.get("at", "")), limits)
+    except (OSError, tables.TomlError, units.UnitError, KeyError, TypeError, ValueError, AttributeError,
+            ZeroDivisionError):  # fmt: skip
         return None
 
 
