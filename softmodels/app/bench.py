@@ -23,7 +23,7 @@ from nicegui import Event
 from geometries import HollowDisk
 from measurement.series import photo_list
 from measurement.series.photo_list import Column, ColumnError, PhotoListError
-from softmodels.app import jobs, replies
+from softmodels.app import history, jobs, replies
 from softmodels.app.jobs import Jobs
 from softmodels.case import entries, load
 from softmodels.case.case import Case
@@ -42,6 +42,8 @@ class Bench:
         self.solver, self.slower = jobs.WarmWorker("softmodels.app.answers"), jobs.WarmWorker("softmodels.app.answers")
         self.tracer = jobs.WarmWorker("softmodels.app.tracing")
         self.jobs, self.photographs = Jobs(project.folder), Photographs(project, self.tracer)
+        for changed in (project.changed, self.photographs.changed):
+            changed.subscribe(lambda _: project.record())
 
     async def begin(self) -> None:
         """Load the solver while the user looks at the page, and resume interrupted jobs."""
@@ -67,9 +69,10 @@ class Bench:
             ["measurement", "calibrate", *boards, "--pattern", SQUARES, "--pitch", SQUARE_SIDE, "-o", LENS], LENS
         )
         samples = sorted((made / "photographs").iterdir(), key=lambda file: (file.suffix != ".csv", file.name))
-        for number, file in enumerate(samples):
-            tell(f"photograph {number} of {len(samples) - 1}")
-            await photographs.add(file.name, file.read_bytes())
+        with project.history.one_step():
+            for number, file in enumerate(samples):
+                tell(f"photograph {number} of {len(samples) - 1}")
+                await photographs.add(file.name, file.read_bytes())
         while lens.active:
             tell("calibrating the lens by photographs of a chessboard")
             await asyncio.sleep(0.3)
@@ -78,6 +81,14 @@ class Bench:
         tell("finding the grid, and the edge in each photograph")
         await photographs.find_plane(SAMPLE_GRID, photographs.pitch, LENS)
         tell("filled: look at the photographs, then measure all outlines")
+
+    async def step(self, by: int) -> str:
+        """Undo some changes of the project's inputs (negative), or redo them; return the sentence of what could not come back.
+        OSError if a file cannot be written."""
+        lost = self.project.history.go(by)
+        self.project.read_again()
+        await self.photographs.read_again()
+        return f"another program has taken away {', '.join(lost)}, which cannot come back" if lost else ""
 
     def end(self) -> None:
         self.jobs.end()
@@ -97,8 +108,13 @@ SQUARES, SQUARE_SIDE = "9x6", "25mm"
 AUTO = "auto"
 """How photographs store light: as their edges show; `measurement.series.measuring.AUTO`, which this process does not import."""
 FIRST_PRESSURES = "0:60 cm"
+FIRST_SCREEN = "", "9mm", "none", AUTO
+"""Photograph of the grid, its pitch, lens and tone until they are given."""
 BENCH = "bench.toml"
 """How the screen was found: the photograph of its grid, the pitch, the lens; and how the photographs store light."""
+INPUT_TEXTS = {CASE: "device", PHOTOS: "pressures", SETUP: "screen", BENCH: "screen", FITTED: "fitted law"}
+INPUT_FOLDERS = {PHOTOGRAPHS: "photograph", BOARDS: "board", CURVES: "curve", PARTS: "part"}
+"""What a project's results are made of, in words; its changes can be undone."""
 COLUMNS = ("pressure", "error", *photo_list.TIMES, "use")
 """Columns of the list beside the file's name."""
 
@@ -133,6 +149,7 @@ class Project:
         self.changed: Event[str] = Event()
         self.case_error = ""
         self.case = self._read_case()
+        self.history = history.History(self.folder, INPUT_TEXTS, INPUT_FOLDERS)
 
     def __truediv__(self, name: str) -> Path:
         return self.folder / name
@@ -179,19 +196,22 @@ class Project:
     def set_aside(self) -> None:
         """Give a case file that cannot be used another name, and start anew; OSError if it cannot be renamed."""
         (self / CASE).rename(self._free(".", "case-aside", ".toml"))
-        self.case = self._read_case()
-        self.changed.emit(CASE)
+        self.read_again()
 
     def _check_file(self) -> None:
         """Read the case again, and say so, if another program has changed its file."""
         if self._written() != self._text:
-            self.case = self._read_case()
-            self.changed.emit(CASE)
+            self.read_again()
             raise CaseError(f"another program has changed {CASE}, which is shown now; change it again")
 
     def _take(self, case: Case, text: str) -> None:
         files.write_text(self / CASE, text)
         self.case, self._text, self.case_error = case, text, ""
+        self.changed.emit(CASE)
+
+    def read_again(self) -> None:
+        """Show the case as its file is now."""
+        self.case = self._read_case()
         self.changed.emit(CASE)
 
     @property
@@ -225,7 +245,18 @@ class Project:
             raise errors.FieldError(f"{name}: {kind.what} are {kind.formats}")
         place = self._free(folder, stem, suffix)
         files.write_bytes(place, data)
+        self.changed.emit(folder)
         return place
+
+    def remove(self, file: Path) -> None:
+        """Take a file that a user brought out of its folder, until it is undone; OSError if it cannot be moved."""
+        self.history.remove(file)
+        self.changed.emit(file.parent.name)
+
+    def record(self) -> None:
+        """Let the last changes be undone. Where that cannot be written, they stand all the same."""
+        with contextlib.suppress(OSError):
+            self.history.record()
 
     def _free(self, folder: str, stem: str, suffix: str) -> Path:
         place, number = self / folder / f"{stem}{suffix}", 2
@@ -255,6 +286,8 @@ class ListedPhotograph:
     preview: replies.Preview | None = None
     traced: replies.Traced | None = None
     why: str = ""
+    question: tuple[str, bool, str, bool] | None = None
+    """What it was traced by: text of the setup, whether it shows the undeformed body, tone, whether it is used anyway."""
 
     @property
     def pressure(self) -> str:
@@ -278,7 +311,7 @@ class Photographs:
     def __init__(self, project: Project, tracer: jobs.WarmWorker):
         self.project, self.tracer = project, tracer
         self.changed: Event[str] = Event()
-        self.grid, self.pitch, self.lens, self.tone = "", "9mm", "none", AUTO
+        self.grid, self.pitch, self.lens, self.tone = FIRST_SCREEN
         self.plane: replies.Plane | None = None
         self.error = ""
         self.listed: dict[str, ListedPhotograph] = {}
@@ -304,6 +337,29 @@ class Photographs:
                 self.take_list(listing)
             except PhotoListError as error:
                 self.error = str(error)
+
+    async def read_again(self) -> None:
+        """Show what lies in the folder now; what was traced by the same setup stays."""
+        before, grid = self.listed, self.grid
+        self.listed, self.rows, self.error = {}, {}, ""
+        self.grid, self.pitch, self.lens, self.tone = FIRST_SCREEN
+        self.read()
+        self.plane = self.plane if self.grid == grid else None
+        for name in self.listed.keys() & before.keys():
+            before[name].row = self.listed[name].row
+            self.listed[name] = before[name]
+        self.changed.emit("")
+        await self.begin()
+
+    async def remove(self, photograph: ListedPhotograph) -> None:
+        """Take a photograph out of the project, until it is undone; OSError if it cannot be moved."""
+        name = photograph.file.name
+        with self.project.history.one_step():
+            self.project.remove(photograph.file)
+            self.listed.pop(name, None)
+            self.rows.pop(name, None)
+            self.write_list()
+        self.changed.emit("")
 
     def take_list(self, listing: Path) -> None:
         """Take the rows of a list of photographs, for these and those that come, in its order; PhotoListError if it cannot be
@@ -442,17 +498,16 @@ class Photographs:
             await self.trace(photograph)
 
     async def trace(self, photograph: ListedPhotograph) -> None:
-        """Find the edge in a photograph."""
-        if not self.setup or photograph.file.name == self.grid:
+        """Find the edge in a photograph, unless it was found by the same question."""
+        if not (setup := self.setup) or photograph.file.name == self.grid:
             return
         try:
-            pressure = self.pressure_of(photograph)
-            photograph.traced = await self.tracer.ask(
-                "trace", str(photograph.file), self.setup, pressure, self.tone, photograph.anyway
-            )
-            photograph.why = ""
+            question = setup, self.pressure_of(photograph) == 0.0, self.tone, photograph.anyway
+            if question != photograph.question:
+                photograph.traced = await self.tracer.ask("trace", str(photograph.file), *question)
+                photograph.question, photograph.why = question, ""
         except (jobs.AnswerError, ColumnError) as error:
-            photograph.traced, photograph.why = None, str(error)
+            photograph.traced, photograph.why, photograph.question = None, str(error), None
         self.changed.emit(photograph.file.name)
 
     async def begin(self) -> None:

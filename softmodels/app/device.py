@@ -144,6 +144,8 @@ class DevicePage(forms.TabPage):
     # -- answers ------------------------------------------------------------------------------------------------------
 
     async def _changed(self, file: str) -> None:
+        if file != bench.CASE:
+            return
         if not self.own:  # the controls of this tab show its own change already
             self.controls.refresh()
         self.own = False

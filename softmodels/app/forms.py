@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import inspect
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from html import escape
@@ -114,9 +115,21 @@ class TabPage:
 
     async def keep(self, event: MultiUploadEventArguments, folder: str, kind: bench.FileKind) -> None:
         """Write files that were dropped into a folder of the project."""
-        for given in event.files:
-            with self.saying():
-                self.project.keep(folder, given.name, await given.read(), kind)
+        with self.project.history.one_step():
+            for given in event.files:
+                with self.saying():
+                    self.project.keep(folder, given.name, await given.read(), kind)
+
+    def remove_button(self, name: str, remove: Callable[[], object]) -> None:
+        """Add a button in the current place of the page that takes a user's file out of the project."""
+
+        async def pressed() -> None:
+            with self.saying(f"{name}: "):
+                if inspect.isawaitable(removing := remove()):
+                    await removing
+
+        button = ui.button(icon="close", on_click=pressed).props("flat dense round size=sm").classes("shrink-0")
+        with_attribute(button.tooltip("Take it away; Undo brings it back"), "aria-label", f"take away {name}")
 
 
 UPLOAD = """<div class="row items-center no-wrap q-pa-sm">

@@ -14,7 +14,7 @@ from nicegui import ui
 
 from geometries import actuator
 from softmodels.app import forms, jobs
-from softmodels.app.bench import CURVES, DESIGN_CASE, FIT_CASE, FITTED, MOULD_CASE, OUTLINES, RESULTS, Bench, FileKind
+from softmodels.app.bench import CASE, CURVES, DESIGN_CASE, FIT_CASE, FITTED, MOULD_CASE, OUTLINES, RESULTS, Bench, FileKind
 from softmodels.app.jobs import Job
 from softmodels.case import materials
 from softmodels.case.case import Case
@@ -62,6 +62,7 @@ class MaterialPage(forms.TabPage):
             with ui.card().classes("w-full"):
                 kinds = ",".join(CURVE.endings)
                 self.upload_box("Drop curves of a test machine", CURVE, kinds, "curves", self._uploaded)
+                self.tests: dict[str, ui.select] = {}
                 self.curves = ui.refreshable(self._curves)
                 self.curves()
                 self.with_outlines = ui.switch("Outlines of the photographs", value=(self.project / OUTLINES).is_dir())
@@ -84,19 +85,22 @@ class MaterialPage(forms.TabPage):
                 panel = forms.JobPanel(bench, FIT, "Fit", self._command, f"{FIT}/report.html", ABOUT_FIT)
                 panel.shown = [self.answer]
         bench.jobs.changed.subscribe(self._ended)
+        self.project.changed.subscribe(lambda place: self.curves.refresh() if place in (CURVES, CASE) else None)
         self._show()
 
     def _curves(self) -> None:
-        self.tests: dict[str, ui.select] = {}
+        self.given_tests.update((name, str(test.value)) for name, test in self.tests.items())
+        self.tests.clear()
         for file in self.project.files(CURVES, CURVE.endings):
             with ui.row().classes("w-full items-center no-wrap gap-2"):
                 ui.label(file.name).classes("grow truncate")
-                test = forms.known([self.given_tests.get(file.name, "")], TESTS, TESTS[0])
-                self.tests[file.name] = ui.select(["not used", *TESTS], value=test).props("dense").classes("w-32")
+                options = ["not used", *TESTS]
+                test = forms.known([self.given_tests.get(file.name, "")], options, TESTS[0])
+                self.tests[file.name] = ui.select(options, value=test).props("dense").classes("w-32")
+                self.remove_button(file.name, lambda file=file: self.project.remove(file))
 
     async def _uploaded(self, event: MultiUploadEventArguments) -> None:
         await self.keep(event, CURVES, CURVE)
-        self.curves.refresh()
 
     def _command(self) -> forms.Command | str:
         words = ["softmodels", "fit"]

@@ -157,6 +157,7 @@ class PhotographsPage(forms.TabPage):
                     icon = ui.icon("hourglass_empty")
                     with icon:
                         tooltip = ui.tooltip("")
+                    self.remove_button(name, lambda photograph=photograph: self.photos.remove(photograph))
                 self.rows[name] = row, box, icon, tooltip
             _, box, icon, tooltip = self.rows[name]
             name_of_icon, colour = _mark(photograph)
@@ -164,6 +165,10 @@ class PhotographsPage(forms.TabPage):
             box.set_value(photograph.pressure)
             icon.props(f"color={colour}")
             tooltip.set_text(forms.page_words(photograph.doubts) or "edge found")
+        if list(self.rows) != list(shown):
+            self.rows = {name: self.rows[name] for name in shown}
+            for place, (row, *_) in enumerate(self.rows.values()):
+                row.move(target_index=place)
 
     async def _boards(self, event: MultiUploadEventArguments) -> None:
         await self.keep(event, BOARDS, PHOTOGRAPH)
@@ -204,9 +209,10 @@ class PhotographsPage(forms.TabPage):
                 await self.photos.take_tone(str(self.tone.value))
 
     async def _uploaded(self, event: MultiUploadEventArguments) -> None:
-        for file in event.files:
-            with self.saying():
-                await self.photos.add(file.name, await file.read())
+        with self.project.history.one_step():
+            for file in event.files:
+                with self.saying():
+                    await self.photos.add(file.name, await file.read())
         self.shown = self.shown or next(iter(self.photos.listed), "")
         await self._show()
 
@@ -237,8 +243,12 @@ class PhotographsPage(forms.TabPage):
     # -- the picture --------------------------------------------------------------------------------------------------
 
     async def _show(self) -> None:
+        if self.shown not in self.photos.listed:  # it was taken away
+            self.shown = next(iter(self.photos.listed), "")
         photograph = self.photos.listed.get(self.shown)
         if photograph is None:
+            self.image.set_visibility(False)
+            self.about.set_text("")
             return
         await self.photos.show(photograph)
         if photograph.preview is None:

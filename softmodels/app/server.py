@@ -17,9 +17,10 @@ from nicegui import app, background_tasks, core, ui
 
 from softmodels.app import device, forms, making, photographs, start
 from softmodels.app.bench import Bench, Project
-from softmodels.common import processes
+from softmodels.common import errors, processes
 
 if TYPE_CHECKING:
+    from nicegui.events import KeyEventArguments
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 
@@ -219,6 +220,40 @@ new MutationObserver(() => document.querySelectorAll("img:not([alt])").forEach(i
 """The page's language, and words for pictures that NiceGUI leaves without."""
 
 
+class HistoryButtons(forms.TabPage):
+    """Undo and redo of what the project's results are made of, in the head of the page and by keys."""
+
+    def __init__(self, bench: Bench):
+        super().__init__(bench)
+        self.buttons = {}
+        for by, (icon, keys) in {-1: ("undo", "Ctrl+Z"), 1: ("redo", "Ctrl+Shift+Z")}.items():
+            with ui.button(icon=icon, on_click=lambda by=by: self._go(by)).props("flat round dense color=white") as button:
+                tooltip = ui.tooltip("")
+            self.buttons[by] = forms.with_attribute(button, "aria-label", icon), tooltip, f"{icon} ({keys})"
+        ui.keyboard(self._key, ignore=["input", "textarea"])  # which have an undo of their own
+        for changed in (self.project.changed, bench.photographs.changed):
+            changed.subscribe(lambda _: self._show())
+        self._show()
+
+    def _show(self) -> None:
+        for by, (button, tooltip, what) in self.buttons.items():
+            change = self.project.history.change_of(by)
+            button.set_enabled(bool(change))
+            tooltip.set_text(f"{what}: {change}" if change else what)
+
+    async def _key(self, event: KeyEventArguments) -> None:
+        if event.action.keydown and (event.modifiers.ctrl or event.modifiers.meta) and str(event.key).lower() in ("z", "y"):
+            await self._go(1 if event.modifiers.shift or str(event.key).lower() == "y" else -1)
+
+    async def _go(self, by: int) -> None:
+        try:
+            lost = await self.bench.step(by)
+        except OSError as error:
+            lost = errors.reason(error)
+        if lost:
+            ui.notify(lost, type="warning")
+
+
 def build_page(bench: Bench) -> None:
     """Build the page of one tab."""
 
@@ -243,6 +278,7 @@ def build_page(bench: Bench) -> None:
         with ui.tabs().props("dense mobile-arrows inline-label").classes("grow") as tabs:
             for name, (icon, _) in pages.items():
                 forms.with_attribute(ui.tab(name, icon=icon), "aria-label", name)
+        HistoryButtons(bench)
         if bench.address:
             with ui.button(icon="qr_code").props('flat round dense color=white aria-label="phone"'), ui.menu():
                 ui.html(segno.make(bench.address).svg_inline(scale=5, light="white"), sanitize=False)

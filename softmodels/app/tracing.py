@@ -47,20 +47,20 @@ BAND_WIDTH_PX = 7.0
 ENLARGEMENTS = (1, 2, 5, 10, 20, 50, 100, 200, 500)
 
 
-def trace(file: str, setup: str, pressure: float, tone: str, anyway: bool) -> replies.Traced:
-    """Find the edge of the shadow in a photograph at a pressure in Pa, whose tone says how it stores light, or ``"auto"``;
-    the one at 0 shows the undeformed surface, if the text of the setup does not have it. An edge may be used ``anyway``, in
-    spite of doubts."""
+def trace(file: str, setup: str, undeformed: bool, tone: str, anyway: bool) -> replies.Traced:
+    """Find the edge of the shadow in a photograph, whose tone says how it stores light, or ``"auto"``. It may show the
+    ``undeformed`` surface, which counts if the text of the setup does not have it. An edge may be used ``anyway``, in spite of
+    doubts."""
     known = Setup.from_toml(setup)
     traced = measuring.trace_image(pictures.read_pixels(Path(file)), known, tone, anyway=anyway)
     line, doubts, errors = None, traced.doubts, traced.own_error
     height = error = None
-    if pressure == 0.0 and known.zero is None:
+    if undeformed and known.zero is None:
         line = measuring.zero_of(traced)
         doubts = line.doubts
     elif known.zero is not None:
         line = zero.ZeroLine.through(known.zero)
-        outline = measuring.outline_of(traced, line, pressure, 0.0, Path(file).name)
+        outline = measuring.outline_of(traced, line, 0.0, 0.0, Path(file).name)
         height = outline.height
         error = outline.height_error
         doubts = outline.reasons
