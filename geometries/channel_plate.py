@@ -108,7 +108,7 @@ class ChannelPlate(actuator.Actuator):
 
     @property
     def files(self) -> Mapping[str, str]:
-        return {"network": self.network} if Path(self.network).suffix.lower() in DRAWINGS else {}
+        return {"network": self.network} if Path(self.network).suffix.lower() in faces.DRAWINGS else {}
 
     @property
     def key(self) -> str:
@@ -285,7 +285,6 @@ class ChannelPlate(actuator.Actuator):
         meshing.straighten(3, EASED_SHARES)
 
 
-DRAWINGS = (".svg", ".dxf")
 RECTANGLE = "rectangle 40 x 15 mm"
 DEFAULT_NETWORK = "parallel:4"
 CELL_SIZE_GROWTH = 0.5
@@ -340,7 +339,7 @@ def _drawn(plate: ChannelPlate, digest: str) -> Network:
     if text:
         if (family := network.family(text)) is None:
             raise GeometryError(
-                f"network is {text!r}; give a drawing ({' or '.join(DRAWINGS)}) or a family and its number, such as radial:8; "
+                f"network is {text!r}; give a drawing ({' or '.join(faces.DRAWINGS)}) or a family and its number, such as radial:8; "
                 f"families: {', '.join(network.FAMILIES)}"
             )
         margin = plate.edge + plate.radius

@@ -37,8 +37,14 @@ class Faces:
 
 FORMATS: Mapping[str, str] = {".msh": "gmsh", ".inp": "abaqus", ".stl": "stl", ".vtk": "vtk", ".vtu": "vtu"}
 """Endings of the files that are read, and meshio's names for them."""
-PART_DEVICES = {".step": "ImportedActuator", ".stp": "ImportedActuator", **dict.fromkeys(FORMATS, "ImportedMesh")}
-"""Devices of parts by the endings of their files."""
+DRAWINGS = (".svg", ".dxf")
+"""Endings of the drawings of networks that are read."""
+FILE_DEVICES: Mapping[str, tuple[str, str]] = {
+    **dict.fromkeys((".step", ".stp"), ("ImportedActuator", "file")),
+    **dict.fromkeys(FORMATS, ("ImportedMesh", "file")),
+    **dict.fromkeys(DRAWINGS, ("ChannelPlate", "network")),
+}
+"""Devices that users' files describe, by the files' endings, and the fields that name the files."""
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "inch": 0.0254}
 """Of files that do not store the unit of their lengths, in m."""
 Colour = tuple[int, int, int]

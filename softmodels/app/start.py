@@ -37,7 +37,7 @@ STEPS = (
     Step("Design", making.DESIGN, "Let a search change lengths within limits.", "Use the device that was found."),
     Step("Mould", making.MOULD, "Make the bodies to print and the sheet for the bench.", "Print, mix, pour."),
 )  # fmt: skip
-PART = FileKind("parts", "STEP, STL, MSH or VTK", tuple(faces.PART_DEVICES), 80 << 20)
+PART = FileKind("parts", "STEP, STL, MSH, VTK, SVG or DXF", tuple(faces.FILE_DEVICES), 80 << 20)
 COLOURS = {jobs.DONE: "positive", jobs.FAILED: "negative", forms.OUTDATED: "warning", jobs.RUNNING: "primary"}
 
 
@@ -63,10 +63,10 @@ class StartPage(forms.TabPage):
                         ui.icon(icon, size="md")
                         ui.label(title).classes("font-bold")
                         ui.label(words).classes("text-sm quiet")
-            with ui.expansion("My own part (STEP, STL)").classes("w-full").props("dense"):
+            with ui.expansion("My own part (STEP, STL), or a drawing of channels (SVG, DXF)").classes("w-full").props("dense"):
                 self.support = forms.tagged(ui.input("where it is held", value="x = 0 mm"), "part-support", "w-56", "")
                 self.support.tooltip("A plane, or a face as documented: named flange, normal 1, 0, 0 at 5 mm")
-                self.upload_box("Drop your part", PART, ",".join(PART.endings), "part", self._part)
+                self.upload_box("Drop your part or drawing", PART, ",".join(PART.endings), "part", self._part)
             with ui.row().classes("items-center gap-2"):
                 self.spinner = ui.spinner()
                 self.spinner.set_visibility(False)
@@ -119,8 +119,8 @@ class StartPage(forms.TabPage):
         for given in event.files:
             with self.saying():
                 file = self.project.keep(PARTS, given.name, await given.read(), PART)
-                kind = registry.ACTUATORS[faces.PART_DEVICES[file.suffix.lower()]]
-                values = {"file": str(file), "support": str(self.support.value)}
+                device, field = faces.FILE_DEVICES[file.suffix.lower()]
+                kind, values = registry.ACTUATORS[device], {field: str(file), "support": str(self.support.value)}
                 try:
                     actuator = registry.device_from(kind, values)
                     water = self.project.case.water_density

@@ -498,14 +498,13 @@ def with_changes(table: Tables, changes: Iterable[str]) -> Tables:
 
 def _check_case_file(path: Path) -> None:
     """Reject a path that is not a case file (a part, a folder, a misspelt name), and say how to fix it."""
-    kind = faces.PART_DEVICES.get(path.suffix.lower())
-    if kind is not None:
-        held = "cavities = ['at 10, 0, 4 mm'] (a point in its air) and support = 'x = 0 mm' (what holds it)"
+    if (kind := path.suffix.lower()) in faces.FILE_DEVICES:
+        device, field = faces.FILE_DEVICES[kind]
+        what = "a drawing" if kind in faces.DRAWINGS else "a part file"
         raise CaseError(
-            f"{path} is a part file, not a case: a case also needs its cavities, supports and load; write "
-            f"a text file part.toml with [geometry] device = '{kind}', file = '{path.name}', {held}, and [load] pressure_cm = "
-            f"'0:10', one to a line, then type softmodels run part.toml; or without a file: softmodels run --device {kind} "
-            f"--file {path} --cavities 'at 10, 0, 4 mm' --support 'x = 0 mm' --pressure-cm 0:10"
+            f"{path} is {what}, not a case, which also says what holds it and its load; type softmodels run --device {device} "
+            f"--{field} {path} --support 'x = 0 mm' --pressure-cm 0:10, or write the same into a text file part.toml: [geometry] "
+            f"device = '{device}', {field} = '{path.name}', support = 'x = 0 mm', and [load] pressure_cm = '0:10', one to a line"
         )
     if path.is_dir() and (path / "case.toml").is_file():
         raise CaseError(f"case file {path} cannot be read (it is a results folder; its case file is {path / 'case.toml'})")

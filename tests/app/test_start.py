@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import dataclasses
 import json
 from types import SimpleNamespace
@@ -12,7 +13,7 @@ pytest.importorskip("nicegui")
 
 import softmodels as sm
 from measurement.series.photo_list import Column
-from softmodels.app import device, forms, jobs, making, photographs
+from softmodels.app import device, forms, jobs, making, photographs, start
 from softmodels.app.bench import CASE, OUTLINES, PHOTOS, Project
 from softmodels.app.jobs import DONE, Job, Jobs, check_command
 from softmodels.case.case import Case
@@ -205,3 +206,30 @@ def test_a_part_is_dropped_and_becomes_the_device(browser, tmp_path):
         page.locator('[data-name="part"] input[type=file]').set_input_files(SAMPLES / "made" / "mypart.step")
         page.get_by_text("this device is a solid").wait_for()
     assert type(Case.from_file(project / CASE).actuator).__name__ == "ImportedActuator"
+
+
+LEAF = (
+    '<svg xmlns="http://www.w3.org/2000/svg" width="50mm" height="24mm" viewBox="0 0 50 24"><g fill="none" stroke="#000080">'
+    '<path d="M0 0H50V24H0Z" stroke="#444" stroke-width="0.2"/><path d="M6 12H42M18 12L26 5M18 12L26 19" stroke-width="2.4"/>'
+    "</g></svg>"
+)
+GIVEN = {
+    "leaf.svg": (LEAF, "ChannelPlate", ""),
+    "broken.svg": ("<svg", "HollowDisk", "broken.svg: "),
+    "part.stl": ("no part", "HollowDisk", "part.stl: "),
+}
+
+
+@pytest.mark.parametrize("name", GIVEN)
+def test_a_dropped_file_becomes_the_device_or_says_why_not(name, project):
+    text, device_name, told = GIVEN[name]
+    said = []
+
+    async def data():
+        return text.encode()
+
+    page = start.StartPage.__new__(start.StartPage)
+    vars(page).update(project=project, support=box("x = 0 mm"), go=said.append, say=said.append)
+    asyncio.run(page._part(SimpleNamespace(files=[SimpleNamespace(name=name, read=data)])))
+    assert type(project.case.actuator).__name__ == device_name and said[0].startswith(told or "Device")
+    assert [file.name for file in (project / "parts").iterdir()] == ([] if told else [name])
