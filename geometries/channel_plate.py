@@ -339,8 +339,8 @@ def _drawn(plate: ChannelPlate, digest: str) -> Network:
     if text:
         if (family := network.family(text)) is None:
             raise GeometryError(
-                f"network is {text!r}; give a drawing ({' or '.join(faces.DRAWINGS)}) or a family and its number, such as radial:8; "
-                f"families: {', '.join(network.FAMILIES)}"
+                f"network is {text!r}; give a drawing ({' or '.join(faces.DRAWINGS)}) or a family and its number, such as "
+                f"radial:8; families: {', '.join(network.FAMILIES)}"
             )
         margin = plate.edge + plate.radius
         low, high = np.min(paths[0], axis=0) + margin, np.max(paths[0], axis=0) - margin

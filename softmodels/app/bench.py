@@ -178,7 +178,12 @@ class Project:
     @property
     def case_text(self) -> str:
         """The case's text: that of its file, if there is one."""
-        return self._text or self.case.to_toml()
+        return self._text or self._text_of(self.case)
+
+    def _text_of(self, case: Case) -> str:
+        """Return a case's text in this folder, which may be moved: its files are named from here."""
+        own = {file: Path(file).relative_to(self.folder) for file in case.files if Path(file).is_relative_to(self.folder)}
+        return case.to_toml({file: place.as_posix() for file, place in own.items()})
 
     def change(self, **fields: object) -> None:
         """Change fields of the case and write it; all pages follow. It stays as it was after a CaseError or ArgumentError: it
@@ -186,7 +191,7 @@ class Project:
         self._check_file()
         if self.case_error:
             raise CaseError(f"{CASE} cannot be used ({self.case_error}); correct it under The whole case, or set it aside")
-        self._take(changed := dataclasses.replace(self.case, **fields), changed.to_toml())  # type: ignore[arg-type]
+        self._take(changed := dataclasses.replace(self.case, **fields), self._text_of(changed))  # type: ignore[arg-type]
 
     def change_text(self, text: str) -> None:
         """Take another text of the case; errors as of `change`."""
@@ -220,7 +225,7 @@ class Project:
         without the material. What does not matter there does not put their results out of date."""
         water = self.case.water_density
         made = dataclasses.replace(self.case, steps=load.steps_of(pressure=FIRST_PRESSURES, water_density=water), band=None)
-        text = made.to_toml()
+        text = self._text_of(made)
         device = {name: table for name, table in tomllib.loads(text).items() if name != "material"}
         return {FIT_CASE: tomli_w.dumps(device), MOULD_CASE: text, DESIGN_CASE: text}
 

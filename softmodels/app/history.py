@@ -67,8 +67,8 @@ class History:
         """Return in words what going some steps back (negative) or forth would change; empty if there are none."""
         if not 0 <= (wanted := self.current + by) < len(self.steps):
             return ""
-        one, other = self.steps[self.current], self.steps[wanted]
-        differing = sorted(name for name in one.keys() | other.keys() if one.get(name) != other.get(name))
+        now, then = self.steps[self.current], self.steps[wanted]
+        differing = sorted(name for name in now.keys() | then.keys() if now.get(name) != then.get(name))
         words = [self.texts.get(name) or f"{self.folders[name.partition('/')[0]]} {Path(name).name}" for name in differing]
         named = list(dict.fromkeys(words))
         return ", ".join(named[:2]) + (f" and {len(named) - 2} more" if len(named) > 2 else "")

@@ -503,8 +503,9 @@ def _check_case_file(path: Path) -> None:
         what = "a drawing" if kind in faces.DRAWINGS else "a part file"
         raise CaseError(
             f"{path} is {what}, not a case, which also says what holds it and its load; type softmodels run --device {device} "
-            f"--{field} {path} --support 'x = 0 mm' --pressure-cm 0:10, or write the same into a text file part.toml: [geometry] "
-            f"device = '{device}', {field} = '{path.name}', support = 'x = 0 mm', and [load] pressure_cm = '0:10', one to a line"
+            f"--{field} {path} --support 'x = 0 mm' --pressure-cm 0:10, or write the same into a text file part.toml: "
+            f"[geometry] device = '{device}', {field} = '{path.name}', support = 'x = 0 mm', and [load] pressure_cm = '0:10', "
+            "one to a line"
         )
     if path.is_dir() and (path / "case.toml").is_file():
         raise CaseError(f"case file {path} cannot be read (it is a results folder; its case file is {path / 'case.toml'})")
@@ -565,7 +566,13 @@ def listed_options[Call: Callable[..., object]](options: type) -> Callable[[Call
 
 
 FILE_KEYS = ("file", "air")
-"""Entries of tables that are files."""
+"""Entries of tables that are files; so is a ``network`` that is a drawing, not a family."""
+
+
+def _file_of(key: str, value: object) -> str:
+    """Return the file that an entry of a table names; empty for one that names none."""
+    named = isinstance(value, str) and (key in FILE_KEYS or (key == "network" and value.lower().endswith(faces.DRAWINGS)))
+    return str(value) if named else ""
 
 
 def _with_files(table: Mapping[str, object], files: Mapping[str, str]) -> dict[str, object]:
@@ -575,7 +582,7 @@ def _with_files(table: Mapping[str, object], files: Mapping[str, str]) -> dict[s
         if isinstance(value, Mapping):
             written[key] = _with_files(value, files)
         else:
-            written[key] = files.get(value, value) if key in FILE_KEYS and isinstance(value, str) else value
+            written[key] = files.get(_file_of(key, value), value)
     return written
 
 
@@ -610,7 +617,7 @@ def _with_absolute_paths(tables: Tables, folder: Path | None) -> Tables:
     def absolute(table: object, only_there: bool) -> object:
         if not isinstance(table, Mapping):
             return table
-        named = {key: file for key in FILE_KEYS if isinstance(file := table.get(key), str) and file}
+        named = {key: file for key, value in table.items() if (file := _file_of(key, value))}
         there = {key: str(home / file) for key, file in named.items() if only_there or (home / file).is_file()}
         return {**table_of({"": table}, ""), **there} if there else table
 

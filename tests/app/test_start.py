@@ -233,3 +233,6 @@ def test_a_dropped_file_becomes_the_device_or_says_why_not(name, project):
     asyncio.run(page._part(SimpleNamespace(files=[SimpleNamespace(name=name, read=data)])))
     assert type(project.case.actuator).__name__ == device_name and said[0].startswith(told or "Device")
     assert [file.name for file in (project / "parts").iterdir()] == ([] if told else [name])
+    before = project.case.actuator.digest()
+    moved = Project(project.folder.rename(project.folder.with_name("moved")))
+    assert not moved.case_error and moved.case.actuator.digest() == before

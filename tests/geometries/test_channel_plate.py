@@ -9,6 +9,7 @@ import pytest
 from click import testing
 
 from geometries import ChannelPlate, channel_plate, drawings, mesh_arrays, meshing, network
+from softmodels.case.case import Case
 from softmodels.cli import exports
 from softmodels.common.errors import GeometryError
 
@@ -125,6 +126,18 @@ def test_a_leaf_of_inkscape(tmp_path):
     assert ChannelPlate(network=str(file), width=28e-3, thickness=3e-3, offset=0.0).box[1][0] == pytest.approx(28e-3)
     area = channel_plate.outline_area(plate.paths)
     assert area == pytest.approx(_area_of_blade(), rel=1e-3)
+
+
+def test_a_drawing_is_looked_for_beside_its_case_file(tmp_path, monkeypatch):
+    folder = tmp_path / "elsewhere"
+    folder.mkdir()
+    (folder / "leaf.svg").write_text(LEAF)
+    text = "[geometry]\ndevice = 'ChannelPlate'\nnetwork = '{}'\n[load]\npressure_cm = '0:10'\n"
+    monkeypatch.chdir(tmp_path)
+    case = Case.from_toml(text.format("leaf.svg"), folder)
+    assert case.actuator.network == str(folder / "leaf.svg")
+    assert "network = 'a.svg'" in case.to_toml({str(folder / "leaf.svg"): "a.svg"}).replace('"', "'")
+    assert Case.from_toml(text.format("radial:8"), folder).actuator.network == "radial:8"
 
 
 def test_a_drawing_that_changes_is_read_again(tmp_path):
