@@ -14,7 +14,7 @@ import math
 import re
 import tempfile
 import tomllib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 import tomli_w
@@ -400,17 +400,22 @@ class Photographs:
         except (OSError, KeyError, ValueError):
             return {}
 
-    async def change(self, photograph: ListedPhotograph, **entries: str) -> None:
-        """Change entries of a photograph's row, write the list, and trace it anew. The row stays as it was after a
-        ColumnError (its pressure cannot be read) or OSError (the list cannot be written)."""
-        before, photograph.row = photograph.row, {**photograph.row, **entries}
+    async def change(self, entries: Mapping[str, Mapping[str, str]]) -> None:
+        """Change entries of photographs' rows by the files' names, write the list, and trace them anew. All rows stay as they
+        were after a ColumnError (a pressure cannot be read) or OSError (the list cannot be written)."""
+        changed = [self.listed[name] for name in entries]
+        before = [photograph.row for photograph in changed]
         try:
-            self.pressure_of(photograph)
+            for photograph, given in zip(changed, entries.values(), strict=True):
+                photograph.row = {**photograph.row, **given}
+                self.pressure_of(photograph)
             self.write_list()
         except (ColumnError, OSError):
-            photograph.row = before
+            for photograph, row in zip(changed, before, strict=True):
+                photograph.row = row
             raise
-        await self.trace(photograph)
+        for photograph in changed:
+            await self.trace(photograph)
 
     def write_list(self) -> None:
         """Write ``photos.csv`` of the photographs with a pressure, with all columns that their rows have."""
@@ -520,7 +525,10 @@ class Photographs:
         if self.setup:
             with contextlib.suppress(jobs.AnswerError):  # an unusable setup is reported when a photograph is traced
                 self.handles = await self.tracer.ask("handles", self.setup)
-        await self.trace_all()
+        for photograph in [*self.listed.values()]:
+            await self.show(photograph)
+            await self.trace(photograph)
+            self.changed.emit(photograph.file.name)
 
     async def move(self, handles: replies.Handles) -> None:
         """Take handles that were dragged, and trace anew; AnswerError if they cannot be where they are: the old ones stay."""

@@ -5,7 +5,10 @@ from __future__ import annotations
 
 import base64
 import copy
+import dataclasses
 import math
+import re
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -124,7 +127,7 @@ class PhotographsPage(forms.TabPage):
         self.find = forms.tagged(ui.button("Find the grid", on_click=self._find), "find-grid", "")
         ui.label("Photographs").classes("font-bold")
         self.liquid = forms.tagged(ui.label(), "liquid-shown", "text-sm", "")
-        self.rows: dict[str, tuple[ui.row, ui.input, ui.icon, ui.tooltip]] = {}
+        self.rows: dict[str, PhotographRow] = {}
         self.listing = ui.column().classes("w-full gap-1")
         self._update()
 
@@ -144,31 +147,48 @@ class PhotographsPage(forms.TabPage):
         self.boards.set_text(f"{count} photographs of the board" if count else "")
         shown = {shadow.file.name: shadow for shadow in self.photos.shadows}
         for name in [name for name in self.rows if name not in shown]:
-            self.rows.pop(name)[0].delete()
+            self.rows.pop(name).whole.delete()
         for name, photograph in shown.items():
             if name not in self.rows:
-                with self.listing, ui.row().classes("w-full items-center no-wrap gap-2") as row:
-                    ui.button(name, on_click=lambda _, name=name: self._choose(name)).props(
-                        "flat dense no-caps align=left"
-                    ).classes("grow truncate")
-                    box = ui.input(value=photograph.pressure, placeholder="12.5 cm").props("dense").classes("w-24")
-                    forms.with_attribute(box, "aria-label", f"pressure of {name}")
-                    box.on("change", lambda _, photograph=photograph, box=box: self._pressure(photograph, str(box.value)))
-                    icon = ui.icon("hourglass_empty")
-                    with icon:
-                        tooltip = ui.tooltip("")
-                    self.remove_button(name, lambda photograph=photograph: self.photos.remove(photograph))
-                self.rows[name] = row, box, icon, tooltip
-            _, box, icon, tooltip = self.rows[name]
-            name_of_icon, colour = _mark(photograph)
-            icon.set_name(name_of_icon)
-            box.set_value(photograph.pressure)
-            icon.props(f"color={colour}")
-            tooltip.set_text(forms.page_words(photograph.doubts) or "edge found")
+                self.rows[name] = self._row(name)
+            row = self.rows[name]
+            icon, colour = _mark(photograph)
+            row.mark.set_name(icon)
+            row.mark.props(f"color={colour}")
+            row.about.set_text(forms.page_words(photograph.doubts) or "edge found")
+            row.pressure.set_value(photograph.pressure)
+            if photograph.preview is not None:
+                row.picture.set_source(jpeg_source(photograph.preview.small))
         if list(self.rows) != list(shown):
             self.rows = {name: self.rows[name] for name in shown}
-            for place, (row, *_) in enumerate(self.rows.values()):
-                row.move(target_index=place)
+            for place, row in enumerate(self.rows.values()):
+                row.whole.move(target_index=place)
+
+    def _row(self, name: str) -> PhotographRow:
+        """Add a photograph to the list."""
+        with self.listing, ui.row().classes("w-full items-center no-wrap gap-2") as whole:
+            choose = ui.button(on_click=lambda: self._choose(name)).props("flat dense no-caps align=left")
+            with choose.classes("grow min-w-0"), ui.row().classes("items-center no-wrap gap-2 min-w-0"):
+                picture = ui.image().classes("w-12 h-9 shrink-0 rounded").props('fit=contain alt=""')
+                ui.label(name).classes("truncate")
+            box = ui.input(placeholder="12.5 cm").props("dense").classes("w-24 shrink-0")
+            forms.with_attribute(box, "aria-label", f"pressure of {name}")
+            box.on("change", lambda _: self._change(name, {name: {"pressure": str(box.value).strip(), "error": ""}}))
+            box.on("paste", lambda event: self._paste(name, str(event.args)), js_handler=PASTED_LINES)
+            mark = ui.icon("hourglass_empty")
+            with mark:
+                about = ui.tooltip("")
+            self.remove_button(name, lambda: self.photos.remove(self.photos.listed[name]))
+        return PhotographRow(whole, picture, box, mark, about)
+
+    async def _paste(self, name: str, text: str) -> None:
+        """Fill the boxes from one on with lines of a spreadsheet."""
+        names = list(self.rows)[list(self.rows).index(name) :]
+        pressures = pasted_pressures(text)
+        if len(pressures) > len(names):
+            return self.say(f"{len(pressures)} pressures were pasted for {len(names)} photographs: paste at the first of them")
+        entries = zip(names, ({"pressure": pressure, "error": ""} for pressure in pressures), strict=False)
+        return await self._change("pasted pressures", dict(entries))
 
     async def _boards(self, event: MultiUploadEventArguments) -> None:
         await self.keep(event, BOARDS, PHOTOGRAPH)
@@ -191,17 +211,14 @@ class PhotographsPage(forms.TabPage):
         self.find.props(remove="loading")
         return None
 
-    async def _pressure(self, photograph: ListedPhotograph, text: str) -> None:
-        await self._change(photograph, pressure=text.strip(), error="")
-
-    async def _change(self, photograph: ListedPhotograph, **entries: str) -> None:
-        with self.saying(f"{photograph.file.name}: "):
-            await self.photos.change(photograph, **entries)
+    async def _change(self, about: str, entries: Mapping[str, Mapping[str, str]]) -> None:
+        with self.saying(f"{about}: "):
+            await self.photos.change(entries)
             self.say("")
 
     async def _use(self) -> None:
-        if (photograph := self.photos.listed.get(self.shown)) is not None:
-            await self._change(photograph, use=photo_list.ANYWAY if self.anyway.value else "")
+        if self.shown in self.photos.listed:
+            await self._change(self.shown, {self.shown: {"use": photo_list.ANYWAY if self.anyway.value else ""}})
 
     async def _tone(self) -> None:
         if self.tone.value != self.photos.tone:
@@ -400,6 +417,36 @@ class PhotographsPage(forms.TabPage):
         return forms.Command(words, OUTLINES)
 
 
+@dataclasses.dataclass(frozen=True)
+class PhotographRow:
+    """What the list shows of a photograph."""
+
+    whole: ui.row
+    picture: ui.image
+    pressure: ui.input
+    mark: ui.icon
+    about: ui.tooltip
+
+
+PASTED_LINES = """event => {
+  const text = event.clipboardData.getData("text");
+  if (/\\S[\\r\\n]+\\s*\\S/.test(text)) { event.preventDefault(); emit(text); }
+}"""
+"""Takes what is pasted if it has several lines; one line goes into the box."""
+
+
+def pasted_pressures(text: str) -> list[str]:
+    """Return the pressures in lines that were copied from a spreadsheet, the last cell of each, without a heading. A number
+    without a unit has that of the line before."""
+    cells = [cell for line in text.splitlines() if (cell := line.split("\t")[-1].strip())]
+    pressures, unit = [], ""
+    for cell in cells[1:] if cells and not re.search(r"\d", cells[0]) else cells:
+        number, own = re.fullmatch(r"([-+\d.,]*(?:[eE][-+]?\d+)?)\s*(.*)", cell).groups()  # type: ignore[union-attr]
+        unit = own or unit
+        pressures.append(f"{number} {unit}".strip())
+    return pressures
+
+
 def _mark(photograph: ListedPhotograph) -> tuple[str, str]:
     if photograph.why:
         return "block", "negative"
@@ -411,7 +458,12 @@ def _mark(photograph: ListedPhotograph) -> tuple[str, str]:
 def picture_of(preview: replies.Preview) -> tuple[str, float]:
     """Return a preview as a source for the page, and how many pixels of the photograph one of it spans."""
     longest = max(preview.width, preview.height)
-    return "data:image/jpeg;base64," + base64.b64encode(preview.jpeg).decode(), longest / min(replies.PREVIEW_SIDE_PX, longest)
+    return jpeg_source(preview.jpeg), longest / min(replies.PREVIEW_SIDE_PX, longest)
+
+
+def jpeg_source(jpeg: bytes) -> str:
+    """Return a picture as a source for the page."""
+    return "data:image/jpeg;base64," + base64.b64encode(jpeg).decode()
 
 
 def points_text(px: Array, scale: float) -> str:

@@ -11,6 +11,7 @@ from softmodels.common.arrays import Array
 from softmodels.runs import grid, table
 
 PREVIEW_SIDE_PX = 1600
+SMALL_SIDE_PX = 96
 """Longest side of a photograph's preview in px."""
 PIECES_PER_EDGE = 3
 """Pieces per edge of a cell that have one colour each."""
@@ -131,9 +132,10 @@ class Handles:
 
 @dataclasses.dataclass(frozen=True)
 class Preview:
-    """A photograph as the page shows it: a JPEG, and the photograph's own size in px."""
+    """A photograph as the page shows it: a JPEG, a small one for the list, and the photograph's own size in px."""
 
     jpeg: bytes
+    small: bytes
     width: int
     height: int
 

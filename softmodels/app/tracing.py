@@ -26,11 +26,13 @@ from softmodels.common.arrays import Array
 def preview(file: str) -> replies.Preview:
     """Return a small version of a photograph."""
     pixels = pictures.read_pixels(Path(file))
-    picture = Image.fromarray(pixels)
-    picture.thumbnail((replies.PREVIEW_SIDE_PX, replies.PREVIEW_SIDE_PX))
-    data = io.BytesIO()
-    picture.convert("RGB").save(data, "JPEG", quality=85)
-    return replies.Preview(data.getvalue(), pixels.shape[1], pixels.shape[0])
+    picture, jpegs = Image.fromarray(pixels).convert("RGB"), []
+    for side in (replies.PREVIEW_SIDE_PX, replies.SMALL_SIDE_PX):
+        picture.thumbnail((side, side))
+        data = io.BytesIO()
+        picture.save(data, "JPEG", quality=85)
+        jpegs.append(data.getvalue())
+    return replies.Preview(jpegs[0], jpegs[1], pixels.shape[1], pixels.shape[0])
 
 
 def plane(file: str, pitch: str, lens: str) -> replies.Plane:

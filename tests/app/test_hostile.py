@@ -168,14 +168,17 @@ CASES = (
 def test_bad_inputs_get_a_sentence_and_change_nothing(photographs):
     project, count = photographs.project, 0
     one = photographs.listed["good.png"]
-    asyncio.run(photographs.change(one, pressure="5 cm"))
+    asyncio.run(photographs.change({"good.png": {"pressure": "5 cm"}}))
     before, case, row = state(project), project.case, one.row
     device, change = sm.HollowDisk(section="axisymmetric"), photographs.change
     lengths = [(name, text) for name in ("membrane", "wall") for text in NUMBERS]
     tries = [
         *(functools.partial(with_field, device, name, text) for name, text in lengths),
         *(functools.partial(steps_of, pressure=text) for text in PRESSURES),
-        *(lambda text=text: asyncio.run(change(one, pressure=text)) for text in ("nan cm", "5", "one cm", "\0", "5 mm kg")),
+        *(
+            lambda text=text: asyncio.run(change({"good.png": {"pressure": text}}))
+            for text in ("nan cm", "5", "one cm", "\0", "5 mm kg")
+        ),
         *(functools.partial(project.change_text, text) for text in CASES),
         lambda: project.change(steps=steps_of(pressure_cm=(float("nan"),))),
     ]
@@ -219,7 +222,7 @@ def test_what_another_program_writes_is_not_overwritten(tmp_path):
 
 def test_a_full_disk_is_told_and_loses_nothing(photographs, monkeypatch):
     project, one = photographs.project, photographs.listed["good.png"]
-    asyncio.run(photographs.change(one, pressure="5 cm"))
+    asyncio.run(photographs.change({"good.png": {"pressure": "5 cm"}}))
     before, case, row, tone = state(project), project.case, one.row, photographs.tone
 
     def full(*_, **__):
@@ -229,7 +232,8 @@ def test_a_full_disk_is_told_and_loses_nothing(photographs, monkeypatch):
         monkeypatch.setattr(Path, name, full)
     for work in (
         lambda: project.change(steps=steps_of(pressure_cm=(3.0,))), lambda: project.change_text(case.to_toml()),
-        lambda: asyncio.run(photographs.change(one, pressure="6 cm")), lambda: asyncio.run(photographs.take_tone("linear")),
+        lambda: asyncio.run(photographs.change({"good.png": {"pressure": "6 cm"}})),
+        lambda: asyncio.run(photographs.take_tone("linear")),
         lambda: asyncio.run(photographs.add("b.png", picture("PNG"))),
     ):  # fmt: skip
         with pytest.raises(OSError) as found:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import dataclasses
 import re
 
@@ -11,10 +12,11 @@ import pytest
 pytest.importorskip("nicegui")
 
 import softmodels as sm
-from measurement.series.photo_list import read_photos
+from measurement.series.photo_list import ColumnError, read_photos
 from softmodels.app import answers
 from softmodels.app.bench import PHOTOGRAPH, Photographs, Project
 from softmodels.app.forms import page_words
+from softmodels.app.photographs import pasted_pressures
 from softmodels.case.case import Case
 from softmodels.case.load import steps_of
 from softmodels.common.errors import FieldError
@@ -64,6 +66,29 @@ def test_a_list_that_cannot_be_read_is_reported_and_stays(tmp_path):
     (project / "photos.csv").write_text("file,presure\na.jpg,1 cm\n")
     assert "column 'presure' is unknown" in Photographs(project, None).error
     assert (project / "photos.csv").read_text().startswith("file,presure")
+
+
+@pytest.mark.parametrize(
+    ("text", "pressures"),
+    [
+        ("0 cm\n10\n20.5\n", ["0 cm", "10 cm", "20.5 cm"]),
+        ("file\tpressure\r\na.jpg\t0\r\nb.jpg\t1.2kPa\r\n\r\nc.jpg\t2e0\r\n", ["0", "1.2 kPa", "2e0 kPa"]),
+    ],
+)  # fmt: skip
+def test_lines_of_a_spreadsheet_are_pressures(text, pressures, tmp_path):
+    assert pasted_pressures(text) == pressures
+    names = ("a.jpg", "b.jpg", "c.jpg")
+    project = Project(tmp_path / "project")
+    for name in names:
+        (project / "photographs" / name).write_bytes(b"")
+    photographs = Photographs(project, None)
+    asyncio.run(photographs.change(dict(zip(names, ({"pressure": value} for value in pressures), strict=True))))
+    before = (project / "photos.csv").read_text()
+    assert [photo.row["pressure"] for photo in read_photos(project / "photos.csv")] == pressures
+    with pytest.raises(ColumnError):
+        asyncio.run(photographs.change({"a.jpg": {"pressure": "5 cm"}, "b.jpg": {"pressure": "5 kg"}}))
+    photographs.write_list()
+    assert (project / "photos.csv").read_text() == before
 
 
 NAMES = ("../../x.jpg", "..\\x.jpg", "/etc/x.jpg", '<b>&".jpg', "x" * 300 + ".jpg", "a\n.jpg")
