@@ -656,7 +656,8 @@ def _corner(outline: Array, number: int, width: float, cut: float) -> Array:
             sides.append(_parabola(sign * far[near], outline[near] - corner))
         at = np.zeros(2)
         for _ in range(6):
-            missed = np.subtract(*(np.polynomial.polynomial.polyval(t, side) for t, side in zip(at, sides, strict=True)))
+            first_end, second_end = (np.polynomial.polynomial.polyval(t, side) for t, side in zip(at, sides, strict=True))
+            missed = first_end - second_end
             ways = [np.polynomial.polynomial.polyval(t, side[1:] * [[1.0], [2.0]]) for t, side in zip(at, sides, strict=True)]
             at = at - np.linalg.lstsq(np.column_stack([ways[0], -ways[1]]), missed)[0]
         if np.abs(at).max() > reach:
