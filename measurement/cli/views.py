@@ -19,6 +19,7 @@ from measurement.series import drawing, photo_list, views
 from measurement.series.photo_list import ColumnError, PhotoListError
 from measurement.series.witness import Refusal
 from softmodels.common import commands, errors, processes, tables, units
+from softmodels.common.arrays import Array
 from softmodels.common.folders import OwnFolderError
 
 
@@ -216,26 +217,28 @@ def _shots(
 def _scene(setup: Setup, given: dict[str, Any]) -> views.Scene:
     """Return the scene that the options describe. Raises `SetupError` or `UnitError` for a text that is not what it should
     be, and for what is missing."""
+    depths, sides, length = None, None, None
     if given["case"] is not None:
-        sizes = size_of(given["case"])
-        known = {name: f"{size!r} m" if size else "0" for name, size in zip(("depth", "length"), sizes, strict=True)}
-        given = {**given, **{name: given[name] or text for name, text in known.items()}}
-    for name, why in (
-        ("camera_distance", "how large its front and rear faces appear depends on it; such as 80cm+-1cm"),
-        ("depth", "the outline is that of its front or rear face; 0 for a round device (or --device CASE.toml)"),
-    ):  # fmt: skip
-        if given[name] is None:
-            raise SetupError(f"give --{name.replace('_', '-')}: {why}")
+        depths, length, sides = size_of(given["case"])
+    if given["depth"] is not None:
+        depths = (0.0 if given["depth"].strip() == "0" else cli.length(given["depth"]),) * 2
+    if given["camera_distance"] is None:
+        raise SetupError("give --camera-distance: how large its front and rear faces appear depends on it; such as 80cm+-1cm")
+    if depths is None:
+        raise SetupError(
+            "give --depth: the outline is that of its front or rear face; 0 for a round device (or --device CASE.toml)"
+        )
     far, far_error = cli.with_error(given["camera_distance"], cli.length)
     ahead = cli.with_error(given["ahead"], lambda text: 0.0 if text.strip() == "0" else cli.length(text))
-    depth = 0.0 if given["depth"].strip() == "0" else cli.length(given["depth"])
-    length = None if given["length"] is None else cli.with_error(given["length"], cli.length)
+    stated = (length, 0.0) if length is not None else None
+    if given["length"] is not None:
+        stated = cli.with_error(given["length"], cli.length)
     base = None
     if given["base"] is not None:
         base = np.array([cli.numbers(part, 2, "--base") for part in given["base"].split("=")])
         if base.shape != (2, 2):
             raise SetupError("--base needs two pixels, such as 400,210=400,330")
-    return views.Scene(setup, (far, far_error), depth, ahead, base, length)
+    return views.Scene(setup, (far, far_error), depths, ahead, base, stated, sides if len(set(depths)) > 1 else None)
 
 
 ROUND_SHARE = 0.5
@@ -245,10 +248,10 @@ LENGTH_SLICES = 12
 """Pieces between base and tip in which a device's outline is looked at."""
 
 
-def size_of(case: Path) -> tuple[float, float]:
-    """Return the depth of a case's device along the line of sight, 0 of a round one and that of its upper and its lower edge
-    together of one that is round on one side, and its length from the face ``support`` to ``tip``, both in m. Raises
-    `GeometryError` for no such device."""
+def size_of(case: Path) -> tuple[tuple[float, float], float, Array]:
+    """Return the depths of a case's device along the line of sight at its two edges, 0 of a round one, its length from the face
+    ``support`` to ``tip``, and at equal steps along it the distances (k, 2) of the edges from the support's middle, all in m.
+    Raises `GeometryError` for no such device."""
     from geometries import actuator, mesh_arrays, registry
 
     try:
@@ -278,16 +281,19 @@ def size_of(case: Path) -> tuple[float, float]:
     )  # fmt: skip
     whole = 2.0 * float(np.abs(deep).max()) if cuts else float(np.ptp(deep))
     edges = np.linspace(along.min(), along.max(), LENGTH_SLICES + 1)
-    depths = []
+    held = across[mesh.nodes["support"]]
+    middle = 0.5 * (held.min() + held.max())
+    depths, sides = [], []
     for low, high in itertools.pairwise(edges):
         here = (along >= low) & (along <= high)
         if not here.any():
             continue
-        for side in (across[here], -across[here]):
-            outer = deep[here][side > side.max() - 0.02 * np.ptp(across)]
-            depth = 2.0 * float(np.abs(outer).max()) if cuts else float(np.ptp(outer))
-            depths.append(depth if depth > ROUND_SHARE * whole else 0.0)
-    return float(np.mean(depths)), length
+        outer = [deep[here][side > side.max() - 0.02 * np.ptp(across)] for side in (across[here], -across[here])]
+        seen = [2.0 * float(np.abs(part).max()) if cuts else float(np.ptp(part)) for part in outer]
+        depths.append([depth if depth > ROUND_SHARE * whole else 0.0 for depth in seen])
+        sides.append([across[here].max() - middle, middle - across[here].min()])
+    first, second = np.mean(depths, axis=0).tolist()
+    return (first, second), length, np.array(sides)
 
 
 def _line(made: views.Views, pressure: float, view: views.View) -> str:

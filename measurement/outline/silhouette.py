@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 
 import cv2
 import numpy as np
@@ -32,7 +33,9 @@ class Silhouette:
     Attributes:
         edge: Its points in order, from the base around the tip back to the base, in px of the photograph.
         base: The ends of the base (2, 2) in px, beside the edge's first and its last point.
+        folded: Which of the edge's points lie in folds, gaps between chambers or roots of ribs, which the centre line passes.
         guide: Rough centre line (k, 2) in px from the base to the tip.
+        corners: Numbers of the points out of folds at both ends of the tip's face; None for a round tip.
         longest_gap: Longest stretch without a clear edge over the length of the whole contour; there the contour of the
             reduced picture stands in.
         cut: Whether the frame or the region of interest cuts it in a second place.
@@ -43,12 +46,21 @@ class Silhouette:
 
     edge: edge.Edge
     base: Array
+    folded: Mask
     guide: Array
+    corners: tuple[int, int] | None
     longest_gap: float
     cut: bool
     second: float
     hidden: float
     soft: float
+
+    @functools.cached_property
+    def side(self) -> Array:
+        """Shares (n,) that say on which side each point lies: 0 from the base's first end to the tip, 1 from there on."""
+        count = len(self.edge.px)
+        first, last = (0.45 * count, 0.55 * count) if self.corners is None else np.flatnonzero(~self.folded)[list(self.corners)]
+        return np.interp(np.arange(count), [first, last], [0.0, 1.0])
 
     @property
     def softness(self) -> float:
@@ -118,10 +130,11 @@ def find_silhouette(image: pictures.Pixels, setup: Setup, base: Array | None = N
             traced = _reversed(traced)
     else:
         traced, ends, cut = _from_base(traced, np.asarray(base, dtype=float), is_open)
-    outline = np.vstack([ends[:1], traced.px, ends[1:]])
-    usual = np.median(traced.width)
+    folded = _folded(np.vstack([ends[:1], traced.px, ends[1:]]), factor)[1:-1]
+    outline = np.vstack([ends[:1], traced.px[~folded], ends[1:]])
+    guide, usual = _guide(outline, factor), np.median(traced.width)
     return Silhouette(
-        traced, ends, _guide(outline, factor), gap, cut, second,
+        traced, ends, folded, guide, _corners(outline[1:-1], guide, float(np.linalg.norm(ends[1] - ends[0]))), gap, cut, second,
         float(np.mean(_lies_in(traced.px, beside, factor, (x0, y0)))),
         float(np.mean(traced.width > SOFT_EDGE * usual)),
     )  # fmt: skip
@@ -326,31 +339,106 @@ def _from_base(traced: edge.Edge, base: Array, is_open: bool) -> tuple[edge.Edge
     return part, ends, is_open and not longer
 
 
+def _filled(outline: Array, factor: float, margin: int) -> tuple[Mask, Array]:
+    """Return the pixels of the reduced picture inside an outline (n, 2) in px, with a margin, and its points there."""
+    low = outline.min(axis=0) - margin * factor
+    shape = np.ceil((outline.max(axis=0) - low) / factor).astype(int)[::-1] + margin + 1
+    inside, small = np.zeros(shape, dtype=np.uint8), (outline - low) / factor
+    cv2.fillPoly(inside, [np.rint(small).astype(np.int32)], 1)
+    return inside > 0, small
+
+
+FOLD_RADIUS, FOLD_DEPTH, FOLD_SHARE = 0.4, 0.03, 0.3
+"""Radius of the disk that does not enter a fold and depth below its rims from which it is one, in widths of the base, and
+largest share of the outline in a fold: a device that curls up has more between its base and its tip."""
+
+
+def _folded(outline: Array, factor: float) -> Mask:
+    """Return which points of an outline (n, 2) in px, from one end of the base to the other, lie in folds: where a disk that
+    rolls around the device does not come."""
+    width = float(np.linalg.norm(outline[-1] - outline[0])) / factor
+    inside, small = _filled(outline, factor, int(np.ceil(FOLD_RADIUS * width)) + 2)
+    away = cv2.distanceTransform((~inside).astype(np.uint8), cv2.DIST_L2, 5)
+    closed = cv2.distanceTransform((away < FOLD_RADIUS * width).astype(np.uint8), cv2.DIST_L2, 5) - FOLD_RADIUS * width
+    depth = closed[tuple(np.rint(small).astype(int).T[::-1])]
+    folded, deep = depth > 1.0, depth > max(2.0, FOLD_DEPTH * width)
+    arc = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(small, axis=0), axis=1))]
+    starts, stops = (np.flatnonzero(np.diff(np.r_[0, folded, 0]) == step) for step in (1, -1))
+    for start, stop in zip(starts, stops, strict=True):
+        if not deep[start:stop].any() or arc[stop - 1] - arc[start] > FOLD_SHARE * arc[-1]:
+            folded[start:stop] = False
+    return np.asarray(folded)
+
+
+CORNER_REACH, CORNER_TURN = (0.04, 0.25), np.radians(35.0)
+"""Distances from a corner, in widths, between which the outline on both sides of it is used, and least angle it turns by."""
+
+FACE_LENGTHS, FACE_TURN, FACE_OFFSET = (0.3, 2.0), np.radians(50.0), 0.4
+"""Lengths of a tip's face in widths of the base, largest angle between its normal and the centre line before it, and how far
+beside that, as a share of its length, its middle may be."""
+
+
+def _corners(outline: Array, guide: Array, width: float) -> tuple[int, int] | None:
+    """Return the numbers of the points of an outline (n, 2) in px at both ends of the tip's face, to which a rough centre line
+    (k, 2) leads; None where it has no two corners."""
+    arc = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(outline, axis=0), axis=1))]
+    sides = []
+    for sign in (-1.0, 1.0):
+        near, far = (
+            np.column_stack([np.interp(arc + sign * reach * width, arc, along) for along in outline.T])
+            for reach in CORNER_REACH
+        )
+        sides.append(sign * (far - near))
+    before, after = sides
+    turned = np.arctan2(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0], np.sum(before * after, axis=1))
+    turned *= np.sign(np.sum(outline[:, 0] * np.roll(outline[:, 1], -1) - np.roll(outline[:, 0], -1) * outline[:, 1]))
+    inside = (arc > CORNER_REACH[1] * width) & (arc < arc[-1] - CORNER_REACH[1] * width)
+    step = max(1, round(0.5 * CORNER_REACH[1] * width / float(np.median(np.diff(arc)))))
+    peaks = [
+        k for k in np.flatnonzero(inside & (turned > CORNER_TURN)) if turned[k] >= turned[max(0, k - step) : k + step + 1].max()
+    ]
+    end = guide[-1]
+    way = end - guide[max(0, len(guide) - 1 - max(3, len(guide) // 6))]
+    way, best = way / np.linalg.norm(way), None
+    for first, last in itertools.combinations(peaks, 2):
+        chord = outline[last] - outline[first]
+        size, middle = float(np.linalg.norm(chord)), 0.5 * (outline[first] + outline[last]) - end
+        slope = np.arcsin(min(1.0, abs(chord @ way) / max(size, 1e-9)))
+        off = abs(middle[0] * way[1] - middle[1] * way[0])
+        if (
+            FACE_LENGTHS[0] * width < size < FACE_LENGTHS[1] * width
+            and slope < FACE_TURN and off < FACE_OFFSET * size and middle @ way > -0.5 * width
+        ):  # fmt: skip
+            score = turned[first] + turned[last] - slope - off / size
+            best = max(best or (score, first, last), (score, first, last))
+    return None if best is None else (int(best[1]), int(best[2]))
+
+
 def _guide(outline: Array, factor: float) -> Array:
     """Return a rough centre line (k, 2) in px of an outline (n, 2) that begins and ends at the base: middles of the places
     that are equally far from the base on ways inside of it."""
-    low = outline.min(axis=0) - 2.0 * factor
-    shape = np.ceil((outline.max(axis=0) - low) / factor).astype(int)[::-1] + 3
-    inside = np.zeros(shape, dtype=np.uint8)
-    small = (outline - low) / factor
-    cv2.fillPoly(inside, [np.rint(small).astype(np.int32)], 1)
-    start = np.zeros(shape, dtype=np.uint8)
+    inside, small = _filled(outline, factor, 2)
+    low = outline[0] - small[0] * factor
+    start = np.zeros(inside.shape, dtype=np.uint8)
     first, last = np.rint(small[[0, -1]]).astype(int).tolist()
     cv2.line(start, first, last, 1, 2)
-    begin = np.argwhere((start > 0) & (inside > 0))
-    ways, _ = MCP_Geometric(np.where(inside > 0, 1.0, -1.0)).find_costs([tuple(place) for place in begin.tolist()])
+    begin = np.argwhere((start > 0) & inside)
+    ways, _ = MCP_Geometric(np.where(inside, 1.0, -1.0)).find_costs([tuple(place) for place in begin.tolist()])
     reached = np.isfinite(ways)
     if reached.sum() < MIN_AREA:
         raise pictures.Unmeasurable("the device is too small in the picture to be measured; move the camera closer")
     row, column = np.nonzero(reached)
     number = (ways[reached] / GUIDE_STEP).astype(int)
-    count = np.maximum(np.bincount(number), 1)
-    middles = np.column_stack([np.bincount(number, column) / count, np.bincount(number, row) / count])
-    return middles[np.bincount(number) > 0] * factor + low
+    count = np.bincount(number)
+    # Farthest from the base may be one corner of the tip, to which no centre line leads.
+    across = np.flatnonzero(count >= ACROSS_SHARE * np.median(count[count > 0]))[-1] + 1
+    chosen = np.flatnonzero(count[:across])
+    middles = np.column_stack([np.bincount(number, along)[chosen] / count[chosen] for along in (column, row)])
+    return np.asarray(middles * factor + low)
 
 
-GUIDE_STEP = 4.0
-"""Step of the rough centre line in px of the reduced picture."""
+GUIDE_STEP, ACROSS_SHARE = 4.0, 0.7
+"""Step of the rough centre line in px of the reduced picture, and share of the usual width up to which it goes."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -366,7 +454,7 @@ class Shape:
         width: Width of the device across it in m, shape (k,).
         tip: Where the centre line leaves the device, shape (2,), m.
         angle: Direction in rad in which the tip's face looks, from the x axis to z; of a round tip that of the centre line.
-        face: Whether the tip has a flat face.
+        bulges: Whether the tip's face bulges, so that the line between its corners is taken for it.
         base: Middle of the base (2,) in m.
         direction: Direction in rad from the base into the device, across the base.
     """
@@ -375,7 +463,7 @@ class Shape:
     width: Array
     tip: Array
     angle: float
-    face: bool
+    bulges: bool
     base: Array
     direction: float
 
@@ -392,6 +480,9 @@ class Shape:
         return np.asarray(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
 
 
+MAX_TURN = 1.3
+"""Angle in rad by which a device bends within its own width."""
+
 STATION_COUNT = 101
 """Points of a centre line."""
 
@@ -407,19 +498,36 @@ FACE_SHARE = 0.3
 SAME_WIDTH = 0.05
 """Difference of the widths at two places before the tip, over the width, up to which the device only bends between them."""
 
+MAX_SLANT = 0.2
+"""Slope of a round tip's middle across the centre line up to which it is round about it."""
+
+SAME_TIP = 0.015
+"""Distance between the middle of the tip's corners and that of its face, over its size, and angle in rad between their line and
+the face, up to which the face is flat and tells both better."""
+
 FLAT_SHARE = 0.012
 """Root mean square distance, as a share of the width, up to which the tip's face is flat."""
 
 
-def shape_of(outline: Array, base: Array, guide: Array, rounds: int = MAX_ROUNDS) -> Shape:
+def shape_of(
+    outline: Array, base: Array, guide: Array, corners: tuple[int, int] | None = None, strip: float = 0.0,
+    rounds: int = MAX_ROUNDS,
+) -> Shape:  # fmt: skip
     """Return the shape of an outline (n, 2) in m that begins beside one end of the base (2, 2) and ends beside the other, near
-    a rough centre line (k, 2), after so many rounds. Raises `Unmeasurable` where no centre line joins base and tip."""
+    a rough centre line (k, 2) and with corners of its tip at two points, after so many rounds. ``strip`` is the width in m of
+    what is seen aslant of a face along the line of sight, by which corners are cut off. Raises `Unmeasurable` where no centre
+    line joins base and tip."""
     polygon = np.vstack([base[:1], outline, base[1:]])
     middle = base.mean(axis=0)
     line = _resampled(np.vstack([middle, guide[1:]]), STATION_COUNT)
+    size = 0.0 if corners is None else float(np.linalg.norm(np.diff(outline[list(corners)], axis=0)))
+    try:
+        face = None if corners is None else np.array([_corner(outline, k, size, strip / size) for k in corners])
+    except pictures.Unmeasurable:
+        face = None
     wide = np.full(STATION_COUNT, np.nan)
     for turn in range(rounds):
-        line = _extended(line, polygon)
+        line = _extended(line, polygon) if face is None else _led_to(line, face)
         normal = normals(line)
         left, right = (_reach(polygon, line, sign * normal) for sign in (1.0, -1.0))
         wide = left + right
@@ -431,16 +539,35 @@ def shape_of(outline: Array, base: Array, guide: Array, rounds: int = MAX_ROUNDS
         if good.sum() < STATION_COUNT // 3:
             raise pictures.Unmeasurable("the outline has no centre line from its base to its tip; check --base and --roi")
         centres = line + (0.5 * (left - right))[:, None] * normal
-        inner = int(np.clip(KNOT_COUNT if turn or rounds < MAX_ROUNDS else 3, 1, good.sum() // 6))
+        if face is not None:
+            good[-1], centres[-1] = True, face.mean(axis=0)
+        most = int(np.clip(length / usual, 1, KNOT_COUNT))  # more would follow each fold
+        inner = int(np.clip(most if turn or rounds < MAX_ROUNDS else min(3, most), 1, good.sum() // 6))
         line = _smooth_line(arc[good], centres[good], middle, length, inner)
-    line = _extended(line, polygon)
+    line = _extended(line, polygon) if face is None else _led_to(line, face)
     wide = np.where(np.isfinite(wide), wide, usual)
-    tip, angle, flat = _tip(polygon, line, float(np.median(wide[-STATION_COUNT // 5 : -STATION_COUNT // 12])))
+    bulges = False
+    tip, angle, flat, even = _tip(polygon, line, float(np.median(wide[-STATION_COUNT // 5 : -STATION_COUNT // 12])))
+    if face is not None:
+        chord, centre = _looks(face, line), face.mean(axis=0)
+        off = float(np.linalg.norm(tip - centre)) / size
+        bulges = not flat or off > SAME_TIP or abs(np.angle(np.exp(1j * (angle - chord)))) > SAME_TIP
+        if bulges or not even:
+            tip, angle = centre, chord
+    elif not flat and not even:
+        raise pictures.Unmeasurable(UNCLEAR_CORNER)
     line = _resampled(np.vstack([line[:-1], tip]), STATION_COUNT)
     across = base[1] - base[0]
     way = np.array([-across[1], across[0]])
     way = way * np.sign(way @ (line[STATION_COUNT // 8] - middle))
-    return Shape(line, wide, tip, angle, flat, middle, float(np.arctan2(way[1], way[0])))
+    shape = Shape(line, wide, tip, angle, bulges, middle, float(np.arctan2(way[1], way[0])))
+    step = int(np.clip(np.median(wide) / shape.length * STATION_COUNT, 1, STATION_COUNT - 1))
+    heading = np.unwrap(np.arctan2(*normals(line).T[::-1]))
+    if np.abs(heading[step:] - heading[:-step]).max() > MAX_TURN:
+        raise pictures.Unmeasurable(
+            "the centre line turns within the device's own width, as where it follows folds or a thing beside it; check --base"
+        )
+    return shape
 
 
 def _resampled(line: Array, count: int) -> Array:
@@ -491,6 +618,67 @@ def _extended(line: Array, polygon: Array) -> Array:
     return _resampled(np.vstack([line[: last + 1], bent[:-4], tip]), len(line))
 
 
+def _looks(face: Array, line: Array) -> float:
+    """Return the direction in rad across a tip's face (2, 2) in which a line (k, 2) leaves by it."""
+    x, z = face[1] - face[0]
+    way = np.array([-z, x])
+    return float(np.arctan2(*(way * np.sign(way @ (face.mean(axis=0) - line[-len(line) // 5])))[::-1]))
+
+
+def _led_to(line: Array, face: Array) -> Array:
+    """Return the line with what lies near or behind the tip's face (2, 2) replaced by the way to its middle, resampled."""
+    tip, angle = face.mean(axis=0), _looks(face, line)
+    size = float(np.linalg.norm(face[1] - face[0]))
+    offset = line - tip
+    near = (offset @ [np.cos(angle), np.sin(angle)] > -0.3 * size) & (np.linalg.norm(offset, axis=1) < size)
+    kept = line[: int(np.argmax(near))] if near.any() else line
+    return _resampled(np.vstack([kept, tip]), len(line))
+
+
+def _corner(outline: Array, number: int, width: float, cut: float) -> Array:
+    """Return the corner (2,) in m near a point of an outline (n, 2) of a device so wide, where parabolas through both sides of
+    it meet, from a share of the width on. Raises `Unmeasurable` where they do not."""
+    first = max(CORNER_REACH[0], cut)
+    reach = first + CORNER_REACH[1] - CORNER_REACH[0]
+    steps = np.linalg.norm(np.diff(outline, axis=0), axis=1)
+    piece = np.r_[0, np.cumsum(steps > 4.0 * np.median(steps))]  # folds lie between them
+    corner = outline[number]
+    for _ in range(4):
+        far = np.linalg.norm(outline - corner, axis=1) / width
+        sides = []
+        for sign in (-1, 1):
+            near = (far > first) & (far < reach) & (sign * (np.arange(len(far)) - number) > 0)
+            near &= np.abs(np.arange(len(far)) - number) < 4.0 * reach * width / np.median(steps)
+            last = near & (far > 1.5 * first)
+            near &= piece == piece[last][0 if sign > 0 else -1] if last.any() else True
+            if near.sum() < 3:
+                raise pictures.Unmeasurable(UNCLEAR_CORNER)
+            sides.append(_parabola(sign * far[near], outline[near] - corner))
+        at = np.zeros(2)
+        for _ in range(6):
+            first_end, second_end = (np.polynomial.polynomial.polyval(t, side) for t, side in zip(at, sides, strict=True))
+            missed = first_end - second_end
+            ways = [np.polynomial.polynomial.polyval(t, side[1:] * [[1.0], [2.0]]) for t, side in zip(at, sides, strict=True)]
+            at = at - np.linalg.lstsq(np.column_stack([ways[0], -ways[1]]), missed)[0]
+        if np.abs(at).max() > reach:
+            raise pictures.Unmeasurable(UNCLEAR_CORNER)
+        corner = corner + np.polynomial.polynomial.polyval(at[0], sides[0])
+    return np.asarray(corner)
+
+
+UNCLEAR_CORNER = "the corners of the tip are not clear; use a background that differs more from the device"
+
+
+def _parabola(at: Array, points: Array) -> Array:
+    """Return the coefficients (3, 2) of a parabola through points (n, 2) at numbers (n,), without those that lie far off."""
+    near = np.ones(len(at), dtype=bool)
+    for _ in range(3):
+        fit = np.polynomial.polynomial.polyfit(at[near], points[near], 2 if near.sum() > 9 else 1)
+        missed = np.linalg.norm(points - np.polynomial.polynomial.polyval(at, fit).T, axis=1)
+        near = missed <= 3.0 * max(float(np.median(missed)), 1e-12)
+    return np.pad(fit, ((0, 3 - len(fit)), (0, 0)))
+
+
 def _smooth_line(arc: Array, centres: Array, start: Array, length: float, inner: int) -> Array:
     knots = np.linspace(arc[0], arc[-1], inner + 2)[1:-1]
     spline = make_lsq_spline(arc, centres, np.r_[[arc[0]] * 4, knots, [arc[-1]] * 4], k=3)
@@ -506,8 +694,9 @@ def _smooth_line(arc: Array, centres: Array, start: Array, length: float, inner:
     return _resampled(shown, STATION_COUNT)
 
 
-def _tip(polygon: Array, line: Array, width: float) -> tuple[Array, float, bool]:
-    """Return the tip (2,) in m, the direction in rad that its face looks in, and whether it has a flat one."""
+def _tip(polygon: Array, line: Array, width: float) -> tuple[Array, float, bool, bool]:
+    """Return the tip (2,) in m, the direction in rad that its face looks in, whether it has a flat one, and whether the device
+    is even there: of the same width before a flat face, or round about its centre line."""
     tip, way = line[-1], line[-1] - line[-8]
     way = way / np.linalg.norm(way)
     across = np.array([-way[1], way[0]])
@@ -516,7 +705,7 @@ def _tip(polygon: Array, line: Array, width: float) -> tuple[Array, float, bool]
         offset = polygon[1:-1] - face
         near = (np.abs(offset @ across) < FACE_SHARE * width) & (np.abs(offset @ way) < 0.35 * width)
         if near.sum() < 6:
-            return tip, float(np.arctan2(way[1], way[0])), False
+            return tip, float(np.arctan2(way[1], way[0])), False, False
         at, high = offset[near] @ across, offset[near] @ way
         fit = np.polynomial.polynomial.polyfit(at, high, 1)
         missed = high - np.polynomial.polynomial.polyval(at, fit)
@@ -532,12 +721,12 @@ def _tip(polygon: Array, line: Array, width: float) -> tuple[Array, float, bool]
         across = np.array([-way[1], way[0]])
     if not flat:
         way = line[-1] - line[-8]
-        return tip, float(np.arctan2(way[1], way[0])), False
+        return tip, float(np.arctan2(way[1], way[0])), False, abs(fit[1]) < MAX_SLANT
     # The middle of the face: between both sides a little before it, and twice as far, for a device that is curved there.
     back = face - np.array([[0.15], [0.3]]) * width * way
     left, right = (_reach(polygon, back, np.tile(sign * across, (2, 1))) for sign in (1.0, -1.0))
     wide, middle = left + right, 0.5 * (left - right)
+    even = bool(abs(wide[1] - wide[0]) < SAME_WIDTH * width)
     if wide[0] < 1.5 * width:
-        bend = middle[1] - middle[0] if abs(wide[1] - wide[0]) < SAME_WIDTH * width else 0.0
-        face = face + (middle[0] - bend / 3.0) * across
-    return face, float(np.arctan2(way[1], way[0])), True
+        face = face + (middle[0] - (middle[1] - middle[0] if even else 0.0) / 3.0) * across
+    return face, float(np.arctan2(way[1], way[0])), True, even and bool(wide[0] < 1.5 * width)

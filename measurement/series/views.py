@@ -35,29 +35,35 @@ class Scene:
     Attributes:
         setup: Camera and plane of the scale, its magnification 1.
         camera_distance: From the camera to the device's middle plane, and its standard error, in m.
-        depth: Size of the device along the line of sight in m; 0 for a round one, of which the widest part is seen.
+        depth: Size of the device along the line of sight in m at its edge from the base's first end to the tip, and at that
+            from the tip to the second one; 0 for a round one, of which the widest part is seen.
         ahead: How far the device's middle plane lies before the scale's, towards the camera, and its standard error, in m.
         base: Two pixels (2, 2) at the ends of the face at which the device begins; None where the frame cuts it there.
         length: Length of the device's centre line without pressure in m, and its standard error; None where it is not known.
+        sides: Distances (k, 2) in m of both edges, at equal steps along the device without pressure, from the straight line
+            that leaves the base's middle across it; the photograph without pressure tells which one begins at the base's first
+            end. None where that is known.
     """
 
     setup: Setup
     camera_distance: tuple[float, float]
-    depth: float = 0.0
+    depth: tuple[float, float] = (0.0, 0.0)
     ahead: tuple[float, float] = (0.0, 0.0)
     base: Array | None = None
     length: tuple[float, float] | None = None
+    sides: Array | None = None
 
     def __post_init__(self) -> None:
-        far, near = self.camera_distance[0], abs(self.ahead[0]) + 0.5 * self.depth
+        far, near = self.camera_distance[0], abs(self.ahead[0]) + 0.5 * max(self.depth)
         if (
             not (math.isfinite(far) and far > 2.0 * near)
-            or self.depth < 0.0
+            or min(self.depth) < 0.0
             or min(self.camera_distance[1], self.ahead[1]) < 0.0
         ):
             raise SetupError(
-                f"a camera at {far * 1e3:g} mm (--camera-distance) cannot see a device {self.depth * 1e3:g} mm deep (--depth) "
-                f"at {self.ahead[0] * 1e3:g} mm before the scale (--ahead); give positive lengths, the camera farthest away"
+                f"a camera at {far * 1e3:g} mm (--camera-distance) cannot see a device {max(self.depth) * 1e3:g} mm deep "
+                f"(--depth) at {self.ahead[0] * 1e3:g} mm before the scale (--ahead); give positive lengths, the camera "
+                "farthest away"
             )
         if self.setup.magnification != 1.0:
             raise SetupError(
@@ -90,13 +96,15 @@ class Scene:
             )
         return above(brentq(lambda focal: abs(above(focal)[2]) - far, low, high))[:2]
 
-    def to_metres(self, px: Array, normal: Array | None = None) -> Array:
+    def to_metres(self, px: Array, normal: Array | None = None, side: Array | float = 0.5) -> Array:
         """Return places (n, 2) in m in the device's middle plane of pixels (n, 2), of points of its outline where the unit
-        vectors (n, 2) away from the device in the picture are given."""
-        far, half = self.camera_distance[0], 0.5 * self.depth
+        vectors (n, 2) away from the device in the picture and their sides (n,) are given."""
+        far = self.camera_distance[0]
+        share = np.full(len(px), 0.5) if self.sides is not None else np.broadcast_to(side, len(px))
+        half = 0.5 * np.interp(share, [0.0, 1.0], self.depth)
         seen = self.setup.to_metres(px)
         offset = (seen - self.foot) * far / (far + self.ahead[0])
-        if normal is not None and half > 0.0:
+        if normal is not None and max(self.depth) > 0.0:
             outwards = self.setup.to_metres(px + normal) - seen
             front = np.einsum("ni,ni->n", outwards, offset) > 0.0
             offset = offset * np.where(front, (far - half) / far, (far + half) / far)[:, None]
@@ -106,6 +114,25 @@ class Scene:
         """Return pixels (n, 2) of places (n, 2) in m in the device's middle plane."""
         far = self.camera_distance[0]
         return self.setup.to_pixels(self.foot + (metres - self.foot) * (far + self.ahead[0]) / far)
+
+    def strip(self, place: Array) -> float:
+        """Return the width in m of what is seen aslant, at a place (2,), of a face along the line of sight."""
+        return max(self.depth) * float(np.linalg.norm(place - self.foot)) / self.camera_distance[0]
+
+    def told_apart(self, shape: silhouette.Shape, outline: Array) -> Scene:
+        """Return the scene with both edges told apart by the shape and the outline (n, 2) in m without pressure."""
+        if self.sides is None:
+            return self
+        way = np.array([math.cos(shape.direction), math.sin(shape.direction)])
+        offset = outline - shape.base
+        across = offset @ [-way[1], way[0]]
+        across = across * math.copysign(1.0, across[0])  # the first end is on the positive side
+        slice_of = np.clip(offset @ way / shape.length * len(self.sides), 0, len(self.sides) - 1).astype(int)
+        seen = np.zeros_like(self.sides)
+        for column, sign in enumerate((1.0, -1.0)):
+            np.maximum.at(seen[:, column], slice_of, sign * across)
+        missed = [float(np.abs(seen - sides).sum()) for sides in (self.sides, self.sides[:, ::-1])]
+        return dataclasses.replace(self, sides=None, depth=self.depth if missed[0] <= missed[1] else self.depth[::-1])
 
     def varied(self, random: np.random.Generator) -> Scene:
         """Return the scene with its uncertain numbers drawn anew."""
@@ -205,6 +232,12 @@ ASLANT_SHARE = 0.05
 """Standard error of the tip and of the outline as a share of the strip that is seen aslant of a face along the line of sight:
 where it is hardly darker or brighter than the front face, the edge is drawn towards its inner side."""
 
+FOLDED_SHARE = 0.01
+"""Standard error of the centre line of a device with folds, as a share of its width: between chambers an edge is a guess."""
+
+BULGING_SHARE = 0.2
+"""The same where the tip's face bulges: the picture shows its corners somewhere between the front face and the middle plane."""
+
 
 def view_of(
     image: pictures.Pixels, seen: silhouette.Silhouette, scene: Scene, photo: Photograph, reference: Reference | None = None
@@ -235,13 +268,15 @@ def view_of(
     lines = np.array([repeat.line - repeat.base for repeat in shapes])
     normal = silhouette.normals(shape.line)
     across = np.einsum("rki,ki->rk", lines - lines.mean(axis=0), normal)
-    strip = scene.depth * float(np.linalg.norm(shape.tip - scene.foot)) / scene.camera_distance[0]
-    model, place = MODEL_PX * pixel, math.hypot(MODEL_PX * pixel, ASLANT_SHARE * strip)
+    strip = scene.strip(shape.tip)
+    model, place = MODEL_PX * pixel, math.hypot(MODEL_PX * pixel, (BULGING_SHARE if shape.bulges else ASLANT_SHARE) * strip)
+    across_face, width = place if shape.bulges else model, float(np.median(shape.width))
+    passed = model + (FOLDED_SHARE * width if seen.folded.any() else 0.0)
     view = View(
         shape, outline, np.hypot(_spread(np.array(outlines)), place), np.hypot(np.std(tips, axis=0, ddof=1), place),
-        math.hypot(float(np.std(turned, ddof=1)), model / float(np.median(shape.width))),
+        math.hypot(float(np.std(turned, ddof=1)), across_face / width),
         math.hypot(float(np.std([repeat.length for repeat in shapes], ddof=1)), model),
-        np.hypot(np.std(across, axis=0, ddof=1), model), photo.pressure, photo.pressure_error, photo.file.name,
+        np.hypot(np.std(across, axis=0, ddof=1), passed), photo.pressure, photo.pressure_error, photo.file.name,
         anyway=photo.anyway,
     )  # fmt: skip
     before = None if reference is None else reference.view.shape
@@ -267,11 +302,14 @@ def _evaluated(
     seen: silhouette.Silhouette, px: Array, out: Array, scene: Scene, near: Array | None = None
 ) -> tuple[silhouette.Shape, Array]:
     """Return the shape and the outline (n, 2) in m of an edge at pixels (n, 2); with a centre line that is near, quicker."""
-    outline = scene.to_metres(px, out)
-    base = scene.to_metres(seen.base, out[[0, -1]])
-    if near is not None:
-        return silhouette.shape_of(outline, base, near - near[0] + base.mean(axis=0), 2), outline
-    return silhouette.shape_of(outline, base, scene.to_metres(seen.guide)), outline
+    outline = scene.to_metres(px, out, seen.side)
+    smooth, base = outline[~seen.folded], scene.to_metres(seen.base)
+    # A pixel of the base was chosen along the edge, and lies on it only across the base.
+    across = (base[1] - base[0]) / np.linalg.norm(base[1] - base[0])
+    base += ((scene.to_metres(seen.base, out[[0, -1]], np.array([0.0, 1.0])) - base) @ across)[:, None] * across
+    guide = scene.to_metres(seen.guide) if near is None else near - near[0] + base.mean(axis=0)
+    rounds = silhouette.MAX_ROUNDS if near is None else 2
+    return silhouette.shape_of(smooth, base, guide, seen.corners, scene.strip(guide[-1]), rounds), outline
 
 
 def _field(px: Array, scene: Scene, random: np.random.Generator) -> Array:
@@ -436,6 +474,9 @@ def views(
             image = pictures.read_pixels(photo.file, scene.setup.camera.size)
             seen = silhouette.find_silhouette(image, scene.setup, scene.base)
             outcome = view_of(image, seen, scene, photo, reference)
+            if photo.is_zero and scene.sides is not None:
+                scene = scene.told_apart(outcome.shape, outcome.outline)
+                outcome = view_of(image, seen, scene, photo)
             if reference is None and photo.is_zero and outcome.trust != "no":
                 reference = Reference(image, seen, outcome)
         except pictures.Unmeasurable as error:

@@ -32,7 +32,7 @@ def taken(tmp_path_factory):
 def scene():
     camera = Camera.ideal(*films.SIZE)
     known = Setup(camera, plane_of_scale(camera, 1.0 / films.PIXEL, 1.0))
-    return views.Scene(known, (2.0, 1e-3), 0.0, (0.0, 1e-4), films.BASE, (films.LENGTH, 1e-4))
+    return views.Scene(known, (2.0, 1e-3), (0.0, 0.0), (0.0, 1e-4), films.BASE, (films.LENGTH, 1e-4))
 
 
 def logged(folder, **how):

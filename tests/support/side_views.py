@@ -47,6 +47,34 @@ def bent_bar(turn, length=LENGTH, twist=0.0):
     return pv.PolyData(points @ out.T, np.array([(4, *quad) for quad in quads]).ravel()), line[-1], angle[-1], line
 
 
+CHAMBERS, GAP, FLOOR, PLATE = 4, 0.006, 0.003, 0.003
+"""Chambers on the floor of a comb, the gaps between them, thickness of its floor and of the plate at its end, in m."""
+
+
+def bent_comb(turn, height=0.018, length=0.06):
+    """A floor from x = 0 with chambers on it and a plate at its end, bent like a bar by ``turn`` rad about its mid-height.
+    Returns its parts, tip (2,), angle, dense centre line, and the pixels of its base."""
+    wide = (length - PLATE - CHAMBERS * GAP) / CHAMBERS
+    spans = [(k * (wide + GAP), k * (wide + GAP) + wide) for k in range(CHAMBERS)] + [(length - PLATE, length)]
+    boxes = [(-CLAMP, 0.0, 0.0, height), (0.0, length, 0.0, FLOOR), *((*span, 0.0, height) for span in spans)]
+    parts = [pv.Box((a, b, -DEPTH / 2, DEPTH / 2, c - height / 2, d - height / 2), level=40) for a, b, c, d in boxes]
+    bend = turn / length
+
+    def mapped(x, z):
+        s = np.maximum(x, 0.0)
+        half = bend * s / 2
+        chord = s * np.sinc(half / np.pi)
+        line = np.column_stack([np.minimum(x, 0.0) + chord * np.cos(half), -chord * np.sin(half)])
+        return line + z[:, None] * np.column_stack([np.sin(bend * s), np.cos(bend * s)])
+
+    for part in parts:
+        x, y, z = part.points.T
+        seen = mapped(x, z)
+        part.points = np.column_stack([seen[:, 0], y, seen[:, 1]])
+    line = mapped(np.linspace(0.0, length, 400), np.zeros(400))
+    return parts, line[-1], -turn, line, to_pixels([[0.0, height / 2], [0.0, -height / 2]])
+
+
 def photograph(
     path, *parts, shift_px=(0.0, 0.0), colour=(0.75, 0.35, 0.3), background=(0.9, 0.92, 0.95), seed=0, noise=1.5, blur=0.8
 ):
