@@ -97,8 +97,8 @@ class Budget:
         loads = [
             name for name in labels.PRESSURE_AND_VOLUME if name != self.case.variable and not words.hides(row.column(name))
         ]
-        forces = [name for name in ("blocked_force", "contact_force") if name in row]
-        return [name for name in dict.fromkeys((device.gauge, *device.headline, *reversed(loads), *forces)) if name in row]
+        own = (device.gauge, *device.headline, *reversed(loads), "blocked_force", "contact_force", *self.case.gauges.variables)
+        return [name for name in dict.fromkeys(own) if name in row]
 
     def contributions(self, row: table.Row, name: str) -> list[Contribution]:
         """Return what is known of a variable's error in a state, the largest contribution first."""
@@ -128,7 +128,17 @@ class Budget:
             for name in self.headline(row)
             if (told := self.contributions(row, name))
         ]
+        texts += self._at_equal_rise(self.rows[-1])
         return [*texts, f"not in these intervals: {missing}"] if texts and (missing := ", ".join(self._missing())) else texts
+
+    def _at_equal_rise(self, row: table.Row) -> Iterator[str]:
+        """Yield the intervals of the pressure, where that is requested: they differ at equal volume and at equal rise."""
+        gauge, names = self.case.actuator.gauge, (table.band_of("pressure"), table.at_rise(self.case.actuator.gauge))
+        at_volume, at_rise = (row.shown(name) if name in row else math.nan for name in names)
+        if at_volume > 0.0 and self.case.variable == "pressure":
+            causes = causes_in(row, "pressure") or [MATERIAL]
+            rising = "" if math.isnan(at_rise) else f", +- {at_rise:.3g} cm at equal rise of the {gauge}"
+            yield f"pressure +- {at_volume:.3g} cm at equal added volume{rising} (95 %, {', '.join(map(_name, causes))})"
 
     def _called(self, row: table.Row, name: str) -> str:
         device = self.case.actuator
@@ -220,8 +230,11 @@ def _sum(told: Sequence[Contribution]) -> float:
 
 
 def _words(cause: str, deviation: tolerances.Deviation | None) -> str:
-    name = WORDS.get(cause, cause.replace("_", " "))
-    return name if deviation is None else f"{name} +-{deviation.text}"
+    return _name(cause) if deviation is None else f"{_name(cause)} +-{deviation.text}"
+
+
+def _name(cause: str) -> str:
+    return WORDS.get(cause, cause.replace("_", " "))
 
 
 # ----------------------------------------------------------------------------------------------------------------------

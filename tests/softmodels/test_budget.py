@@ -133,12 +133,22 @@ def test_the_mesh_alone_is_no_advice_to_refine(run):
 
 def test_which_path_the_mesh_error_is_from():
     wedge = case_of(sm.HollowDisk(angle=180.0), LAW, "0,5 cm")
-    section = mesh_error.companion(wedge, cheap=True)
+    section = mesh_error.companion(wedge, unasked=True)
     assert section.actuator == sm.HollowDisk(angle=180.0, section="axisymmetric", finer=2.0)
-    assert mesh_error.companion(wedge, cheap=False) is None
+    assert mesh_error.companion(wedge, unasked=False) is None
     sideways = case_of(sm.HollowDisk(angle=180.0), LAW, "0,5 cm", components=[sm.Gravity("x")])
-    assert mesh_error.companion(sideways, cheap=True) is None
-    assert mesh_error.companion(case_of(sm.PneuNet(), LAW, "0,5 kPa"), cheap=True) is None
+    assert mesh_error.companion(sideways, unasked=True) is None
+    assert mesh_error.companion(case_of(sm.PneuNet(), LAW, "0,5 kPa"), unasked=True) is None
+
+
+def test_a_mesh_error_that_costs_more_than_half_of_the_run_is_left_out(monkeypatch):
+    said = []
+    own = simulation.Simulation(case_of(sm.Bellows(), LAW, "0,1 cm"), mpi.start())
+    monkeypatch.setattr(own.listener, "say", said.append)
+    expected = 4 * mesh_error.SECONDS_PER_CELL * 1e4
+    assert not simulation.solve_finer(own, 1e4)
+    assert said == [f"the mesh error is left out, which would take about {expected:.2g} s more (--mesh-error)"]
+    assert simulation.solve_finer(own, 0.1)[-1]["requested"] and "solving again" in said[1]
 
 
 def last_of(device, material, pressure):
