@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Unpack
 from geometries import Actuator
 from softmodels.api.run import Run
 from softmodels.case import materials
-from softmodels.case.case import Case, RequestOptions, SolveOptions, case_of, listed_options
+from softmodels.case.case import Case, ErrorOptions, RequestOptions, SolveOptions, case_of, listed_options
 from softmodels.case.entries import CaseError
 from softmodels.case.load import Values, prescribed
 from softmodels.common import commands, errors, files, names, units
@@ -182,14 +182,14 @@ def compare(first: Run | str | Path, second: Run | str | Path, *more: Run | str 
 
 @checked
 @one_at_a_time
-@listed_options(SolveOptions)
+@listed_options(ErrorOptions)
 def limit(
     device: Actuator,
     material: Material | str,
     *,
     hold: float | str = 0.0,
     vacuum: bool = False,
-    **options: Unpack[SolveOptions],
+    **options: Unpack[ErrorOptions],
 ) -> Limit:
     """Find how far a device can be inflated: its first limit point or bifurcation, and the place of the largest stretch there.
 

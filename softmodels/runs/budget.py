@@ -11,7 +11,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,9 +44,20 @@ class Contribution:
     text: str
 
 
-def total(parts: Mapping[str, float]) -> float:
-    """Return half the 95 % interval of a number from its parts by cause."""
-    return math.hypot(*parts.values())
+def total(parts: Sequence[Contribution]) -> float:
+    """Return half the 95 % interval of a number from its independent parts."""
+    return math.hypot(*(part.half for part in parts))
+
+
+def contributions(halves: Mapping[str, float], deviations: Sequence[tolerances.Deviation]) -> list[Contribution]:
+    """Return half widths by cause with what they are, the largest first."""
+    known = {deviation.name: deviation for deviation in deviations}
+    return ranked(Contribution(cause, half, _words(cause, known.get(cause))) for cause, half in halves.items())
+
+
+def ranked(parts: Iterable[Contribution]) -> list[Contribution]:
+    """Return contributions, the largest first."""
+    return sorted(parts, key=lambda part: -part.half)
 
 
 def parts(row: table.Row, name: str, meshed: Mapping[str, float]) -> dict[str, float]:
@@ -105,9 +116,7 @@ class Budget:
         halves = parts(row, name, self.mesh.of(row))
         if spread := self._spread(row, name):
             halves[MATERIAL] = spread
-        deviations = {deviation.name: deviation for deviation in self.case.deviations}
-        told = [Contribution(cause, half, _words(cause, deviations.get(cause))) for cause, half in halves.items()]
-        return sorted(told, key=lambda contribution: -contribution.half)
+        return contributions(halves, self.case.deviations)
 
     def _spread(self, row: table.Row, name: str) -> float:
         """Return how far the other sources of the silicone lie away at the same requested value; 0 if there are none, and of
@@ -165,7 +174,7 @@ class Budget:
         if not told:
             return ""
         alone = f", {told[0].text} only" if len(told) == 1 else ""
-        return f"+- {rounded(row, name, _sum(told))[1]} {row.unit(name)}".rstrip() + f" (95 %{alone})"
+        return f"+- {rounded(row, name, total(told))[1]} {row.unit(name)}".rstrip() + f" (95 %{alone})"
 
     def next_step(self, row: table.Row, name: str) -> str:
         """Return which contribution to narrow first and what half of it would give, or what to state first, as a sentence; ""
@@ -177,7 +186,7 @@ class Budget:
         if first.name == MESH and not others and (missing := ", ".join(self._missing())):
             return f"Only the mesh is known here, and mostly a small part; state the others first: {missing}."
         halved = math.hypot(0.5 * first.half, *(other.half for other in others))
-        now, then = (rounded(row, name, half)[1] for half in (_sum(told), halved))
+        now, then = (rounded(row, name, half)[1] for half in (total(told), halved))
         cure = {MESH: "use smaller cells (--finer 2)", MATERIAL: "test this silicone, and fit it"}
         return (
             f"The largest contribution is {first.text}: {cure.get(first.name, f'measure the {first.name} of this device')}. "
@@ -193,7 +202,7 @@ class Budget:
             figures = {
                 row.column(name): {
                     "value": row.shown(name),
-                    "half_width": mesh_error.in_unit(row, name, _sum(told)),
+                    "half_width": mesh_error.in_unit(row, name, total(told)),
                     **{part.name: mesh_error.in_unit(row, name, part.half) for part in told},
                 }
                 for name, told in known.items()
@@ -204,7 +213,7 @@ class Budget:
 
 def interval(row: table.Row, name: str, told: Sequence[Contribution]) -> str:
     """Return a variable with half its 95 % interval, two digits of it."""
-    value, half = rounded(row, name, _sum(told))
+    value, half = rounded(row, name, total(told))
     return f"{value} +- {half} {row.unit(name)}".rstrip() + " (95 %)"
 
 
@@ -220,13 +229,9 @@ def _digits(row: table.Row, name: str, half: float) -> int:
 
 
 def _shares(row: table.Row, name: str, told: Sequence[Contribution]) -> list[str]:
-    digits, others = _digits(row, name, _sum(told)), told[MOST_SHOWN:]
-    shown = [*told[:MOST_SHOWN], *([Contribution("", _sum(others), f"{len(others)} others")] if others else [])]
+    digits, others = _digits(row, name, total(told)), told[MOST_SHOWN:]
+    shown = [*told[:MOST_SHOWN], *([Contribution("", total(others), f"{len(others)} others")] if others else [])]
     return [f"{part.text} {mesh_error.in_unit(row, name, part.half):.{digits}f}" for part in shown]
-
-
-def _sum(told: Sequence[Contribution]) -> float:
-    return total({part.name: part.half for part in told})
 
 
 def _words(cause: str, deviation: tolerances.Deviation | None) -> str:

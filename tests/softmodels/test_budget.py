@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -55,7 +56,7 @@ def test_the_half_width_is_of_all_parts(run):
     row = run.table[-1]
     parts = budget.parts(row, "apex", {})
     assert list(parts) == ["material", "cavity_radius", "membrane", "gauge", "water_density"]
-    assert row["apex_ci95"] == pytest.approx(budget.total(parts), rel=1e-12)
+    assert row["apex_ci95"] == pytest.approx(math.hypot(*parts.values()), rel=1e-12)
     alone = sm.inflate(DISK, LAW, "0,100 cm", band=ERRORS).table[-1]
     assert parts["material"] == pytest.approx(alone["apex_ci95"], rel=1e-6) and not budget.causes_in(alone, "apex")
 
@@ -149,6 +150,31 @@ def test_a_mesh_error_that_costs_more_than_half_of_the_run_is_left_out(monkeypat
     assert not simulation.solve_finer(own, 1e4)
     assert said == [f"the mesh error is left out, which would take about {expected:.2g} s more (--mesh-error)"]
     assert simulation.solve_finer(own, 0.1)[-1]["requested"] and "solving again" in said[1]
+
+
+def test_a_limit_pressure_has_a_budget_of_its_own(tmp_path):
+    device, law, half = sm.Balloon(), sm.NeoHookean(20e3), 0.05e-3
+    errors = MaterialErrors(("shear_modulus",), ((500.0**2,),))
+    limit = sm.limit(device, law, band=errors, tolerance={"wall": "0.05 mm", "gauge": "1 %"})
+    others = {
+        "wall": [sm.limit(device.replaced(wall=device.wall + way * half), law).pressure for way in (1, -1)],
+        "material": [sm.limit(device, sm.NeoHookean(20e3 + way * budget.HALF_WIDTH_95 * 500.0)).pressure for way in (1, -1)],
+        "gauge": [1.01 * limit.pressure, 0.99 * limit.pressure],
+    }
+    assert [part.name for part in limit.errors] == ["material", "wall", "gauge"]
+    for part in limit.errors:
+        high, low = others[part.name]
+        assert part.half == pytest.approx(abs(high - low) / 2, rel=2e-3)
+    assert limit.half_width == pytest.approx(math.hypot(*(part.half for part in limit.errors)))
+    file = tmp_path / "balloon.toml"
+    file.write_text(
+        'geometry = { device = "Balloon" }\nmaterial = { law = "neo-hookean", shear_modulus = "20 kPa" }\n'
+        'load = { pressure_cm = "1" }\ntolerance = { wall = "0.05 mm" }\n'
+    )
+    done = runs.run("-m", "softmodels", "limit", file, "-o", tmp_path / "out")
+    assert " cm (95 %: wall +-0.05 mm 0.8" in done.out
+    (row,) = json.loads((tmp_path / "out" / "limit.json").read_text())
+    assert row["limit_ci95_Pa"] == row["limit_ci95_wall_Pa"] == pytest.approx(limit.errors[1].half, rel=1e-6)
 
 
 def last_of(device, material, pressure):
