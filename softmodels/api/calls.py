@@ -174,7 +174,7 @@ def compare(first: Run | str | Path, second: Run | str | Path, *more: Run | str 
             name = ("first", "second")[number] if number < 2 else "more"
             return comparison.ComparedResult.from_folder(names.place(name, run, "a run, or a folder of results"))
         rest = run[0]
-        return comparison.ComparedResult(f"{run.case.name} ({number + 1})", run.case, run.table, rest.points, len(rest.cells),
+        return comparison.ComparedResult(f"{run.case.name} ({number + 1})", run.budget, rest.points, len(rest.cells),
                         lambda step: run[step].displacement)  # fmt: skip
 
     return comparison.compared([of(number, run) for number, run in enumerate((first, second, *more))])

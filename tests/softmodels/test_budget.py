@@ -177,6 +177,29 @@ def test_a_limit_pressure_has_a_budget_of_its_own(tmp_path):
     assert row["limit_ci95_Pa"] == row["limit_ci95_wall_Pa"] == pytest.approx(limit.errors[1].half, rel=1e-6)
 
 
+def test_a_difference_of_two_meshes_is_below_the_error_of_both():
+    coarse, fine = (sm.inflate(DISK.replaced(finer=finer), LAW, "0,20 cm", mesh_error=True) for finer in (1.0, 1.5))
+    found = sm.compare(coarse, fine)
+    rise, half = found.figures[0], [run.mesh_errors["apex"] * 1e3 for run in (coarse, fine)]
+    assert rise.errors == pytest.approx((math.hypot(*half),)) and rise.errors[0] > abs(rise.values[1] - rise.values[0])
+    assert f"below the error of both, +- {rise.errors[0]:.2g} mm" in str(found) and "below the error of both" in found.html()
+
+
+def test_the_silicone_that_two_runs_share_counts_by_its_difference():
+    """The difference of two devices of one cast is better known than that of two casts."""
+    high, low = (sm.NeoHookean(30e3 + way * budget.HALF_WIDTH_95 * 1500.0) for way in (1.0, -1.0))
+    thin, thick = DISK, DISK.replaced(membrane=1.3 * DISK.membrane)
+    runs = [sm.inflate(device, LAW, "0,20 cm", band=ERRORS) for device in (thin, thick)]
+    rise = sm.compare(*runs).figures[0]
+    away = [sm.inflate(thick, law, "0,20 cm").apex[-1] - sm.inflate(thin, law, "0,20 cm").apex[-1] for law in (high, low)]
+    assert rise.errors[0] == pytest.approx(1e3 * abs(away[0] - away[1]) / 2, rel=0.01)
+    assert f"%; error of both, +- {rise.errors[0]:.2g} mm)" in rise.texts[1]
+    other = sm.inflate(thick, sm.NeoHookean(31e3), "0,20 cm", band=ERRORS)
+    halves = [1e3 * run.table[-1]["apex_ci95"] for run in (runs[0], other)]
+    assert sm.compare(runs[0], other).figures[0].errors[0] == pytest.approx(math.hypot(*halves))
+    assert math.isnan(sm.compare(runs[0], sm.inflate(thick, LAW, "0,20 cm")).figures[0].errors[0])
+
+
 def last_of(device, material, pressure):
     """The apex rise and the added volume of a device at a pressure, by its own path of few steps."""
     case = case_of(device, material, [pressure])
