@@ -17,6 +17,7 @@ import tomli_w
 from geometries import Actuator
 from softmodels.case import case, entries
 from softmodels.case.case import Case
+from softmodels.case.tolerances import HALF_WIDTH_95
 from softmodels.common import cards, commands, names
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import scipy
@@ -236,8 +237,8 @@ class DesignResult(cards.ResultCard):
         for row, taken in zip(self.form.rows, allowances, strict=True):
             asked, value = row.keep.quantity, self.values[row.key]
             told.append(
-                f"{row.text}: {in_words(asked, value)} +- {in_words(asked, taken / NORMAL_QUANTILE, 2)} (one standard "
-                f"deviation), so with 95 % {'below' if row.sign > 0 else 'above'} {in_words(asked, value + row.sign * taken)}"
+                f"{row.text}: {in_words(asked, value)} +- {in_words(asked, taken / NORMAL_QUANTILE * HALF_WIDTH_95, 2)} "
+                f"(95 %), so with 95 % {'below' if row.sign > 0 else 'above'} {in_words(asked, value + row.sign * taken)}"
             )
         return told
 

@@ -19,6 +19,7 @@ import numpy as np
 from geometries import Actuator, actuator as parameters
 from softmodels.case import materials, tolerances
 from softmodels.case.case import Case
+from softmodels.case.tolerances import HALF_WIDTH_95
 from softmodels.common.arrays import Array
 from softmodels.mechanics import controls, newton
 from softmodels.path import stability, steps
@@ -255,8 +256,6 @@ def _name(cause: str) -> str:
 #   measured at a given height compare with it. A stiffer silicone also needs another volume for the same height.
 
 
-HALF_WIDTH_95 = 1.959964
-"""Half width of a 95 % interval in standard deviations."""
 SOLVE_TOLERANCE = 1e-6
 """Tolerance of the linear solver."""
 DIFFERENCE_STEP = 1e-3
