@@ -18,6 +18,7 @@ from geometries import Actuator, HollowDisk, registry
 from softmodels.case import entries, load, materials
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
+from softmodels.case.materials import MaterialErrors
 from softmodels.cli import ending, options
 from softmodels.common import commands, files, pages, processes, schema, units
 from softmodels.common.lazy import MPI
@@ -597,7 +598,7 @@ class LimitRequest:
     normal: bool
     column: LimitColumn
     hold: float
-    fitted: Sequence[materials.MaterialErrors]
+    fitted: Sequence[MaterialErrors]
 
     @classmethod
     def from_options(
@@ -621,7 +622,7 @@ class LimitRequest:
         around = _as_asked(case, device, asked, how.water_density, -100.0 if how.vacuum else 100.0)
         around = dataclasses.replace(around, mesh_error=how.mesh_error or around.mesh_error)
         column = LimitColumn(around.column, _working_cm(how.working_pressure, around.column.pascal))
-        fitted = list(filter(None, map(materials.MaterialErrors.beside, names)))
+        fitted = list(filter(None, map(MaterialErrors.beside, names)))
         return cls(around, asked, tolerances, how.count or CURVE_SAMPLES, how.normal, column, hold, fitted)
 
 

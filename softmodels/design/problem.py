@@ -15,7 +15,6 @@ import numpy.typing as npt
 from geometries import Actuator
 from softmodels.case import entries, materials, tolerances
 from softmodels.case.case import Case, of_shape, value_of, variable_names, varied, with_changes
-from softmodels.case.tolerances import HALF_WIDTH_95
 from softmodels.common import errors, names, schema, tables, units
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import MPI
@@ -750,7 +749,7 @@ def spreads_of(case: Case, tolerance: Mapping[str, object] | None, bare: bool) -
     made = case.deviations if tolerance is None else []
     if process is not None:
         made = tolerances.Tolerances.of({tolerances.PROCESS: process}).deviations(case.actuator, case.column.pascal)
-    spreads = {own.name: own.half / HALF_WIDTH_95 for own in made if own.name not in tolerances.READINGS}
+    spreads = {own.name: own.half / tolerances.HALF_WIDTH_95 for own in made if own.name not in tolerances.READINGS}
     device, units = case.actuator, variable_names(case)
     for name, value in trials.dotted(table):
         for name_of_list in expanded(case, name):
@@ -765,7 +764,7 @@ def spreads_of(case: Case, tolerance: Mapping[str, object] | None, bare: bool) -
             movable = name_of_list.partition("[")[0] in device.movable or name_of_list in device.movable
             if of_shape(case, name_of_list) and not movable:
                 raise DesignError(f"{what}: the mesh of this {type(device).__name__} cannot follow it")
-            spreads[name_of_list] = half / HALF_WIDTH_95
+            spreads[name_of_list] = half / tolerances.HALF_WIDTH_95
     return spreads
 
 

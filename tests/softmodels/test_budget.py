@@ -13,7 +13,7 @@ from softmodels.api.calls import case_of
 from softmodels.case.entries import CaseError
 from softmodels.case.load import steps_of
 from softmodels.case.materials import MaterialErrors
-from softmodels.case.tolerances import Tolerances
+from softmodels.case.tolerances import HALF_WIDTH_95, Tolerances
 from softmodels.mechanics import mpi
 from softmodels.runs import budget, mesh_error, simulation
 from tests.support import runs
@@ -158,7 +158,7 @@ def test_a_limit_pressure_has_a_budget_of_its_own(tmp_path):
     limit = sm.limit(device, law, band=errors, tolerance={"wall": "0.05 mm", "gauge": "1 %"})
     others = {
         "wall": [sm.limit(device.replaced(wall=device.wall + way * half), law).pressure for way in (1, -1)],
-        "material": [sm.limit(device, sm.NeoHookean(20e3 + way * budget.HALF_WIDTH_95 * 500.0)).pressure for way in (1, -1)],
+        "material": [sm.limit(device, sm.NeoHookean(20e3 + way * HALF_WIDTH_95 * 500.0)).pressure for way in (1, -1)],
         "gauge": [1.01 * limit.pressure, 0.99 * limit.pressure],
     }
     assert [part.name for part in limit.errors] == ["material", "wall", "gauge"]
@@ -187,7 +187,7 @@ def test_a_difference_of_two_meshes_is_below_the_error_of_both():
 
 def test_the_silicone_that_two_runs_share_counts_by_its_difference():
     """The difference of two devices of one cast is better known than that of two casts."""
-    high, low = (sm.NeoHookean(30e3 + way * budget.HALF_WIDTH_95 * 1500.0) for way in (1.0, -1.0))
+    high, low = (sm.NeoHookean(30e3 + way * HALF_WIDTH_95 * 1500.0) for way in (1.0, -1.0))
     thin, thick = DISK, DISK.replaced(membrane=1.3 * DISK.membrane)
     runs = [sm.inflate(device, LAW, "0,20 cm", band=ERRORS) for device in (thin, thick)]
     rise = sm.compare(*runs).figures[0]
@@ -220,11 +220,11 @@ def test_the_sum_of_the_parts_against_devices_at_random():
 
     tolerance = {"membrane": "0.08 mm", "gauge": "3 cm"}
     run = sm.inflate(DISK, LAW, "0,100 cm", band=ERRORS, tolerance=tolerance)
-    normal = stats.norm.ppf(stats.qmc.Halton(3, seed=3).random(160)) / budget.HALF_WIDTH_95
-    sizes = 0.08e-3, budget.HALF_WIDTH_95 * 1500.0, 3.0 * run.case.column.pascal
+    normal = stats.norm.ppf(stats.qmc.Halton(3, seed=3).random(160)) / HALF_WIDTH_95
+    sizes = 0.08e-3, HALF_WIDTH_95 * 1500.0, 3.0 * run.case.column.pascal
     values = [
         last_of(DISK.replaced(membrane=DISK.membrane + t), sm.NeoHookean(30e3 + m), run.pressure[-1] + p)
         for t, m, p in normal * sizes
     ]
     for name, own in zip(("apex", "added_volume"), np.transpose(values), strict=True):
-        assert budget.HALF_WIDTH_95 * np.std(own, ddof=1) == pytest.approx(run.table[-1][f"{name}_ci95"], rel=0.05)
+        assert HALF_WIDTH_95 * np.std(own, ddof=1) == pytest.approx(run.table[-1][f"{name}_ci95"], rel=0.05)
