@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Unpack
 from geometries import Actuator
 from softmodels.api.run import Run
 from softmodels.case import materials
-from softmodels.case.case import Case, RequestOptions, SolveOptions, case_of, listed_options
+from softmodels.case.case import Case, ErrorOptions, RequestOptions, SolveOptions, case_of, listed_options
 from softmodels.case.entries import CaseError
 from softmodels.case.load import Values, prescribed
 from softmodels.common import commands, errors, files, names, units
@@ -174,7 +174,7 @@ def compare(first: Run | str | Path, second: Run | str | Path, *more: Run | str 
             name = ("first", "second")[number] if number < 2 else "more"
             return comparison.ComparedResult.from_folder(names.place(name, run, "a run, or a folder of results"))
         rest = run[0]
-        return comparison.ComparedResult(f"{run.case.name} ({number + 1})", run.case, run.table, rest.points, len(rest.cells),
+        return comparison.ComparedResult(f"{run.case.name} ({number + 1})", run.budget, rest.points, len(rest.cells),
                         lambda step: run[step].displacement)  # fmt: skip
 
     return comparison.compared([of(number, run) for number, run in enumerate((first, second, *more))])
@@ -182,14 +182,14 @@ def compare(first: Run | str | Path, second: Run | str | Path, *more: Run | str 
 
 @checked
 @one_at_a_time
-@listed_options(SolveOptions)
+@listed_options(ErrorOptions)
 def limit(
     device: Actuator,
     material: Material | str,
     *,
     hold: float | str = 0.0,
     vacuum: bool = False,
-    **options: Unpack[SolveOptions],
+    **options: Unpack[ErrorOptions],
 ) -> Limit:
     """Find how far a device can be inflated: its first limit point or bifurcation, and the place of the largest stretch there.
 

@@ -30,7 +30,7 @@ from softmodels.materials import laws, silicones
 from softmodels.mechanics import mpi, newton
 from softmodels.path.continuation import Continuation
 from softmodels.path.steps import STROKE, one_step
-from softmodels.runs import analyses, columns, formats, labels, mesh_error, notes, outcomes, recording, states, store
+from softmodels.runs import analyses, columns, formats, labels, notes, outcomes, recording, states, store
 from softmodels.runs.analyses import Limit
 from softmodels.runs.budget import Budget
 from softmodels.runs.fields import OUTPUTS, OutputField, requestable
@@ -163,17 +163,17 @@ class Run(cards.ResultCard):
     def mesh_errors(self) -> dict[str, float]:
         """Half widths of the 95 % intervals due to the mesh, in SI by variable (such as ``"apex"``), of the last requested
         state that the path with smaller cells reaches too; empty unless the case has ``mesh_error``."""
-        return mesh_error.MeshErrors(self.case, self.table, self._source.finer).last[1]
+        return self.budget.mesh.last[1]
 
     @property
     def budget(self) -> Budget:
         """What is known of the errors of the run's numbers, by their causes: ``run.budget.lines()`` says it."""
-        return Budget(self.case, self.table, self._source.finer, self._source.sources)
+        return self._source.budget
 
     @property
     def notes(self) -> list[str]:
         """Warnings on the run's validity, as sentences; empty if there are none."""
-        texts = [*self._source.mesh_notes, *notes.notes_of(self.case, self.table, self._source.sources, self._source.finer)]
+        texts = [*self._source.mesh_notes, *notes.notes_of(self.budget)]
         return [errors.spoken(note) for note in texts]
 
     # -- its states ---------------------------------------------------------------------------------------------------

@@ -23,7 +23,7 @@ from softmodels.fitting.outlines import shapes
 from softmodels.materials import silicones
 from softmodels.mechanics import controls, mpi
 from softmodels.mechanics.system import State, System
-from softmodels.runs import notes
+from softmodels.runs import labels, notes
 from softmodels.runs.simulation import Model, Simulation
 from softmodels.runs.states import FolderStates
 
@@ -60,29 +60,36 @@ def _state(state: SolvedState) -> replies.StateAnswer:
     )
 
 
-def limit(case: str) -> str:
-    """Return what the largest pressure of a case's device is, as a sentence with the margin to its last requested one."""
+def limit(case: str) -> tuple[str]:
+    """Return what the largest pressure of a case's device is, as one sentence with the margin to its last requested one."""
     asked = Case.from_toml(case)
     limit = calls.limit(
-        asked.actuator, asked.material, formulation=asked.formulation, components=asked.components, solver=asked.solver
-    )
-    pressure = f"{asked.column.text(limit.pressure)} ({limit.pressure / 1e3:.4g} kPa)"
+        asked.actuator, asked.material, formulation=asked.formulation, components=asked.components, solver=asked.solver,
+        band=asked.band if isinstance(asked.band, materials.MaterialErrors) else None, tolerance=asked.tolerance,
+    )  # fmt: skip
+    error = f" ± {asked.column.text(limit.half_width, '.2g')} (95 %, mostly {limit.errors[0].text})" if limit.errors else ""
+    pressure = f"{asked.column.text(limit.pressure)} ({limit.pressure / 1e3:.4g} kPa){error}"
     if not limit.exists:
-        return f"no limit point up to {pressure}, where the largest stretch is {limit.stretch:.3g}"
+        return (f"no limit point up to {pressure}, where the largest stretch is {limit.stretch:.3g}",)
     what = "limit point" if limit.kind == "limit" else "bifurcation"
     highest = max(asked.load.of(trials.PRESSURE), default=0.0)
     margin = f", {limit.pressure / highest:.3g} times the highest pressure" if highest else ""
-    return f"{what} at {pressure}{margin}; largest stretch there {limit.stretch:.3g}"
+    return (f"{what} at {pressure}{margin}; largest stretch there {limit.stretch:.3g}",)
 
 
-def spread(case: str) -> str:
-    """Return how far the sources of a named silicone spread the answer, as a sentence; empty where there is one source."""
+def errors(case: str) -> tuple[str, str]:
+    """Return the error of the gauge's rise at the last requested value with its causes, the largest first, and how far the
+    sources of a named silicone spread the answer, as sentences; empty where nothing is known, or there is one source."""
     asked = Case.from_toml(case)
-    name = silicones.named(asked.material)
-    if name is None or not silicones.spanning(silicones.product_of(name)) or asked.program:
-        return ""
-    banded = dataclasses.replace(asked, band=materials.SourceBand(silicones.product_of(name)))
-    return notes.span_sentence(banded, calls.run(banded)._source.sources)
+    if asked.program:
+        return "", ""
+    name, banded = silicones.named(asked.material), asked
+    if asked.band is None and name is not None and silicones.spanning(product := silicones.product_of(name)):
+        banded = dataclasses.replace(asked, band=materials.SourceBand(product))
+    solved = calls.run(dataclasses.replace(banded, mesh_error=asked.actuator.refinable))
+    lines, row = solved.budget.lines(), next(iter(solved.budget.stated), None)
+    error = f"at {labels.load(row, labels.state_labels(asked))}: {lines[0].replace('+-', '±')}" if row and lines else ""
+    return error, notes.span_sentence(banded, solved._source.sources) if solved.sources else ""
 
 
 class _Solved:

@@ -60,6 +60,7 @@ class DevicePage(forms.TabPage):
                 self.slider.on_value_change(lambda _: self._show_between())
                 self.slider.on("change", lambda _: self._solve_between())
                 self.about = forms.tagged(ui.label(), "linear", "text-sm", "")
+                self.error = forms.tagged(ui.label(), "error", "text-sm", "")
                 self.numbers = ui.grid(columns="auto auto").classes("gap-x-6 gap-y-0")
                 self.chart = ui.echart(_chart([], "", bench.project.case.column.unit)).classes("w-full h-64")
                 self.limit = forms.tagged(ui.label(), "limit", "", "")
@@ -186,18 +187,19 @@ class DevicePage(forms.TabPage):
         self._show(answer.states[self.pressures.index(top)])
         self._plot(table.PathTable(solved.row for solved in answer.states))
         self._report(answer)
-        for label in (self.limit, self.spread):
+        for label in (self.limit, self.error, self.spread):
             label.set_text("")
-        for function, label in (("limit", self.limit), ("spread", self.spread)):
+        for function, labels in (("limit", (self.limit,)), ("errors", (self.error, self.spread))):
             try:
-                sentence = await self.bench.slower.ask(function, text, kind=function)
+                sentences = await self.bench.slower.ask(function, text, kind=function)
             except jobs.SupersededError:
                 return
             except jobs.AnswerError as error:
-                sentence = str(error)
+                sentences = [str(error)]
             if self.text != text:  # another device is shown by now
                 return
-            label.set_text(sentence)
+            for label, sentence in zip(labels, sentences, strict=False):
+                label.set_text(sentence)
 
     def _wait(self, waits: bool) -> None:
         """Show that what is drawn belongs to an older question, until the newest is answered."""
@@ -212,7 +214,7 @@ class DevicePage(forms.TabPage):
         self.answer = None
         for place in (self.picture, self.scale):
             place.set_content("")
-        for label in (self.limit, self.spread, self.about):
+        for label in (self.limit, self.error, self.spread, self.about):
             label.set_text("")
         self.numbers.clear()
         (stored, rows), job = stored_run(self.project), self.bench.jobs.latest(OUTPUT)

@@ -310,6 +310,8 @@ class Case:
             "components",
             names.several("components", self.components, Component, "a part, such as sm.Gravity('-z')"),
         )
+        if isinstance(self.band, str | Path):
+            object.__setattr__(self, "band", materials.band_of(self.band))
         for name, (kinds, wanted) in _KINDS.items():
             names.one_of(name, getattr(self, name), (*kinds, types.NoneType), wanted)
         if isinstance(self.tolerance, Mapping):
@@ -710,7 +712,14 @@ class SolveOptions(TypedDict, total=False):
     accuracy: float | str
 
 
-class RequestOptions(SolveOptions, total=False):
+class ErrorOptions(SolveOptions, total=False):
+    """These, and the errors of material, lengths and readings."""
+
+    band: materials.AnyBand | str | Path | None
+    tolerance: tolerances.Tolerances | Mapping[str, str] | None
+
+
+class RequestOptions(ErrorOptions, total=False):
     """The fields of a `Case`, and of its load in time, that a call may give."""
 
     rate: str
@@ -723,8 +732,6 @@ class RequestOptions(SolveOptions, total=False):
     supply: AirSupply | None
     control: str
     gauges: Probes | None
-    band: materials.AnyBand | str | Path | None
-    tolerance: tolerances.Tolerances | Mapping[str, str] | None
     load_unload: bool
     water_density: float | str
     fields: Sequence[str]
@@ -762,8 +769,6 @@ def case_of(
     except errors.FieldError as error:
         raise CaseError(str(error)) from None
     fields = {"name": device.stem, "steps": steps, **chosen}
-    if isinstance(band := fields.get("band"), str | Path):
-        fields["band"] = materials.band_of(band)
     case = Case(actuator=device, material=material, **fields)  # type: ignore[arg-type]
     _doubt_numbers(pressures, case)
     return case

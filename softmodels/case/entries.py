@@ -267,6 +267,11 @@ class Probes:
         ]
 
     @property
+    def variables(self) -> list[str]:
+        """The names of these columns without their units."""
+        return [column.rpartition("_")[0] for column in self.columns()]
+
+    @property
     def off_columns(self) -> dict[str, str]:
         """Columns with the distance of the tracked place from the named point, by the point's name."""
         return {name: f"{name}_off_mm" for name, _ in self.points}

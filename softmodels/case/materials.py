@@ -298,6 +298,14 @@ class MaterialErrors:
         return known
 
     @classmethod
+    def beside(cls, material: str) -> MaterialErrors | None:
+        """From the file that a material is given by, if it is that of a fit with errors; None for names and other files."""
+        try:
+            return cls.from_file(path) if (path := Path(material)).is_file() else None
+        except MaterialError:
+            return None
+
+    @classmethod
     def of_fit(
         cls, material: Material, free: Sequence[str], covariance: Array, values: Mapping[str, float], how: str
     ) -> MaterialErrors | None:

@@ -18,6 +18,8 @@ PROCESS, GAUGE, COLUMN = "process", "gauge", "water_density"
 """Keys of a table of tolerances beside the device's lengths."""
 READINGS = (GAUGE, COLUMN)
 """Tolerances of the pressure that is read."""
+HALF_WIDTH_95 = 1.959964
+"""Half width of a 95 % interval in standard deviations."""
 PROCESSES: Mapping[str, tuple[float, float]] = MappingProxyType(
     {"resin": (0.1e-3, 0.001), "filament": (0.3e-3, 0.005), "machined": (0.05e-3, 0.0005)}
 )
@@ -81,7 +83,7 @@ class Tolerances:
 
 
 def _length(device: Actuator, name: str, text: str) -> Deviation:
-    share, value = _share(name, text), actuator.parameter(device, name)
+    share, value = percentage(name, text), actuator.parameter(device, name)
     half = _read(name, text, "m") if share is None else share * abs(value)
     if not 0.0 < half < abs(value):
         raise CaseError(f"tolerance of {name} is {text!r}; it must be above 0 and below {schema.shown(abs(value), 'm')}")
@@ -96,7 +98,7 @@ def _by_process(device: Actuator, name: str, process: str) -> Deviation:
 
 
 def _reading(name: str, text: str, cm: float) -> Deviation:
-    share, half = _share(name, text), 0.0
+    share, half = percentage(name, text), 0.0
     if share is None and name == COLUMN:
         share = _read(name, text, "kg/m^3") * 0.01 * units.STANDARD_GRAVITY / cm
     elif share is None:
@@ -106,7 +108,7 @@ def _reading(name: str, text: str, cm: float) -> Deviation:
     return Deviation(name, half, share, text)
 
 
-def _share(name: str, text: str) -> float | None:
+def percentage(name: str, text: str) -> float | None:
     """Return a percentage relative to 1; None for a text without the sign."""
     if not text.rstrip().endswith("%"):
         return None

@@ -18,6 +18,7 @@ from geometries import Actuator, HollowDisk, registry
 from softmodels.case import entries, load, materials
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
+from softmodels.case.materials import MaterialErrors
 from softmodels.cli import ending, options
 from softmodels.common import commands, files, pages, processes, schema, units
 from softmodels.common.lazy import MPI
@@ -80,7 +81,8 @@ def row_of(name: str, limit: Limit, column: LimitColumn) -> Row:
         "max_stretch": limit.stretch, **{f"{axis}_mm": x * 1e3 for axis, x in zip("xyz", limit.place, strict=True)},
     }  # fmt: skip
     row |= {"hold_s": limit.held} if limit.held else {}
-    row |= {} if math.isnan(limit.mesh_error) else {"mesh_error_Pa": limit.mesh_error}
+    row |= {"limit_ci95_Pa": limit.half_width} if limit.errors else {}
+    row |= {f"limit_ci95_{part.name}_Pa": part.half for part in limit.errors}
     return row if column.working is None else {**row, "margin": abs(limit.pressure) / column.scale.pascal / column.working}
 
 
@@ -90,7 +92,8 @@ def sentence(name: str, limit: Limit, column: LimitColumn) -> str:
     place = f"largest stretch {limit.stretch:.3g}, {radius:.3g} mm from the axis at height {height:.3g} mm"
     rises = ", ".join(f"{name} {rise * 1e3:+.4g} mm" for name, rise in limit.rises.items())
     state = f"{rises}, {limit.added_volume * 1e6:+.4g} ml; {place}"
-    error = "" if math.isnan(limit.mesh_error) else f", +- {column.scale.text(limit.mesh_error, '.2g')} (mesh)"
+    parts = ", ".join(f"{part.text} {column.scale.text(part.half, '.2g')}" for part in limit.errors)
+    error = f" +- {column.scale.text(limit.half_width, '.2g')} (95 %: {parts})" if parts else ""
     at = f"{column.scale.full(limit.pressure)} ({limit.pressure / 1e3:.4g} kPa){error}"
     what = {
         "limit": f"limit pressure {at}: {state}",
@@ -152,7 +155,8 @@ def write(folder: Path, limits: Mapping[str, Limit], scatter: Scatter, column: L
     """Write ``limit.json`` and ``limit.csv``, and of a scatter its table and picture, which is returned."""
     table = [row_of(name, limit, column) for name, limit in limits.items()]
     files.write_text(folder / "limit.json", json.dumps(table, indent=2) + "\n")
-    files.write_text(folder / "limit.csv", files.csv_text(table[0], (map(row.get, table[0]) for row in table)))
+    names = list(dict.fromkeys(name for row in table for name in row))
+    files.write_text(folder / "limit.csv", files.csv_text(names, (map(row.get, names) for row in table)))
     if not scatter.sampled:
         return None
     rows = [{**changes, **row_of("", limit, column)} for changes, limit in scatter.sampled]
@@ -584,6 +588,7 @@ class LimitRequest:
         normal: Whether the tolerances are two standard deviations.
         column: Unit of the pressures.
         hold: Hold time in s that the device must survive; 0: unlimited.
+        fitted: Errors of the materials that are files of a fit.
     """
 
     case: Case
@@ -593,6 +598,7 @@ class LimitRequest:
     normal: bool
     column: LimitColumn
     hold: float
+    fitted: Sequence[MaterialErrors]
 
     @classmethod
     def from_options(
@@ -603,20 +609,21 @@ class LimitRequest:
         if how.changes and file is None:
             raise CaseError("--set changes a case FILE; give one, or use the options of the device")
         case = None if file is None else simulation.AtRest.from_file(file, changes=how.changes)
-        device, materials = _asked(kind, case, file, names, dict(values))
-        for material in materials.values():
+        device, asked = _asked(kind, case, file, names, dict(values))
+        for material in asked.values():
             specimens.check_rest(material)
         tolerances = [analyses.Tolerance.parse(text, type(device)) for text in how.vary]
         if not tolerances and (how.normal or how.count is not None):
             raise CaseError("--samples and --normal need a tolerance; give one with --vary")
-        hold = analyses.check_hold(how.hold or 0.0, list(materials.values()))
+        hold = analyses.check_hold(how.hold or 0.0, list(asked.values()))
         for other in ("vary", "vacuum"):
             if hold and getattr(how, other):
                 raise CaseError(f"--hold and --{other} cannot be combined; leave out one of them")
-        around = _as_asked(case, device, materials, how.water_density, -100.0 if how.vacuum else 100.0)
+        around = _as_asked(case, device, asked, how.water_density, -100.0 if how.vacuum else 100.0)
         around = dataclasses.replace(around, mesh_error=how.mesh_error or around.mesh_error)
         column = LimitColumn(around.column, _working_cm(how.working_pressure, around.column.pascal))
-        return cls(around, materials, tolerances, how.count or CURVE_SAMPLES, how.normal, column, hold)
+        fitted = list(filter(None, map(MaterialErrors.beside, names)))
+        return cls(around, asked, tolerances, how.count or CURVE_SAMPLES, how.normal, column, hold, fitted)
 
 
 def _working_cm(text: str | None, pascal_in_cm: float) -> float | None:
@@ -689,7 +696,7 @@ def _answered(question: LimitRequest, materials: Mapping[str, Material], comm: M
     """Return the limits by material and of the devices within the tolerances."""
     case, sampled = question.case, list[Sampled]()
     analyses.check_varied(case.actuator, question.tolerances, comm)
-    limits = analyses.find_limit(case, list(materials.values()), comm, question.hold)
+    limits = analyses.find_limit(case, list(materials.values()), comm, question.hold, question.fitted)
     if question.tolerances:
         values = analyses.samples(question.tolerances, question.count, question.normal)
         sampled = analyses.scatter(case, next(iter(materials.values())), question.tolerances, values, comm)

@@ -23,7 +23,7 @@ from softmodels.common import commands, processes
 from softmodels.common.errors import OWN_MODULES, reason, spoken
 from softmodels.common.lazy import MPI, PETSc, consoles, progress
 from softmodels.mechanics import mpi
-from softmodels.runs import budget, fields, labels, notes, outcomes, recording, store
+from softmodels.runs import fields, labels, notes, outcomes, recording, store
 from softmodels.runs.simulation import accurate
 
 
@@ -125,9 +125,7 @@ class Reporter(recording.Observer):
 
 def _summarise(case: Case, results: store.Results, drawn: str, stability: str) -> None:
     """Print the last state of a run that has reached all its values, its stability, and what there is in its folder."""
-    last = results.rows[-1]
-    stated = budget.Budget(case, results.rows, results.finer(case), results.sources(case))
-    for text in (*notes.closing(case, last, stated.mesh.of(last)), *stated.lines(), stability):
+    for text in (*notes.closing(case, results.rows[-1]), *results.budget(case).lines(), stability):
         if text:
             processes.say(text)
     drawn = f"; {drawn}" if drawn else ""

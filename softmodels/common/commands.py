@@ -234,7 +234,7 @@ class RunOptions(DrawingOptions, SolvingOptions):
     budget: str = option(
         type=Choice(("auto", "none")), default="auto", show_default=True,
         help="Mesh error of the main numbers; auto: of devices with an axisymmetric section, from that section with cells half "
-        "as large, if the path took less than a minute.",
+        "as large, if that costs less than half of the run.",
     )  # fmt: skip
     no_pictures: bool = flag_option("The same as --pictures none.")
 

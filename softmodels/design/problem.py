@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator
-from softmodels.case import entries, materials
+from softmodels.case import entries, materials, tolerances
 from softmodels.case.case import Case, of_shape, value_of, variable_names, varied, with_changes
 from softmodels.common import errors, names, schema, tables, units
 from softmodels.common.arrays import Array
@@ -27,7 +27,7 @@ from softmodels.mechanics import controls
 
 OBJECTIVES = {"maximise": -1.0, "minimise": 1.0, "follow": 1.0}
 """Kinds of objectives, with the sign for minimisation."""
-TABLES = ("name", "case", "parameters", *OBJECTIVES, "keep", "tolerances", "material_errors")
+TABLES = ("name", "case", "parameters", *OBJECTIVES, "keep", "tolerance", "material_errors")
 LIMIT_SEARCH_FACTOR = 1.15
 """Factor above the required limit pressure up to which a limit point is searched; beyond it, it does not matter."""
 
@@ -44,8 +44,10 @@ class DesignProblem:
         maximise, minimise, follow: One of these: a quantity of `softmodels.design.quantities`, or a table that names one, such
             as ``{"quantity": "rise", "of": "tip", "at": "177 cm"}``. Several pressures make a mean, with optional ``weights``.
         keep: What must hold: `Keep`, or tables with a quantity and ``at_least``, ``at_most`` or both.
-        tolerances: Standard deviations of fabrication by parameter; with them limits hold with 95 %.
-        material_errors: A fitted material (``fitted.toml`` of `softmodels fit`), whose errors count likewise.
+        tolerance: Half widths of 95 % intervals by parameter, and the ``process`` of all other lengths, as in a case
+            (`softmodels.case.tolerances`); with them limits hold with 95 %. Those of the case's lengths unless given.
+        material_errors: A fitted material (``fitted.toml`` of `softmodels fit`), whose errors count likewise. Those of the
+            case's band unless given.
         name: Of the results; the case's if empty.
         folder: From which files are counted; None for the current one.
 
@@ -59,7 +61,7 @@ class DesignProblem:
     minimise: DesignQuantity | Mapping[str, object] | None = None
     follow: DesignQuantity | Mapping[str, object] | None = None
     keep: Sequence[Keep | Mapping[str, object]] = ()
-    tolerances: Mapping[str, object] | None = None
+    tolerance: Mapping[str, object] | None = None
     material_errors: object = None
     name: str = ""
     folder: Path | None = dataclasses.field(default=None, repr=False)
@@ -102,12 +104,11 @@ class DesignProblem:
         free = free_parameters(case, table, self.bare) if table or not (counts or self.fixed) else ()
         objective, terms = self._objective(reader)
         errors = _errors(self.material_errors, case, self.folder)
-        deviations = {} if self.tolerances is None else self.tolerances
         limits = [keep for k, entry in enumerate(_list(self.keep), 1) for keep in _keeps(reader, entry, f"keep {k}")]
         settled: dict[str, object] = {
             "case": case, "free": free, "objective": objective, "terms": terms,
             "limits": tuple(limits),
-            "spreads": tolerances_of(case, _table(deviations, "tolerances"), self.bare),
+            "spreads": spreads_of(case, self.tolerance, self.bare),
             "errors": errors, "name": self.name or case.name,
             "notes": tuple(filter(None, [crossed_corners(case, free)])),
         }  # fmt: skip
@@ -213,6 +214,11 @@ class DesignProblem:
 
     @classmethod
     def _from_tables(cls, problem: dict[str, object], folder: Path | None, changes: Sequence[str] = ()) -> DesignProblem:
+        if "tolerances" in problem:
+            raise DesignError(
+                "[tolerances] held standard deviations; write [tolerance], as in a case, with half widths of 95 % intervals, "
+                "which are 1.96 times as large"
+            )
         for key in problem:
             if key not in TABLES:
                 raise DesignError(f"the problem has an unknown entry {key!r}; {errors.known_are(key, TABLES)}")
@@ -258,7 +264,7 @@ def _list(value: object) -> Sequence[object]:
 def _errors(given: object, case: Case, folder: Path | None) -> materials.MaterialErrors | None:
     """Return the errors of the case's material: as given, or from a fitted material's file."""
     if given is None:
-        return None
+        return case.band if isinstance(case.band, materials.MaterialErrors) else None
     if isinstance(given, Mapping) and set(given) == {"file"}:
         given = given["file"]
     if isinstance(given, str | Path):
@@ -735,29 +741,40 @@ NORMAL_QUANTILE = 1.645
 """One-sided 95 % quantile of the normal distribution."""
 
 
-def tolerances_of(case: Case, table: Mapping[str, object], bare: bool) -> dict[str, float]:
-    """Return the standard deviations in SI units by parameter; DesignError for an unknown one, or no deviation."""
-    tolerances: dict[str, float] = {}
+def spreads_of(case: Case, tolerance: Mapping[str, object] | None, bare: bool) -> dict[str, float]:
+    """Return the standard deviations in SI units by parameter, of a table of tolerances, or of the case's own without one;
+    DesignError for an unknown parameter, or no tolerance."""
+    table = {} if tolerance is None else dict(_table(tolerance, "tolerance"))
+    process = table.pop(tolerances.PROCESS, None)
+    made = case.deviations if tolerance is None else []
+    if process is not None:
+        made = tolerances.Tolerances.of({tolerances.PROCESS: process}).deviations(case.actuator, case.column.pascal)
+    spreads = {own.name: own.half / tolerances.HALF_WIDTH_95 for own in made if own.name not in tolerances.READINGS}
     device, units = case.actuator, variable_names(case)
     for name, value in trials.dotted(table):
         for name_of_list in expanded(case, name):
-            spread = trials.read(f"tolerance of {name_of_list}", value, units[name_of_list], bare)
-            if spread <= 0.0:
-                raise DesignError(f"tolerance of {name_of_list} is {value}; a standard deviation must be above zero")
+            what = f"tolerance of {name_of_list}"
+            share = tolerances.percentage(name_of_list, value) if isinstance(value, str) else None
+            if share is None:
+                half = trials.read(what, value, units[name_of_list], bare)
+            else:
+                half = share * abs(value_of(case, name_of_list))
+            if half <= 0.0:
+                raise DesignError(f"{what} is {value}; half the width of a 95 % interval must be above zero")
             movable = name_of_list.partition("[")[0] in device.movable or name_of_list in device.movable
             if of_shape(case, name_of_list) and not movable:
-                raise DesignError(f"tolerance of {name_of_list}: the mesh of this {type(device).__name__} cannot follow it")
-            tolerances[name_of_list] = spread
-    return tolerances
+                raise DesignError(f"{what}: the mesh of this {type(device).__name__} cannot follow it")
+            spreads[name_of_list] = half / tolerances.HALF_WIDTH_95
+    return spreads
 
 
 class ToleranceSpread:
     """Standard deviations of the quantities of a design, from those of parameters in SI units and errors of the material, if
     given; gradients are by ``names``."""
 
-    def __init__(self, names: Sequence[str], tolerances: Mapping[str, float], errors: materials.MaterialErrors | None):
+    def __init__(self, names: Sequence[str], spreads: Mapping[str, float], errors: materials.MaterialErrors | None):
         self.errors = errors
-        self.spreads = np.array([tolerances.get(name, 0.0) for name in names])
+        self.spreads = np.array([spreads.get(name, 0.0) for name in names])
 
     @property
     def any(self) -> bool:

@@ -15,7 +15,7 @@ import numpy as np
 import tomli_w
 
 from geometries import Actuator
-from softmodels.case import case, entries
+from softmodels.case import case, entries, tolerances
 from softmodels.case.case import Case
 from softmodels.common import cards, commands, names
 from softmodels.common.arrays import Array
@@ -235,9 +235,10 @@ class DesignResult(cards.ResultCard):
         told = []
         for row, taken in zip(self.form.rows, allowances, strict=True):
             asked, value = row.keep.quantity, self.values[row.key]
+            half, end = taken / NORMAL_QUANTILE * tolerances.HALF_WIDTH_95, in_words(asked, value + row.sign * taken)
             told.append(
-                f"{row.text}: {in_words(asked, value)} +- {in_words(asked, taken / NORMAL_QUANTILE, 2)} (one standard "
-                f"deviation), so with 95 % {'below' if row.sign > 0 else 'above'} {in_words(asked, value + row.sign * taken)}"
+                f"{row.text}: {in_words(asked, value)} +- {in_words(asked, half, 2)} (95 %), so with 95 % "
+                f"{'below' if row.sign > 0 else 'above'} {end}"
             )
         return told
 

@@ -9,7 +9,7 @@ import math
 import re
 import tomllib
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from pathlib import Path
 
 import matplotlib
@@ -25,7 +25,8 @@ from softmodels.common.pages import Page
 from softmodels.materials import silicones
 from softmodels.pictures import curves
 from softmodels.pictures.style import LINE_COLOURS, STYLE, WIDTH_INCHES, chart
-from softmodels.runs import columns, table
+from softmodels.runs import columns, mesh_error, table
+from softmodels.runs.budget import MATERIAL, Budget
 from softmodels.runs.states import FolderStates
 from softmodels.runs.store import ResultsError
 
@@ -116,9 +117,9 @@ class Comparison(cards.ResultCard):
         figures = self.figures[:1] if self.common is not None else ()
         where = f"The outlines are those {figures[0].what.removeprefix('rise ')}." if outlines else ""
         facts = [
-            pages.Fact(f"{figure.what}: {name}", f"{_value(value)} {figure.unit}", _change(change))
+            pages.Fact(f"{figure.what}: {name}", f"{_value(value)} {figure.unit}", change)
             for figure in figures
-            for name, value, change in zip(names, figure.values, (math.nan, *figure.changes), strict=True)
+            for name, value, change in zip(names, figure.values, ("", *figure.told), strict=True)
         ]
         made = [
             pages.Bullets([f"{result.name}: {', '.join(f'{a} {b}' for a, b in result.made.rows)}" for result in self.results])
@@ -155,13 +156,12 @@ class ComparisonError(errors.OptionMessage, ValueError):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ComparedResult:
-    """One of the results: its name in the comparison, its case, its table, undeformed nodes in device
-    coordinates, m, shape (n, 3), the number of cells, the displacement of a state's nodes in m, shape (n, 3), and where it
-    comes from."""
+    """One of the results: its name in the comparison, its table with its case and what is known of their errors, undeformed
+    nodes in device coordinates, m, shape (n, 3), the number of cells, the displacement of a state's nodes in m, shape (n, 3),
+    and where it comes from."""
 
     name: str
-    case: Case
-    rows: table.PathTable
+    budget: Budget
     points: Array
     cells: int
     displacement: Callable[[int], Array]
@@ -179,7 +179,15 @@ class ComparedResult:
             return states.field(step, "displacement")
 
         name, count = folder.resolve().name, len(states.cells)
-        return cls(name, states.case, states.rows, states.points, count, displacement, states.made)
+        return cls(name, states.budget, states.points, count, displacement, states.made)
+
+    @property
+    def case(self) -> Case:
+        return self.budget.case
+
+    @property
+    def rows(self) -> table.PathTable:
+        return self.budget.rows
 
     @property
     def gauge(self) -> str:
@@ -216,12 +224,14 @@ class Difference:
 @dataclasses.dataclass(frozen=True)
 class Figures:
     """A figure of each of the results, nan where one has none, in a unit that is ``""`` for pure numbers. ``pascal`` is Pa in
-    one of its unit for a height of the column; 0 for all else."""
+    one of its unit for a height of the column; 0 for all else. ``errors`` are half the 95 % intervals of the differences to the
+    first, nan where unknown."""
 
     what: str
     unit: str
     values: tuple[float, ...]
     pascal: float = 0.0
+    errors: tuple[float, ...] = ()
 
     @property
     def changes(self) -> tuple[float, ...]:
@@ -232,17 +242,30 @@ class Figures:
     @property
     def texts(self) -> list[str]:
         """The values with their unit, and with their differences in brackets."""
-        changes = ["", *(f" ({text})" if (text := _change(change)) else "" for change in self.changes)]
+        changes = ["", *(f" ({text})" if text else "" for text in self.told)]
         return [f"{_value(value)} {self.unit}".strip() + change for value, change in zip(self.values, changes, strict=True)]
+
+    @property
+    def told(self) -> list[str]:
+        """The differences in percent, with their errors; "" where there is none."""
+        errors = self.errors or (math.nan,) * len(self.changes)
+        away = [value - self.values[0] for value in self.values[1:]]
+        return [self._told(*of) for of in zip(self.changes, away, errors, strict=True)]
+
+    def _told(self, change: float, away: float, error: float) -> str:
+        if not math.isfinite(change) or not error > 0.0:
+            return _change(change)
+        verdict = "below the error of both" if abs(away) < error else "error of both"
+        return f"{_change(change)}; {verdict}, +- {error:.2g} {self.unit}"
 
 
 def _cells(figures: Figures) -> list[str | pages.Cell]:
     """Return a row of the table of figures: each value, and behind all but the first its difference."""
     name = f"{figures.what} ({figures.unit})" if figures.unit else figures.what
     cells: list[str | pages.Cell] = [pages.Cell(name, unit=pages.HEIGHT if figures.pascal else "")]
-    for value, change in zip(figures.values, (None, *figures.changes), strict=True):
+    for value, change in zip(figures.values, (None, *figures.told), strict=True):
         exact = value * figures.pascal if figures.pascal and math.isfinite(value) else None
-        cells += [pages.Cell(_value(value), str(value), exact), *([] if change is None else [_change(change)])]
+        cells += [pages.Cell(_value(value), str(value), exact), *([] if change is None else [change])]
     return cells
 
 
@@ -319,28 +342,65 @@ def _figures(results: Sequence[ComparedResult], over: str) -> tuple[tuple[Figure
     if common > 0.0:
         stored = all(_step_at(result, common) is not None for result in results)
         where = f"at {sign * common:.5g} {meaning.unit}{'' if stored else ', interpolated'}"
-        figures.append(
-            Figures(f"rise {where}", "mm", tuple(_value_at_load(result, result.gauge, common) for result in results))
-        )
+        figures.append(_at_load(results, f"rise {where}", "mm", common))
         for name in COMPARED_COLUMNS:
-            values = tuple(_value_at_load(result, name, common) for result in results)
-            if any(map(math.isfinite, values)):
+            if any(name in result.rows for result in results):
                 known = columns.term(next(result.rows[0].column(name) for result in results if name in result.rows))
-                figures.append(Figures(f"{known.name} {where}", known.unit, values))
+                figures.append(_at_load(results, f"{known.name} {where}", known.unit, common, name))
         for value in _common_loads(results, common):
-            rises = tuple(_value_at_load(result, result.gauge, value) for result in results)
-            figures.append(Figures(f"rise at {sign * value:.5g} {meaning.unit}", "mm", rises))
+            figures.append(_at_load(results, f"rise at {sign * value:.5g} {meaning.unit}", "mm", value))
     pascal = results[0].case.column.pascal if meaning.unit == pages.HEIGHT else 0.0
     first = [next(iter(curves.limits(result.rows)), None) for result in results]
     if any(first):
         values = tuple(math.nan if row is None else row.shown(over) for row in first)
-        figures.append(Figures("limit point", meaning.unit, values, pascal))
+        errors = _errors(results, first, [over] * len(results))
+        figures.append(Figures("limit point", meaning.unit, values, pascal, errors))
     highest = tuple(result.sign * float((result.sign * result.loads).max()) for result in results)
     figures.append(Figures(f"highest {meaning.name}", meaning.unit, highest, pascal))
     figures.append(Figures("cells", "", tuple(float(result.cells) for result in results)))
     if all(result.made.seconds is not None for result in results):
         figures.append(Figures("wall time", "s", tuple(result.made.seconds or 0.0 for result in results)))
     return tuple(figures), sign * common if common > 0.0 else None
+
+
+def _at_load(results: Sequence[ComparedResult], what: str, unit: str, size: float, variable: str = "") -> Figures:
+    """Return a variable of the results, else each one's gauge, at a load of the rising part of their paths."""
+    names = [variable or result.gauge for result in results]
+    values = tuple(_value_at_load(result, name, size) for result, name in zip(results, names, strict=True))
+    steps = [_step_at(result, size) for result in results]
+    rows = [None if step is None else result.rows[step] for result, step in zip(results, steps, strict=True)]
+    return Figures(what, unit, values, errors=_errors(results, rows, names))
+
+
+def _errors(results: Sequence[ComparedResult], rows: Sequence[table.Row | None], names: Sequence[str]) -> tuple[float, ...]:
+    """Return half the 95 % intervals of the differences of a variable to the first result, in the unit in which it is shown;
+    nan where the error of one of both is not known."""
+    known = [
+        {} if row is None or name not in row else {part.name: part.half for part in result.budget.contributions(row, name)}
+        for result, row, name in zip(results, rows, names, strict=True)
+    ]
+    errors = []
+    for result, other in zip(results[1:], known[1:], strict=True):
+        half = _of_difference(known[0], other, _shared(results[0].case, result.case))
+        errors.append(math.nan if half is None or rows[0] is None else mesh_error.in_unit(rows[0], names[0], half))
+    return tuple(errors)
+
+
+def _shared(first: Case, second: Case) -> set[str]:
+    """Return the causes of errors that two cases have in common: those of one cast, and of one device on one bench."""
+    same_cast = first.material == second.material and first.band == second.band
+    same_device = first.actuator.refined(1.0 / first.actuator.finer) == second.actuator.refined(1.0 / second.actuator.finer)
+    causes = {deviation.name for deviation in first.deviations if deviation in second.deviations} if same_device else set()
+    return {*causes, *([MATERIAL] if same_cast else [])}
+
+
+def _of_difference(first: Mapping[str, float], second: Mapping[str, float], shared: Set[str]) -> float | None:
+    """Return half the 95 % interval of a difference, of half widths by cause: what both share enters with its difference."""
+    if not first or not second:
+        return None
+    common = [first.get(cause, 0.0) - second.get(cause, 0.0) for cause in shared]
+    own = [half for halves in (first, second) for cause, half in halves.items() if cause not in shared]
+    return math.hypot(*common, *own)
 
 
 def _common_loads(results: Sequence[ComparedResult], common: float) -> list[float]:

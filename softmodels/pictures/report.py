@@ -32,7 +32,7 @@ from softmodels.materials.laws import parameter_fields
 from softmodels.mechanics import newton
 from softmodels.path import steps
 from softmodels.pictures import curves, offscreen, style
-from softmodels.runs import budget, columns, grid, labels, mesh_error, table
+from softmodels.runs import columns, grid, labels, table
 from softmodels.runs.notes import ending, left_out, notes_of, stability_text
 from softmodels.runs.states import StoredStates
 
@@ -62,7 +62,7 @@ class Report:
         terms = [(name, columns.term(name, states.actuator, states.case.load.driver)) for name in states.rows.columns]
         warnings = told.get("notes")
         if warnings is None:
-            warnings = [*states.mesh_notes, *notes_of(states.case, states.rows, states.sources, states.finer)]
+            warnings = [*states.mesh_notes, *notes_of(states.budget)]
         self._head: list[pages.Section] = [
             *_errors(states),
             ("3-D view", [pages.Program(viewer)]),
@@ -276,7 +276,7 @@ def facts(states: StoredStates, told: dict[str, object]) -> list[pages.Fact]:
     row, words = states.rows[states.main], states.words
     overlap = labels.overlap_text(row)
     under = labels.load(row, words).removesuffix(f" - {overlap}") if overlap else labels.load(row, words)
-    error = _budget(states).half_text(row, words.gauge)
+    error = states.budget.half_text(row, words.gauge)
     note = overlap or f"at {under}{f'; {error}' if error else ''}"
     rise = pages.Fact(f"Rise of the {words.gauge}", row.told(words.gauge), note, bool(overlap))
     device = states.case.actuator
@@ -284,13 +284,9 @@ def facts(states: StoredStates, told: dict[str, object]) -> list[pages.Fact]:
     return [rise, *(pages.Fact(*fact) for fact in further), _limit(states, told), *_stretch(states)]
 
 
-def _budget(states: StoredStates) -> budget.Budget:
-    return budget.Budget(states.case, states.rows, states.finer, states.sources)
-
-
 def _errors(states: StoredStates) -> Iterator[pages.Section]:
     """Yield the section on the error of the gauge's rise and its contributions; nothing if none is known."""
-    known, gauge = _budget(states), states.words.gauge
+    known, gauge = states.budget, states.words.gauge
     row = next((row for row in known.stated if not row.get("limit")), None)
     if row is not None and (told := known.contributions(row, gauge)):
         drawn = []
@@ -340,7 +336,7 @@ def convergence(states: StoredStates) -> list[str]:
     count = f"{len(states.cells)} cells of second order, {len(states.points)} nodes"
     return [
         f"{text}.",
-        f"Mesh: {count}. {mesh_error.MeshErrors(states.case, states.rows, states.finer).text()}",
+        f"Mesh: {count}. {states.budget.mesh.text()}",
         "The largest stress and stretch converge only at rounded corners; at sharp ones they grow with mesh refinement.",
     ]
 

@@ -16,6 +16,7 @@ from geometries import Actuator, GeometryError, registry
 from softmodels.case import load, materials
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
+from softmodels.case.materials import MaterialErrors
 from softmodels.common import cards, errors, processes, schema, units
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import MPI, scipy
@@ -28,7 +29,7 @@ from softmodels.mechanics.body import Body
 from softmodels.path import continuation, schedule, stability, supply
 from softmodels.path.continuation import Continuation, LoadedState
 from softmodels.path.steps import PRESSURE, VOLUME, Prescribed, Step, Steps
-from softmodels.runs import grid, mesh_error, notes, outcomes, simulation
+from softmodels.runs import budget, grid, mesh_error, notes, outcomes, simulation, table
 from softmodels.runs.fields import Fields
 from softmodels.runs.outcomes import RunError
 from softmodels.runs.simulation import Equilibrium, Mode, Model
@@ -69,7 +70,7 @@ class Limit(cards.ResultCard):
         place: Undeformed device coordinates in m of the integration point with the largest stretch.
         why: What ended a lost path, or a limit that is not a maximum of only the pressure; else empty.
         held: Hold time in s that the device withstands; 0: unlimited.
-        mesh_error: Half width in Pa of the pressure's 95 % interval due to the mesh; NaN if unknown.
+        errors: Contributions to the pressure's error in Pa, the largest first; empty if unknown, and with a hold.
         path: Added volume in m3 and pressure in Pa of each state up to there; empty if they were not kept.
         notes: Warnings about the mesh, sentences.
     """
@@ -82,13 +83,23 @@ class Limit(cards.ResultCard):
     place: tuple[float, float, float]
     why: str = ""
     held: float = 0.0
-    mesh_error: float = dataclasses.field(default=math.nan, compare=False)
+    errors: tuple[budget.Contribution, ...] = dataclasses.field(default=(), compare=False)
     path: tuple[tuple[float, float], ...] = dataclasses.field(default=(), compare=False)
     notes: tuple[str, ...] = ()
 
     @property
     def exists(self) -> bool:
         return self.kind in ("limit", "bifurcation")
+
+    @property
+    def mesh_error(self) -> float:
+        """Half width in Pa of the pressure's 95 % interval due to the mesh; NaN if unknown."""
+        return next((part.half for part in self.errors if part.name == budget.MESH), math.nan)
+
+    @property
+    def half_width(self) -> float:
+        """Half width in Pa of the pressure's 95 % interval; NaN if unknown."""
+        return budget.total(self.errors) if self.errors else math.nan
 
     def _line(self) -> str:
         return f"at {self.pressure / 1e3:.4g} kPa: {END_TEXTS[self.kind]}, largest stretch {self.stretch:.4g}"
@@ -98,7 +109,8 @@ class Limit(cards.ResultCard):
         return [
             ("end", END_TEXTS[self.kind]),
             ("pressure", f"{self.pressure / 1e3:.4g} kPa"),
-            *([("mesh error of it", f"{self.mesh_error:.2g} Pa")] if not math.isnan(self.mesh_error) else []),
+            *([("half its 95 % interval", f"{self.half_width:.2g} Pa")] if self.errors else []),
+            *((f"of that {part.text}", f"{part.half:.2g} Pa") for part in self.errors),
             *([("held for", f"{self.held:.4g} s")] if self.held else []),
             ("added volume", f"{self.added_volume * 1e6:.4g} ml"),
             *((f"rise of the {name}", f"{rise * 1e3:.4g} mm") for name, rise in self.rises.items()),
@@ -110,13 +122,16 @@ class Limit(cards.ResultCard):
         return [*([self.why] if self.why else []), *self.notes]
 
 
-def find_limit(case: Case, materials: Sequence[Material], comm: MPI.Comm, hold: float = 0.0) -> list[Limit]:
+def find_limit(
+    case: Case, materials: Sequence[Material], comm: MPI.Comm, hold: float = 0.0, fitted: Sequence[MaterialErrors] = ()
+) -> list[Limit]:
     """Find the limits of one device in several materials, on one mesh, and once more on a finer one where the case asks for the
     mesh error; its load and material are not looked at. ``hold`` is the hold time in s that silicones with a memory must
-    survive at constant pressure; 0: unlimited. CaseError, MeshingError, RunError, MaterialError and ComponentError as for
-    a run."""
+    survive at constant pressure; 0: unlimited. ``fitted`` has the errors of some of the materials, beside the case's.
+    CaseError, MeshingError, RunError, MaterialError and ComponentError as for a run."""
     _check_accuracy(case)
-    limits = _limits(case, simulation.meshed(case.actuator, comm), materials, hold)
+    known = [*fitted, *([case.band] if isinstance(case.band, MaterialErrors) else [])]
+    limits = _limits(case, simulation.meshed(case.actuator, comm), materials, hold, known)
     if not case.mesh_error:
         return limits
     finer = mesh_error.FINER[case.actuator.dimension]
@@ -138,11 +153,14 @@ def _with_mesh_error(limit: Limit, other: Limit, finer: float) -> Limit:
     half = mesh_error.half_width(limit.pressure, other.pressure, finer)
     text = f"the mesh error of the pressure is {half / abs(limit.pressure):.1%}; use smaller cells (--finer 2)"
     doubts = (errors.spoken(text),) if half > mesh_error.LARGE_ERROR * abs(limit.pressure) else ()
-    return dataclasses.replace(limit, mesh_error=half, notes=(*limit.notes, *doubts))
+    parts = budget.ranked([*limit.errors, budget.Contribution(budget.MESH, half, budget.MESH)])
+    return dataclasses.replace(limit, errors=tuple(parts), notes=(*limit.notes, *doubts))
 
 
-def _limits(case: Case, body: Body, materials: Sequence[Material], hold: float) -> list[Limit]:
-    """Return the limits on one mesh."""
+def _limits(
+    case: Case, body: Body, materials: Sequence[Material], hold: float, fitted: Sequence[MaterialErrors] = ()
+) -> list[Limit]:
+    """Return the limits on one mesh, with the errors of those materials of which they are known."""
     limits, known = [], dict[object, Model]()
     try:
         for material in materials:
@@ -151,7 +169,8 @@ def _limits(case: Case, body: Body, materials: Sequence[Material], hold: float) 
             if key not in known:
                 known[key] = Model.of(case, body, material, own)
             known[key].system.set_material(material.relaxed)
-            limit = _search(known[key])
+            band = next((own for own in fitted if own.around in (None, material)), None)
+            limit = _search(known[key], erring=dataclasses.replace(case, material=material, band=band))
             if hold and material.memory is not None and limit.kind == "limit" and not limit.why:
                 limit = _held(case, body, material, limit, hold)
             limits.append(dataclasses.replace(limit, notes=tuple(known[key].notes)))
@@ -207,13 +226,14 @@ def _held(case: Case, body: Body, material: Material, relaxed: Limit, hold: floa
                 high = tried
                 continue
             low, best = tried, _limit_of(model.fields, last, "limit")
-        return dataclasses.replace(best, pressure=low, held=hold)
+        return dataclasses.replace(best, pressure=low, held=hold, errors=())
     finally:
         model.release()
 
 
-def _search(model: Model, preload: LoadedState | None = None) -> Limit:
-    """Return the first limit of a device; ``preload``: its `Model.preload`, where it is known."""
+def _search(model: Model, preload: LoadedState | None = None, erring: Case | None = None) -> Limit:
+    """Return the first limit of a device; ``preload``: its `Model.preload`, where it is known. ``erring`` has the errors of its
+    material and its tolerances."""
     path, fields = model.continuation(preload=preload), model.fields
     kind, why, last, passed = "none", "", None, list[tuple[float, float]]()
     try:
@@ -234,7 +254,21 @@ def _search(model: Model, preload: LoadedState | None = None) -> Limit:
         if isinstance(end, stability.PathEnd) and end.cause:
             kind, why = "lost" if end.cause.of_mesh else "limit", end.cause.clause
     assert last is not None  # the state at rest always exists
-    return dataclasses.replace(_limit_of(fields, last, kind, why), path=tuple(passed))
+    parts = _errors_at(fields, last, erring) if erring and last.limit else ()
+    return dataclasses.replace(_limit_of(fields, last, kind, why), errors=parts, path=tuple(passed))
+
+
+def _errors_at(fields: Fields, point: stability.Point, case: Case) -> tuple[budget.Contribution, ...]:
+    """Return the contributions to the pressure's error at a limit point, which are those at the same volume."""
+    if case.band is None and not case.deviations:
+        return ()
+    band = budget.Band(fields, case)
+    try:
+        cells = {column: half for column, half in band.cells(point).items() if half is not None}
+    finally:
+        band.release()
+    halves = budget.parts(table.Row(cells, case.column.pascal), "pressure", {})
+    return tuple(budget.contributions(halves, case.deviations))
 
 
 def _volume_and_pressure(fields: Fields, point: stability.Point) -> tuple[float, float]:
@@ -321,7 +355,7 @@ def scatter(
         devices = [case.actuator.made(changes) for changes in every]
     except GeometryError as error:
         raise CaseError(f"the tolerances include a device that cannot be built: {error}") from None
-    nominal = dataclasses.replace(case, material=material, mesh_error=False)
+    nominal = dataclasses.replace(case, material=material, mesh_error=False, band=None, tolerance=None)
     tasks = {k: dataclasses.replace(nominal, actuator=device) for k, device in enumerate(devices)}
     answers = mpi.on_root(comm, lambda: dict(processes.answers(__name__, limit_of.__name__, tasks, processes.cores())))
     for done, value in answers.values():

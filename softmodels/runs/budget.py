@@ -11,7 +11,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,9 +44,20 @@ class Contribution:
     text: str
 
 
-def total(parts: Mapping[str, float]) -> float:
-    """Return half the 95 % interval of a number from its parts by cause."""
-    return math.hypot(*parts.values())
+def total(parts: Sequence[Contribution]) -> float:
+    """Return half the 95 % interval of a number from its independent parts."""
+    return math.hypot(*(part.half for part in parts))
+
+
+def contributions(halves: Mapping[str, float], deviations: Sequence[tolerances.Deviation]) -> list[Contribution]:
+    """Return half widths by cause with what they are, the largest first."""
+    known = {deviation.name: deviation for deviation in deviations}
+    return ranked(Contribution(cause, half, _words(cause, known.get(cause))) for cause, half in halves.items())
+
+
+def ranked(parts: Iterable[Contribution]) -> list[Contribution]:
+    """Return contributions, the largest first."""
+    return sorted(parts, key=lambda part: -part.half)
 
 
 def parts(row: table.Row, name: str, meshed: Mapping[str, float]) -> dict[str, float]:
@@ -97,17 +108,15 @@ class Budget:
         loads = [
             name for name in labels.PRESSURE_AND_VOLUME if name != self.case.variable and not words.hides(row.column(name))
         ]
-        forces = [name for name in ("blocked_force", "contact_force") if name in row]
-        return [name for name in dict.fromkeys((device.gauge, *device.headline, *reversed(loads), *forces)) if name in row]
+        own = (device.gauge, *device.headline, *reversed(loads), "blocked_force", "contact_force", *self.case.gauges.variables)
+        return [name for name in dict.fromkeys(own) if name in row]
 
     def contributions(self, row: table.Row, name: str) -> list[Contribution]:
         """Return what is known of a variable's error in a state, the largest contribution first."""
         halves = parts(row, name, self.mesh.of(row))
         if spread := self._spread(row, name):
             halves[MATERIAL] = spread
-        deviations = {deviation.name: deviation for deviation in self.case.deviations}
-        told = [Contribution(cause, half, _words(cause, deviations.get(cause))) for cause, half in halves.items()]
-        return sorted(told, key=lambda contribution: -contribution.half)
+        return contributions(halves, self.case.deviations)
 
     def _spread(self, row: table.Row, name: str) -> float:
         """Return how far the other sources of the silicone lie away at the same requested value; 0 if there are none, and of
@@ -128,7 +137,17 @@ class Budget:
             for name in self.headline(row)
             if (told := self.contributions(row, name))
         ]
+        texts += self._at_equal_rise(self.rows[-1])
         return [*texts, f"not in these intervals: {missing}"] if texts and (missing := ", ".join(self._missing())) else texts
+
+    def _at_equal_rise(self, row: table.Row) -> Iterator[str]:
+        """Yield the intervals of the pressure, where that is requested: they differ at equal volume and at equal rise."""
+        gauge, names = self.case.actuator.gauge, (table.band_of("pressure"), table.at_rise(self.case.actuator.gauge))
+        at_volume, at_rise = (row.shown(name) if name in row else math.nan for name in names)
+        if at_volume > 0.0 and self.case.variable == "pressure":
+            causes = causes_in(row, "pressure") or [MATERIAL]
+            rising = "" if math.isnan(at_rise) else f", +- {at_rise:.3g} cm at equal rise of the {gauge}"
+            yield f"pressure +- {at_volume:.3g} cm at equal added volume{rising} (95 %, {', '.join(map(_name, causes))})"
 
     def _called(self, row: table.Row, name: str) -> str:
         device = self.case.actuator
@@ -155,7 +174,7 @@ class Budget:
         if not told:
             return ""
         alone = f", {told[0].text} only" if len(told) == 1 else ""
-        return f"+- {rounded(row, name, _sum(told))[1]} {row.unit(name)}".rstrip() + f" (95 %{alone})"
+        return f"+- {rounded(row, name, total(told))[1]} {row.unit(name)}".rstrip() + f" (95 %{alone})"
 
     def next_step(self, row: table.Row, name: str) -> str:
         """Return which contribution to narrow first and what half of it would give, or what to state first, as a sentence; ""
@@ -167,7 +186,7 @@ class Budget:
         if first.name == MESH and not others and (missing := ", ".join(self._missing())):
             return f"Only the mesh is known here, and mostly a small part; state the others first: {missing}."
         halved = math.hypot(0.5 * first.half, *(other.half for other in others))
-        now, then = (rounded(row, name, half)[1] for half in (_sum(told), halved))
+        now, then = (rounded(row, name, half)[1] for half in (total(told), halved))
         cure = {MESH: "use smaller cells (--finer 2)", MATERIAL: "test this silicone, and fit it"}
         return (
             f"The largest contribution is {first.text}: {cure.get(first.name, f'measure the {first.name} of this device')}. "
@@ -183,7 +202,7 @@ class Budget:
             figures = {
                 row.column(name): {
                     "value": row.shown(name),
-                    "half_width": mesh_error.in_unit(row, name, _sum(told)),
+                    "half_width": mesh_error.in_unit(row, name, total(told)),
                     **{part.name: mesh_error.in_unit(row, name, part.half) for part in told},
                 }
                 for name, told in known.items()
@@ -194,7 +213,7 @@ class Budget:
 
 def interval(row: table.Row, name: str, told: Sequence[Contribution]) -> str:
     """Return a variable with half its 95 % interval, two digits of it."""
-    value, half = rounded(row, name, _sum(told))
+    value, half = rounded(row, name, total(told))
     return f"{value} +- {half} {row.unit(name)}".rstrip() + " (95 %)"
 
 
@@ -210,18 +229,17 @@ def _digits(row: table.Row, name: str, half: float) -> int:
 
 
 def _shares(row: table.Row, name: str, told: Sequence[Contribution]) -> list[str]:
-    digits, others = _digits(row, name, _sum(told)), told[MOST_SHOWN:]
-    shown = [*told[:MOST_SHOWN], *([Contribution("", _sum(others), f"{len(others)} others")] if others else [])]
+    digits, others = _digits(row, name, total(told)), told[MOST_SHOWN:]
+    shown = [*told[:MOST_SHOWN], *([Contribution("", total(others), f"{len(others)} others")] if others else [])]
     return [f"{part.text} {mesh_error.in_unit(row, name, part.half):.{digits}f}" for part in shown]
 
 
-def _sum(told: Sequence[Contribution]) -> float:
-    return total({part.name: part.half for part in told})
-
-
 def _words(cause: str, deviation: tolerances.Deviation | None) -> str:
-    name = WORDS.get(cause, cause.replace("_", " "))
-    return name if deviation is None else f"{name} +-{deviation.text}"
+    return _name(cause) if deviation is None else f"{_name(cause)} +-{deviation.text}"
+
+
+def _name(cause: str) -> str:
+    return WORDS.get(cause, cause.replace("_", " "))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -237,8 +255,6 @@ def _words(cause: str, deviation: tolerances.Deviation | None) -> str:
 #   measured at a given height compare with it. A stiffer silicone also needs another volume for the same height.
 
 
-HALF_WIDTH_95 = 1.959964
-"""Half width of a 95 % interval in standard deviations."""
 SOLVE_TOLERANCE = 1e-6
 """Tolerance of the linear solver."""
 DIFFERENCE_STEP = 1e-3
@@ -319,7 +335,7 @@ class Band:
 
         def half(column: str, cause: str = "") -> float | None:
             own = [move[column] for of, move in moves if not cause or of == cause]
-            width = 0.0 if at_rest else HALF_WIDTH_95 * float(np.linalg.norm(own))
+            width = 0.0 if at_rest else tolerances.HALF_WIDTH_95 * float(np.linalg.norm(own))
             return width if math.isfinite(width) else None
 
         return {
@@ -354,9 +370,9 @@ class Band:
         pressure = point.state.P * self.fields.system.stress_unit
         for deviation in self.deviations:
             if deviation.name in tolerances.READINGS:
-                yield Change(deviation.name, reading=deviation.of_pressure(pressure) / HALF_WIDTH_95)
+                yield Change(deviation.name, reading=deviation.of_pressure(pressure) / tolerances.HALF_WIDTH_95)
             else:
-                yield Change(deviation.name, deviation.name, deviation.half / HALF_WIDTH_95)
+                yield Change(deviation.name, deviation.name, deviation.half / tolerances.HALF_WIDTH_95)
 
     def _move(self, point: stability.Point, change: Change) -> dict[str, float]:
         """Return the changes by column."""

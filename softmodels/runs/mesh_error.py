@@ -15,10 +15,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Mapping
+from time import process_time
 
 import numpy as np
 
-from geometries import Actuator, GeometryError, actuator
+from geometries import Actuator, GeometryError, actuator, meshing
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.common.arrays import Array
@@ -26,12 +27,8 @@ from softmodels.runs import columns, labels, table
 
 FINER: Mapping[int, float] = {2: 2.0, 3: 1.5}
 """How many times smaller the cells of the other path are, by dimension: twice the cost of a section, four times a solid's."""
-CHEAP_SECONDS = 60.0
-"""Longest time of a path, of a core, of which the mesh error is estimated unasked."""
 PEAKS = ("max_stretch", "max_von_mises")
 """Peaks of the fields at integration points: at a sharp corner they grow with every refinement, so that they have no error."""
-NOT_SOLVED = table.PathTable()
-"""Table where the mesh error was not asked for."""
 LARGE_ERROR = 0.02
 """Mesh error relative to the number above which the user is warned."""
 LARGE_GROWTH = 0.05
@@ -43,28 +40,6 @@ LEAST_RISE = 1e-3
 def half_width[Value: (float, Array)](value: Value, finer: Value, times: float) -> Value:
     """Return half the 95 % interval of a number; ``finer`` is the number with cells so many times smaller."""
     return abs(value - finer) / (1.0 - 1.0 / times)
-
-
-def companion(case: Case, cheap: bool) -> Case | None:
-    """Return the case with whose path the mesh error is estimated: with smaller cells where it asks for that; else, if
-    ``cheap``, the axisymmetric section with smaller cells, which costs a fraction of a solid; None if there is none."""
-    device = case.actuator
-    if case.mesh_error:
-        return dataclasses.replace(case, actuator=device.refined(FINER[device.dimension]))
-    if not cheap or not device.refinable or not (device.dimension == 2 or isinstance(device, actuator.Sectioned)):
-        return None
-    try:
-        section = device if device.dimension == 2 else device.replaced(section="axisymmetric")
-        return dataclasses.replace(case, actuator=section.refined(FINER[2]))
-    except (CaseError, GeometryError):
-        return None  # such as a load that is not axisymmetric
-
-
-def described(case: Case) -> str:
-    """Return on which cells the other path of `companion` is, in words."""
-    sectioned = not case.mesh_error and case.actuator.dimension == 3
-    times = FINER[case.actuator.dimension] if case.mesh_error else FINER[2]
-    return f"{'as an axisymmetric section ' if sectioned else ''}with cells {times:g} times smaller"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -168,7 +143,49 @@ def in_unit(row: table.Row, name: str, half: float) -> float:
 def _told(case: Case, row: table.Row) -> list[str]:
     """Return the variables whose error is stated: rises, figures and named points of the device, volume, pressure, forces."""
     device: Actuator = case.actuator
-    named = [*device.probes, *(table.parsed(column)[0] for column in (*device.figure_columns.values(), *case.gauges.columns()))]
+    named = [*device.probes, *(table.split(column)[0] for column in device.figure_columns.values()), *case.gauges.variables]
     loads = [name for name in ("pressure", "added_volume", "stroke") if name != case.variable or row.get("limit")]
     forces = [name for name in row if name.endswith("_force")]
     return [name for name in dict.fromkeys([*named, *loads, *forces]) if name in row]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The other path: on which cells it is solved, and whether unasked.
+
+
+UNASKED_SHARE, UNASKED_SECONDS = 0.5, 1.0
+"""Time of a core in which the mesh error is estimated unasked: this share of what the run has taken so far, or as many s."""
+SECONDS_PER_CELL = 0.3
+"""Time for a cell of the companion over that for a cell of the run: it takes a third to two thirds of the steps."""
+
+
+def companion(case: Case, unasked: bool) -> Case | None:
+    """Return the case with whose path the mesh error is estimated: with smaller cells where it asks for that; else, if
+    ``unasked``, the axisymmetric section with smaller cells, which costs a fraction of a solid; None if there is none."""
+    device = case.actuator
+    if case.mesh_error:
+        return dataclasses.replace(case, actuator=device.refined(FINER[device.dimension]))
+    if not unasked or not device.refinable or not (device.dimension == 2 or isinstance(device, actuator.Sectioned)):
+        return None
+    try:
+        section = device if device.dimension == 2 else device.replaced(section="axisymmetric")
+        return dataclasses.replace(case, actuator=section.refined(FINER[2]))
+    except (CaseError, GeometryError):
+        return None  # such as a load that is not axisymmetric
+
+
+def expected_seconds(case: Case, other: Case, seconds: float) -> float:
+    """Return the time of a core for a `companion`, from that for the path of the case itself."""
+    return SECONDS_PER_CELL * seconds * meshing.expected_cells(other.actuator) / meshing.expected_cells(case.actuator)
+
+
+def affordable(seconds: float) -> bool:
+    """Whether a companion that takes so long is solved unasked."""
+    return seconds <= max(UNASKED_SHARE * process_time(), UNASKED_SECONDS)
+
+
+def described(case: Case) -> str:
+    """Return on which cells the other path of `companion` is, in words."""
+    sectioned = not case.mesh_error and case.actuator.dimension == 3
+    times = FINER[case.actuator.dimension] if case.mesh_error else FINER[2]
+    return f"{'as an axisymmetric section ' if sectioned else ''}with cells {times:g} times smaller"

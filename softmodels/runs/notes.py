@@ -9,7 +9,6 @@ import math
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
@@ -27,25 +26,21 @@ from softmodels.mechanics import compiling, component, controls, mpi
 from softmodels.path import schedule, stability, steps
 from softmodels.path.continuation import Continuation
 from softmodels.path.supply import MAX_LAMINAR_REYNOLDS, Reservoir
-from softmodels.runs import budget, columns, labels, mesh_error, outcomes, table
+from softmodels.runs import budget, columns, labels, outcomes, table
 from softmodels.runs.fields import Fields
 from softmodels.runs.outcomes import RunError
 
 
-def notes_of(
-    case: Case,
-    rows: table.PathTable,
-    sources: columns.SourceTables = MappingProxyType({}),
-    finer: table.PathTable = mesh_error.NOT_SOLVED,
-) -> list[str]:
+def notes_of(known: budget.Budget) -> list[str]:
     """Return the warnings for a run's states, as sentences, from its table, those of every source of the silicone, and the one
     with smaller cells."""
+    case, rows = known.case, known.rows
     return [
         *case.load.doubts,
         *vacuum_notes(case),
         *law_notes(case, rows),
         *stretch_notes(case, rows),
-        *source_notes(case, sources),
+        *source_notes(case, known.sources),
         *weight_notes(case),
         *bonded_notes(case),
         *volume_notes(rows),
@@ -55,7 +50,7 @@ def notes_of(
         *depth_notes(case, rows),
         *place_notes(case, rows),
         *band_notes(rows),
-        *mesh_error.MeshErrors(case, rows, finer).doubts(),
+        *known.mesh.doubts(),
         *time_notes(case, rows),
         *motion_notes(case, rows),
         *supply_notes(case, rows),
@@ -629,52 +624,27 @@ def stability_text(
 # The last state of a run, and how the run has ended.
 
 
-def closing(case: Case, row: table.Row, meshed: Mapping[str, float] = MappingProxyType({})) -> list[str]:
-    """Return the last state of a run that has reached all its values, for its closing message, with the half widths of its
-    numbers where the case asks for errors; ``meshed`` are mesh errors by variable, see
-    `softmodels.runs.mesh_error.MeshErrors.of`."""
+def closing(case: Case, row: table.Row) -> list[str]:
+    """Return the last state of a run that has reached all its values, for its closing message; the errors of its numbers are
+    those of `softmodels.runs.budget.Budget.lines`."""
     words, gauge = labels.state_labels(case), case.actuator.gauge
-    if isinstance(case.band, materials.SourceBand):  # the row does not know what the sources span: the budget says it
-        row = table.Row({column: cell for column, cell in row.cells.items() if "_ci95" not in column}, row.cm)
-    meshed = meshed if case.mesh_error else {}
-    volume = f", added volume {row.shown('added_volume'):.5g}{_half(row, 'added_volume', meshed)} ml" if words.volume else ""
+    volume = f", added volume {row.shown('added_volume'):.5g} ml" if words.volume else ""
     breaks, overlap = silicones.break_words(case.material), labels.overlap_text(row)
-    further = "".join(f", {_named(name, row, case.actuator)}{_half(row, name, meshed)}" for name in case.actuator.headline)
+    further = "".join(f", {_named(name, row, case.actuator)}" for name in case.actuator.headline)
     state = (
-        f"{_loaded(row, words)}: {gauge} rise {row.shown(gauge):+.5g}{_half(row, gauge, meshed)} mm{further}{volume}"
-        f"{pressed(row)}, "
+        f"{_loaded(row, words)}: {gauge} rise {row.shown(gauge):+.5g} mm{further}{volume}{pressed(row)}, "
         f"largest stretch {row['max_stretch']:.4g}{f' [{breaks}]' if breaks else ''} and von Mises stress "
         f"{row.told('max_von_mises')} (at integration points), J {row['J_min']:.4f} to {row['J_max']:.4f} (at vertices)"
         f"{f'; {overlap}' if overlap else ''}"
     )
-    gauges = ", ".join(_gauge(table.parsed(column)[0], row, meshed) for column in case.gauges.columns())
-    return [text for text in (state, _sideways(row, gauge), gauges) if text]
+    gauges = ", ".join(_gauge(name, row) for name in case.gauges.variables)
+    return [text for text in (state, gauges) if text]
 
 
-def _gauge(name: str, row: table.Row, meshed: Mapping[str, float]) -> str:
+def _gauge(name: str, row: table.Row) -> str:
     """Return a named point or angle with its value and unit."""
     unit = row.unit(name)
-    return f"{name.replace('_', ' ')} {row.shown(name):.5g}{_half(row, name, meshed)}{unit if unit == '°' else f' {unit}'}"
-
-
-def _half(row: table.Row, name: str, meshed: Mapping[str, float]) -> str:
-    """Return half the 95 % interval of all known causes, to print after a variable; empty if unknown."""
-    parts = budget.parts(row, name, meshed)
-    return f" +- {mesh_error.in_unit(row, name, budget.total(parts)):.3g} (95 %)" if parts else ""
-
-
-def _sideways(row: table.Row, gauge: str) -> str:
-    """Return what the intervals mean, and the pressure's own, which differs at equal rise and at equal volume."""
-    bands = table.band_of("pressure"), table.at_rise(gauge)
-    at_volume, rising = (row.shown(name) if name in row else math.nan for name in bands)
-    if math.isnan(at_volume) or not at_volume:
-        return ""
-    same = "" if math.isnan(rising) else f"+- {rising:.3g} cm at equal rise of the {gauge}, "
-    errors = "errors of material, lengths and readings" if budget.causes_in(row, "pressure") else "material's errors"
-    return (
-        f"95 % intervals from the {errors}: rise and volume at the requested value; pressure {same}+- "
-        f"{at_volume:.3g} cm at equal added volume"
-    )
+    return f"{name.replace('_', ' ')} {row.shown(name):.5g}{unit if unit == '°' else f' {unit}'}"
 
 
 def _loaded(row: table.Row, words: labels.StateLabels) -> str:

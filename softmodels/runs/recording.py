@@ -25,7 +25,7 @@ from softmodels.mechanics import controls, mpi
 from softmodels.mechanics.system import State
 from softmodels.path import stability, steps
 from softmodels.path.continuation import LoadedState
-from softmodels.runs import budget, columns, formats, labels, mesh_error, notes, outcomes, store, table
+from softmodels.runs import columns, formats, labels, notes, outcomes, store, table
 from softmodels.runs.fields import Fields
 from softmodels.runs.notes import events
 from softmodels.runs.outcomes import RunError
@@ -298,8 +298,8 @@ def gather(case: Case, results: store.Results, ended: outcomes.Ended) -> Summary
     summary: Summary = {
         "status": ended.status, "message": ended.message, "events": events(results.rows, words),
         "stretch_at_break": stretch_at_break(case.material),
-        "errors": budget.Budget(case, results.rows, finer := results.finer(case), sources := results.sources(case)).tables(),
-        "notes": [*results.mesh_notes, *notes.notes_of(case, results.rows, sources, finer)],
+        "errors": (known := results.budget(case)).tables(),
+        "notes": [*results.mesh_notes, *notes.notes_of(known)],
         "stability": notes.stability_text(results.rows, case.actuator, words, results.branch_rows),
     }  # fmt: skip
     started = results.started
@@ -399,11 +399,10 @@ def record(
     resumed: bool,
     branch: bool,
     begun: Callable[[store.Results], None],
-    stated: bool = False,
+    budget: bool = False,
 ) -> None:
     """Solve a case and store every state at once, after those of a ``resumed`` run; all ranks call it, rank 0 writes, and
-    calls ``begun`` as soon as the folder holds a state of this run. ``stated``: the mesh error is estimated too, where that
-    costs little.
+    calls ``begun`` as soon as the folder holds a state of this run. ``budget``: see `ResultsPlace`.
 
     Raises:
         outcomes.PathEnded, RunError, ResultsError: The path ended, or it was stopped, or the states there are of another mesh.
@@ -429,11 +428,11 @@ def record(
         if case.program:
             raise
         ended = end
-    cheap = stated and mpi.on_root(comm, lambda: process_time() - started < mesh_error.CHEAP_SECONDS)
+    seconds = mpi.on_root(comm, lambda: process_time() - started) if budget else None
     if branch:
         _record_branch(simulation, results)
     sources = solve_sources(simulation, results.own.path / mesh.name)  # stored since the first state
-    finer = solve_finer(simulation, cheap)
+    finer = solve_finer(simulation, seconds)
     mpi.on_root(comm, lambda: results.write_beside(sources, finer))
     if ended is not None:
         raise ended

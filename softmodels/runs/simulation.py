@@ -910,14 +910,19 @@ def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, table.PathTab
     return {name: rows for name, rows in sources.items() if rows}
 
 
-def solve_finer(simulation: Simulation, cheap: bool = False) -> table.PathTable:
+def solve_finer(simulation: Simulation, seconds: float | None = None) -> table.PathTable:
     """Follow the path of a case once more with other cells, for `softmodels.runs.mesh_error`; all ranks call it. Return its
-    rows, on all ranks; none where the case does not ask for the mesh error, and it is not ``cheap`` (whether the budget has it
-    where it costs little). `RunError` if the user stopped it."""
+    rows, on all ranks; none where the case does not ask for the mesh error. With the ``seconds`` of a core that its own path
+    took it is estimated unasked too, where that costs little. `RunError` if the user stopped it."""
     case = simulation.case
-    other = mesh_error.companion(case, cheap)
+    other = mesh_error.companion(case, seconds is not None)
     if other is None:
         return table.PathTable()
+    if seconds is not None and not case.mesh_error:
+        seconds = mesh_error.expected_seconds(case, other, seconds)
+        if not mpi.on_root(simulation.comm, functools.partial(mesh_error.affordable, seconds)):
+            simulation.listener.say(f"the mesh error is left out, which would take about {seconds:.2g} s more (--mesh-error)")
+            return table.PathTable()
     simulation.listener.say(f"solving again {mesh_error.described(case)}, for the mesh error")
     return _path_of(simulation, other, MIN_STEPS if case.mesh_error else MIN_COMPANION_STEPS)
 

@@ -24,6 +24,7 @@ from softmodels.common import commands, files, units
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import pyvista
 from softmodels.runs import columns, fields, formats, grid, labels, state_values, store, table
+from softmodels.runs.budget import Budget
 from softmodels.runs.store import ResultsError
 
 MAX_STILLS = 4
@@ -96,6 +97,11 @@ class StoredStates:
     def sources(self) -> dict[str, table.PathTable]:
         """Tables of each source of the silicone, the run's own among them; none where no others were solved."""
         return columns.in_order(self.case, self.rows, self.others)
+
+    @functools.cached_property
+    def budget(self) -> Budget:
+        """What is known of the errors of their numbers."""
+        return Budget(self.case, self.rows, self.finer, self.sources)
 
     def field(self, step: float, name: str) -> Array:
         """Return a nodal field of a state, shape (n,) or (n, 3), SI units; of step 2.5 the mean of steps 2 and 3."""

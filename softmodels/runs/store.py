@@ -27,6 +27,7 @@ from softmodels.case.case import Case
 from softmodels.common import errors, files, folders
 from softmodels.common.files import hdf5_reason, remove_steps, replace, replace_hdf5
 from softmodels.runs import columns, formats, table
+from softmodels.runs.budget import Budget
 from softmodels.runs.columns import write_sources
 from softmodels.runs.formats import write_light
 
@@ -105,6 +106,10 @@ class Results:
             self.rows,
             columns.read_sources(self.folder, case.column.pascal) if isinstance(case.band, materials.SourceBand) else {},
         )
+
+    def budget(self, case: Case) -> Budget:
+        """Return what is known of the errors of the run's numbers."""
+        return Budget(case, self.rows, self.finer(case), self.sources(case))
 
     @property
     def files(self) -> list[str]:

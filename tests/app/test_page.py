@@ -46,6 +46,16 @@ def test_a_changed_length_gives_what_python_gives(page):
     )
 
 
+def test_the_error_stands_under_the_slider(page):
+    """The number at the highest pressure with its interval, and what it is made of; of the silicone's sources and the mesh."""
+    page.wait_for_function("document.querySelector('[data-name=\"error\"]').textContent.includes('(95 %)')")
+    said = value(page, "error")
+    run = sm.inflate(sm.HollowDisk(section="axisymmetric"), "ecoflex-00-30", "0:60 cm", band="ecoflex-00-30", mesh_error=True)
+    (line, *_), (first, *_) = run.budget.lines(), run.budget.contributions(run.table[-1], "apex")
+    assert said.startswith("at 60 cm") and said.endswith(line.replace("+-", "±"))
+    assert f": {first.text} " in said and first.text == "silicone"
+
+
 def test_an_impossible_length_is_told_in_place_and_changes_nothing(page):
     box = page.get_by_label("membrane", exact=True).first
     before = value(page, "rise of the apex")

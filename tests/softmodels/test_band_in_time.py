@@ -12,12 +12,12 @@ import softmodels as sm
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.materials import MaterialErrors
+from softmodels.case.tolerances import HALF_WIDTH_95
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.fit import fit_curves
 from softmodels.fitting.curves.residuals import predicted, slopes_of
 from softmodels.fitting.problem import FitOptions
 from softmodels.materials.specimens import nudged, stress_in_time
-from softmodels.runs.budget import HALF_WIDTH_95
 from tests.softmodels.test_program_runs import CASE
 
 DISK = sm.HollowDisk(section="axisymmetric", cell_size=0.006, fillet=0.0, base_fillet=0.0)

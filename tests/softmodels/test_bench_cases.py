@@ -157,7 +157,7 @@ def test_a_case_file_is_run_with_another_material_and_its_band(fitted):
     (fitted / "plain.toml").write_text(f'{LIFTED}pressure = "0:1 kPa"\n')
     file, run = fitted / "fit" / "fitted.toml", ("-m", "softmodels", "run", fitted / "plain.toml", "--no-pictures")
     done = runs.run(*run, "--material", file, "--band", file, "--output", fitted / "run")
-    assert done.status == 0 and "(95 %) mm" in done.out
+    assert done.status == 0 and " mm (95 %): silicone" in done.out
     assert Case.from_file(fitted / "run" / "case.toml").material.name == "ogden"
     done = runs.run(*run, "--band", file)
     assert done.status == 2 and "belong to another material than the case's" in done.err

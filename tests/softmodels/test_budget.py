@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from softmodels.api.calls import case_of
 from softmodels.case.entries import CaseError
 from softmodels.case.load import steps_of
 from softmodels.case.materials import MaterialErrors
-from softmodels.case.tolerances import Tolerances
+from softmodels.case.tolerances import HALF_WIDTH_95, Tolerances
 from softmodels.mechanics import mpi
 from softmodels.runs import budget, mesh_error, simulation
 from tests.support import runs
@@ -55,7 +56,7 @@ def test_the_half_width_is_of_all_parts(run):
     row = run.table[-1]
     parts = budget.parts(row, "apex", {})
     assert list(parts) == ["material", "cavity_radius", "membrane", "gauge", "water_density"]
-    assert row["apex_ci95"] == pytest.approx(budget.total(parts), rel=1e-12)
+    assert row["apex_ci95"] == pytest.approx(math.hypot(*parts.values()), rel=1e-12)
     alone = sm.inflate(DISK, LAW, "0,100 cm", band=ERRORS).table[-1]
     assert parts["material"] == pytest.approx(alone["apex_ci95"], rel=1e-6) and not budget.causes_in(alone, "apex")
 
@@ -133,12 +134,70 @@ def test_the_mesh_alone_is_no_advice_to_refine(run):
 
 def test_which_path_the_mesh_error_is_from():
     wedge = case_of(sm.HollowDisk(angle=180.0), LAW, "0,5 cm")
-    section = mesh_error.companion(wedge, cheap=True)
+    section = mesh_error.companion(wedge, unasked=True)
     assert section.actuator == sm.HollowDisk(angle=180.0, section="axisymmetric", finer=2.0)
-    assert mesh_error.companion(wedge, cheap=False) is None
+    assert mesh_error.companion(wedge, unasked=False) is None
     sideways = case_of(sm.HollowDisk(angle=180.0), LAW, "0,5 cm", components=[sm.Gravity("x")])
-    assert mesh_error.companion(sideways, cheap=True) is None
-    assert mesh_error.companion(case_of(sm.PneuNet(), LAW, "0,5 kPa"), cheap=True) is None
+    assert mesh_error.companion(sideways, unasked=True) is None
+    assert mesh_error.companion(case_of(sm.PneuNet(), LAW, "0,5 kPa"), unasked=True) is None
+
+
+def test_a_mesh_error_that_costs_more_than_half_of_the_run_is_left_out(monkeypatch):
+    said = []
+    own = simulation.Simulation(case_of(sm.Bellows(), LAW, "0,1 cm"), mpi.start())
+    monkeypatch.setattr(own.listener, "say", said.append)
+    expected = 4 * mesh_error.SECONDS_PER_CELL * 1e4
+    assert not simulation.solve_finer(own, 1e4)
+    assert said == [f"the mesh error is left out, which would take about {expected:.2g} s more (--mesh-error)"]
+    assert simulation.solve_finer(own, 0.1)[-1]["requested"] and "solving again" in said[1]
+
+
+def test_a_limit_pressure_has_a_budget_of_its_own(tmp_path):
+    device, law, half = sm.Balloon(), sm.NeoHookean(20e3), 0.05e-3
+    errors = MaterialErrors(("shear_modulus",), ((500.0**2,),))
+    limit = sm.limit(device, law, band=errors, tolerance={"wall": "0.05 mm", "gauge": "1 %"})
+    others = {
+        "wall": [sm.limit(device.replaced(wall=device.wall + way * half), law).pressure for way in (1, -1)],
+        "material": [sm.limit(device, sm.NeoHookean(20e3 + way * HALF_WIDTH_95 * 500.0)).pressure for way in (1, -1)],
+        "gauge": [1.01 * limit.pressure, 0.99 * limit.pressure],
+    }
+    assert [part.name for part in limit.errors] == ["material", "wall", "gauge"]
+    for part in limit.errors:
+        high, low = others[part.name]
+        assert part.half == pytest.approx(abs(high - low) / 2, rel=2e-3)
+    assert limit.half_width == pytest.approx(math.hypot(*(part.half for part in limit.errors)))
+    file = tmp_path / "balloon.toml"
+    file.write_text(
+        'geometry = { device = "Balloon" }\nmaterial = { law = "neo-hookean", shear_modulus = "20 kPa" }\n'
+        'load = { pressure_cm = "1" }\ntolerance = { wall = "0.05 mm" }\n'
+    )
+    done = runs.run("-m", "softmodels", "limit", file, "-o", tmp_path / "out")
+    assert " cm (95 %: wall +-0.05 mm 0.8" in done.out
+    (row,) = json.loads((tmp_path / "out" / "limit.json").read_text())
+    assert row["limit_ci95_Pa"] == row["limit_ci95_wall_Pa"] == pytest.approx(limit.errors[1].half, rel=1e-6)
+
+
+def test_a_difference_of_two_meshes_is_below_the_error_of_both():
+    coarse, fine = (sm.inflate(DISK.replaced(finer=finer), LAW, "0,20 cm", mesh_error=True) for finer in (1.0, 1.5))
+    found = sm.compare(coarse, fine)
+    rise, half = found.figures[0], [run.mesh_errors["apex"] * 1e3 for run in (coarse, fine)]
+    assert rise.errors == pytest.approx((math.hypot(*half),)) and rise.errors[0] > abs(rise.values[1] - rise.values[0])
+    assert f"below the error of both, +- {rise.errors[0]:.2g} mm" in str(found) and "below the error of both" in found.html()
+
+
+def test_the_silicone_that_two_runs_share_counts_by_its_difference():
+    """The difference of two devices of one cast is better known than that of two casts."""
+    high, low = (sm.NeoHookean(30e3 + way * HALF_WIDTH_95 * 1500.0) for way in (1.0, -1.0))
+    thin, thick = DISK, DISK.replaced(membrane=1.3 * DISK.membrane)
+    runs = [sm.inflate(device, LAW, "0,20 cm", band=ERRORS) for device in (thin, thick)]
+    rise = sm.compare(*runs).figures[0]
+    away = [sm.inflate(thick, law, "0,20 cm").apex[-1] - sm.inflate(thin, law, "0,20 cm").apex[-1] for law in (high, low)]
+    assert rise.errors[0] == pytest.approx(1e3 * abs(away[0] - away[1]) / 2, rel=0.01)
+    assert f"%; error of both, +- {rise.errors[0]:.2g} mm)" in rise.texts[1]
+    other = sm.inflate(thick, sm.NeoHookean(31e3), "0,20 cm", band=ERRORS)
+    halves = [1e3 * run.table[-1]["apex_ci95"] for run in (runs[0], other)]
+    assert sm.compare(runs[0], other).figures[0].errors[0] == pytest.approx(math.hypot(*halves))
+    assert math.isnan(sm.compare(runs[0], sm.inflate(thick, LAW, "0,20 cm")).figures[0].errors[0])
 
 
 def last_of(device, material, pressure):
@@ -161,11 +220,11 @@ def test_the_sum_of_the_parts_against_devices_at_random():
 
     tolerance = {"membrane": "0.08 mm", "gauge": "3 cm"}
     run = sm.inflate(DISK, LAW, "0,100 cm", band=ERRORS, tolerance=tolerance)
-    normal = stats.norm.ppf(stats.qmc.Halton(3, seed=3).random(160)) / budget.HALF_WIDTH_95
-    sizes = 0.08e-3, budget.HALF_WIDTH_95 * 1500.0, 3.0 * run.case.column.pascal
+    normal = stats.norm.ppf(stats.qmc.Halton(3, seed=3).random(160)) / HALF_WIDTH_95
+    sizes = 0.08e-3, HALF_WIDTH_95 * 1500.0, 3.0 * run.case.column.pascal
     values = [
         last_of(DISK.replaced(membrane=DISK.membrane + t), sm.NeoHookean(30e3 + m), run.pressure[-1] + p)
         for t, m, p in normal * sizes
     ]
     for name, own in zip(("apex", "added_volume"), np.transpose(values), strict=True):
-        assert budget.HALF_WIDTH_95 * np.std(own, ddof=1) == pytest.approx(run.table[-1][f"{name}_ci95"], rel=0.05)
+        assert HALF_WIDTH_95 * np.std(own, ddof=1) == pytest.approx(run.table[-1][f"{name}_ci95"], rel=0.05)

@@ -100,10 +100,16 @@ WRONG = {
     "cycle": ('pressure_cm = "0:177"', 'pressure_cm = "0:177"\nload_unload = true', ["load_unload"]),
     "tolerance": (
         'name = "more-rise"',
-        'name = "more-rise"\ntolerances = { membrane = "0 mm" }',
+        'name = "more-rise"\ntolerance = { membrane = "0 mm" }',
         ["tolerance of membrane"],
     ),
-    "unknown tolerance": ('name = "more-rise"', 'name = "more-rise"\ntolerances = { roof = "1 mm" }', ["'roof'"]),
+    "unknown tolerance": ('name = "more-rise"', 'name = "more-rise"\ntolerance = { roof = "1 mm" }', ["'roof'"]),
+    "unknown process": ('name = "more-rise"', 'name = "more-rise"\ntolerance = { process = "sand" }', ["resin, filament"]),
+    "standard deviations": (
+        'name = "more-rise"',
+        'name = "more-rise"\ntolerances = { membrane = "1 mm" }',
+        ["held standard deviations", "write [tolerance]", "1.96 times"],
+    ),
     "no fit": ('name = "more-rise"', 'name = "more-rise"\nmaterial_errors = { file = "none.toml" }', ["none.toml"]),
     "a name for no file": ('name = "more-rise"', 'name = "more rise"', ["'more rise'", "is not a valid file name"]),
     "no TOML": ("[parameters]", "[parameters", ["not valid TOML"]),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import json
 
 import numpy as np
@@ -11,6 +12,8 @@ import pytest
 import softmodels as sm
 from softmodels.case.case import Case
 from softmodels.case.load import steps_of
+from softmodels.case.materials import MaterialErrors
+from softmodels.case.tolerances import Tolerances
 from softmodels.design.optimise import FARTHEST_REACH, FIRST_REACH, optimise
 from softmodels.design.problem import DesignProblem
 from tests.support import fake_design as fake
@@ -164,7 +167,7 @@ def test_what_one_more_unit_costs_is_the_price_found_by_asking_again():
 
 
 def test_limits_hold_with_95_percent_where_devices_scatter():
-    found = optimise(problem_(tolerances={"membrane": "0.1 mm", "wall": "0.2 mm"}))
+    found = optimise(problem_(tolerance={"membrane": "0.196 mm", "wall": "0.392 mm"}))
     assert found.feasible and found.problem.names[2:] == ("wall",)
     model = fake.FakeModel(found.problem.case, found.problem.names, found.problem.quantities)
     generator, spreads = np.random.default_rng(7), found.form.spread.spreads
@@ -176,6 +179,17 @@ def test_limits_hold_with_95_percent_where_devices_scatter():
     met = [row for row, violation in zip(found.form.rows, found.form.violations(found.best), strict=True) if violation > -1e-3]
     assert met and all(np.mean([row.sign * (value[row.key] - row.limit) <= 0.0 for value in values]) < 0.96 for row in met)
     assert any("with 95 % below" in text for text in found.margins)
+
+
+def test_the_tolerances_of_the_case_count_unless_the_problem_has_its_own():
+    errors = MaterialErrors(("shear_modulus",), ((500.0**2,),))
+    own = Tolerances.of({"membrane": "5 %", "gauge": "1 %"})
+    tolerant = dataclasses.replace(case_(), tolerance=own, band=errors)
+    half = 0.05 * tolerant.actuator.membrane
+    assert problem_(case=tolerant).spreads == pytest.approx({"membrane": half / 1.959964})
+    assert problem_(case=tolerant).errors is errors and problem_().errors is None and not problem_().spreads
+    made = problem_(case=tolerant, tolerance={"process": "filament", "membrane": "0.1 mm"}).spreads
+    assert made["membrane"] == pytest.approx(0.1e-3 / 1.959964) and made["wall"] == pytest.approx(0.3e-3 / 1.959964)
 
 
 def test_a_fitted_materials_errors_count(tmp_path):

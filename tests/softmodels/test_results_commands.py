@@ -98,6 +98,11 @@ def test_what_differs_and_by_how_much(half_section, thinner):
     assert len(found.plot().axes[0].lines) >= 4 and len(found.outlines().axes[0].lines) == 4
 
 
+def with_rows(one, rows):
+    """Results with other states."""
+    return dataclasses.replace(one, budget=dataclasses.replace(one.budget, rows=rows))
+
+
 def test_between_stored_states_figures_are_interpolated_and_said_to_be(half_section, thinner):
     """The second one ends at 50 cm; without the first one's state there, the value between its neighbours counts."""
     from softmodels.pictures.comparison import ComparedResult, compared
@@ -105,7 +110,7 @@ def test_between_stored_states_figures_are_interpolated_and_said_to_be(half_sect
     one, other = ComparedResult.from_folder(half_section), ComparedResult.from_folder(thinner)
     rows = one.rows.where(lambda row: row.shown("pressure") != 50.0)
     short = other.rows.where(lambda row: row.shown("pressure") <= 50.0)
-    found = compared([dataclasses.replace(one, rows=rows), dataclasses.replace(other, rows=short)])
+    found = compared([with_rows(one, rows), with_rows(other, short)])
     rise = found.figures[0]
     assert rise.what == "rise at 50 cm, interpolated" and found.outlines() is None
     assert rise.values[0] == pytest.approx(4 / 3, rel=0.02) and rise.values[1] == pytest.approx(1.6)  # 0.8 at 25, 2.4 at 100
@@ -119,7 +124,7 @@ def test_a_vacuum_is_compared_by_its_size(half_section, thinner):
     def emptied(folder):
         one = ComparedResult.from_folder(folder)
         cells = ({**row.cells, "pressure_cm": -row.shown("pressure")} for row in one.rows)
-        return dataclasses.replace(one, rows=PathTable.read(cells))
+        return with_rows(one, PathTable.read(cells))
 
     found = compared([emptied(half_section), emptied(thinner)])
     assert found.common == -120.0 and found.figures[0].what == "rise at -120 cm"

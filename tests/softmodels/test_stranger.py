@@ -41,5 +41,5 @@ def test_three_commands_from_files_to_the_bend_with_its_band(tmp_path, monkeypat
         result = CliRunner().invoke(command, words)
         assert result.exit_code == 0, result.output
     said = " ".join(result.output.split())
-    assert re.search(r"tip rise \+\S+ \+- \S+ \(95 %\) mm, tip displacement \S+ mm \+- \S+ \(95 %\), turn of the tip", said)
+    assert re.search(r"tip rise \S+ \+- \S+ mm \(95 %\): silicone \S+ tip displacement \S+ \+- \S+ mm \(95 %\): silicone", said)
     assert "closed by a plug" in said
