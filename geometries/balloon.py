@@ -61,7 +61,9 @@ class Balloon(Revolved):
     rod_radius: float = schema.length_field(
         0.0, "radius of a rod along the axis, bonded to the far pole; 0 for none", zero=True, unless=("neck_radius", 0.0)
     )
-    cell_size: float = schema.length_field(0.001, "edge length of the cells along the wall", shape=False)
+    cell_size: float = schema.length_field(
+        0.001, "edge length of the cells along the wall; smaller where it is thin", shape=False
+    )
     through: float = revolved.through_field()
     section: str = revolved.section_field()
     angle: float = revolved.wedge_field()

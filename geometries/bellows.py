@@ -83,7 +83,7 @@ class Bellows(actuator.HeldTip, Revolved):
     def _check_wall(self) -> None:
         if self.outer_radius <= self.inner_radius:
             self.reject("outer_radius", f"it must be larger than {self.told('inner_radius')}")
-        self.check_least("wall", 5e-3, "outer_radius")
+        self.check_least("wall", 2e-3, "outer_radius")
         apart = "the flanks are half a pitch apart, and {} is the most that leaves air between them"
         self.check_most("wall", 0.45, "pitch", apart)
         self.check_most("cap", 10.0, "outer_radius", "more than {}, suggests a wrong unit")

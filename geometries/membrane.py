@@ -163,8 +163,7 @@ class Membrane(Revolved):
     def strips(self) -> list[Strip]:
         """The membrane cut at all radii where something begins or its cells change, from the axis outwards."""
         across = self.thickness / self.rows
-        largest = min(self.cell_size, revolved.MAX_CELL_ASPECT_RATIO * across)
-        first = min(largest, across)
+        largest, first = self.cell_length, min(self.cell_length, across)
         strips: list[Strip] = []
         for inner, outer, part, height in self.parts:
             if inner == 0.0:

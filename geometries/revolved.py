@@ -57,9 +57,24 @@ class Revolved(actuator.Wedged):
         """Number of cells through a wall."""
         return round(self.through)
 
+    @property
+    def cell_length(self) -> float:
+        """Edge length in m of the cells along its walls: ``cell_size``, shorter where thin walls would make needles of them."""
+        return min(self.cell_size, MAX_CELL_ASPECT_RATIO * self.thinnest / max(self.rows, 1))
+
+    @property
+    def remarks(self) -> tuple[str, ...]:  # type: ignore[override]
+        if self.dimension == 3 or self.cell_length == self.cell_size:
+            return ()
+        length, wall = schema.shown(self.cell_length, "m"), schema.shown(self.thinnest, "m")
+        return (
+            f"cells along the wall of {wall} are at most {length} long instead of {schema.shown(self.cell_size, 'm')}: "
+            f"{MAX_CELL_ASPECT_RATIO:g} times their width through it",
+        )
+
     def along(self, length: float) -> int:
         """Return the number of cells along a length in m of its walls."""
-        return max(1, math.ceil(length / self.cell_size - 1e-9))
+        return max(1, math.ceil(length / self.cell_length - 1e-9))
 
     @functools.cached_property
     def sides(self) -> list[Side]:
@@ -148,16 +163,11 @@ class Revolved(actuator.Wedged):
         return np.asarray(np.take_along_axis(places, missed.argmin(axis=0)[None], axis=0)[0])
 
     def check_cells(self, *radii: str) -> None:
-        """Check what every body of revolution has; called at the end of a device's `check`. The radii limit the cells' size
-        beside the thinnest wall; without any, nothing does. GeometryError for the first parameter found impossible, with its
-        value and the limit."""
-        if radii:
-            needle = MAX_CELL_ASPECT_RATIO * self.thinnest / max(self.through, 1.0)
-            longest = min(needle, *(getattr(self, name) for name in radii if getattr(self, name)))
-            if self.cell_size > longest:
-                self.reject("cell_size",
-                f"it must be at most {schema.shown(longest, 'm')}: {MAX_CELL_ASPECT_RATIO:g} times a cell's width through "
-                            f"the wall, and {' and '.join(radii)}")  # fmt: skip
+        """Check what every body of revolution has; called at the end of a device's `check`. The radii, where they are not 0,
+        limit the cells' size. GeometryError for the first parameter found impossible, with its value and the limit."""
+        for name in radii:
+            if getattr(self, name):
+                self.check_most("cell_size", 1.0, name)
         if not 1 <= self.rows <= MOST_THROUGH or self.through != round(self.through):
             self.reject("through", f"it must be a whole number from 1 to {MOST_THROUGH}")
         self.check_angle()

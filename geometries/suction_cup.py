@@ -49,7 +49,9 @@ class SuctionCup(Revolved):
     roof: float = schema.length_field(0.004, "thickness of the roof")
     stem_radius: float = schema.length_field(0.005, "radius of the stem")
     stem_height: float = schema.length_field(0.008, "height of the stem above the roof")
-    cell_size: float = schema.length_field(0.001, "edge length of the cells along the wall", shape=False)
+    cell_size: float = schema.length_field(
+        0.001, "edge length of the cells along the wall; smaller where it is thin", shape=False
+    )
     through: float = revolved.through_field(3.0)
     section: str = revolved.section_field()
     angle: float = revolved.wedge_field()

@@ -491,8 +491,9 @@ class Shading:
 # The penumbra of a level surface with the half depth r along the light, at the distance b from the screen, is not symmetric.
 # Light from the lamp's upper half passes the rim near the screen, that from its lower half the rim near the lamp: the penumbra
 # is 1 + q times as wide above the surface's plane and 1 - q times below, with q = r / b. The lens' blur then draws the half
-# light up from the plane. Neither r nor b is known here, but q shows in the profile once another photograph has told what the
-# camera does: the edge of the raised body, a dome, is tangent to the light in one place and has a symmetric penumbra.
+# light up from the plane, and a photograph of the raised body, whose profiles get a symmetric step, has the surface higher
+# still. Neither r nor b is known here, but q shows in the profile once another photograph has told what the camera does: the
+# edge of the raised body, a dome, is tangent to the light in one place and has a symmetric penumbra.
 
 
 SHAPE_STEP, MAX_SHAPE_DISTANCE = 0.05, 9.0
@@ -551,8 +552,8 @@ class EdgeShape:
         tone: e, by which the light differs from what the assumed tone curve gives.
         misfit: Root mean square of the mean profile's distance from it in its standard error, with the priors'.
         mask: Amount and radius in px of the unsharp mask.
-        lift: Distance in widths by which blur has drawn half of the light up from a level surface that is deep along the
-            light; 0 where nothing shows that.
+        lift: Distance in widths above a level surface that is deep along the light at which the raised body's shape finds it;
+            0 where nothing shows that depth.
         hidden: Standard error in widths by a depth that the profile would not show; 0 where the camera is not known.
         profile: What it was fitted to; None for an error function.
     """
@@ -687,7 +688,7 @@ def common_shape(z: Array, residual: Array, clean: Mask, stored: StoredLight, ca
     lift = hidden = 0.0
     if camera is not None:
         bent, deep = min(profile.fits((*LAMP_EXPONENTS, BULB_EXPONENT), camera), key=lambda pair: float(pair[1].cost))
-        lift = float(np.interp(0.5, _penumbra(deep.x, bent), nodes()))
+        lift = _centre_by(camera, _shape(deep.x, bent, stored), float(np.median(z[:, -1])))
         if 2.0 * (best.cost - deep.cost) >= DECISIVE_CHI_SQUARE * max(1.0, 2.0 * deep.cost / (len(place) - SHAPE_PARAMETERS)):
             lamp, best = bent, deep
         else:
@@ -711,6 +712,12 @@ def common_shape(z: Array, residual: Array, clean: Mask, stored: StoredLight, ca
         hidden,
         profile,
     )
+
+
+def _centre_by(shape: EdgeShape, values: Array, reach: float) -> float:
+    """Return in widths where the fit of a shape finds the middle of another step, given at `nodes`, in profiles of a reach."""
+    near = np.abs(nodes()) < reach
+    return float(fit_profiles(nodes()[near], values[None, near], np.ones((1, int(near.sum()))), shape).centre[0])
 
 
 def _place_error(terms: Array) -> float:

@@ -40,7 +40,7 @@ class ZeroLine:
         sides: The body's sides below it; None where the photograph does not show both.
         level_error: Standard error of all heights above it by a lamp or a body that is not level (see `Bow`), or by a depth
             of the body that its penumbra does not show.
-        lift: Distance above it at which an edge on it is found, because the body is deep along the light; see `profiles`.
+        lift: Distance above it at which a raised body's photograph shows it, because the body is deep along the light.
     """
 
     origin: Array

@@ -114,7 +114,7 @@ def zero_of(traced: edge.Traced, raised: edge.Traced | None = None) -> ZeroLine:
     errors = traced.own_error
     seen = ~traced.line.bridged
     line = ZeroLine.fit(traced.points[seen], traced.normals[seen], errors[seen])
-    # The body's sides are not deep along the light: their edge is at their half light.
+    # The body's sides, deep along the light or not, are to lie where a raised body's photograph has them.
     placed, upwards = line.place(traced.points + traced.lift * traced.normals)[seen], traced.normals[seen] @ line.normal
     sides = sides_of(placed, upwards, errors[seen])
     if sides is not None and traced.lift:

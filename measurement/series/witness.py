@@ -114,7 +114,8 @@ class Run:
         if self.sinking.course is not None:
             return {}
         raised = self[self.sinking.known].outlines
-        return {k: outline.sunk for k, outline in raised.items() if outline.sunk}
+        # What lies above the zero plane is off by its own error already.
+        return {k: outline.sunk for k, outline in raised.items() if outline.sunk > 0.0}
 
     @functools.cached_property
     def copies(self) -> dict[int, str]:

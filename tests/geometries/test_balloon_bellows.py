@@ -97,7 +97,7 @@ WRONG_BALLOONS = {
     "held is 'outside'": {"held": "outside", "neck_radius": 0.0},
     "angle is 180 deg; without a neck": {"section": "wedge", "angle": 180.0, "neck_radius": 0.0},
     "angle is 0 deg; it must be between 5 and 360 deg": {"section": "wedge", "angle": 0.0, "neck_radius": 0.0},
-    "cell_size is 14 mm": {"cell_size": 0.014},
+    "cell_size is 16 mm": {"cell_size": 0.016},
     "through is 0": {"through": 0.0},
     "radius is 11 m": {"radius": 11.0},
 }

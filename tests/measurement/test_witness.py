@@ -340,3 +340,9 @@ def test_a_width_that_contradicts_pitch_and_distances_is_refused():
     # With no distance given nothing contradicts it, and the width is the unit of length.
     free = with_known_body(dataclasses.replace(known, magnification=1.0, magnification_error=0.0), zero, 30e-3)
     assert (free.magnification, free.pitch_error) == (pytest.approx(1.02), 0.0)
+
+
+def test_a_surface_above_the_zero_plane_is_in_its_own_error_only():
+    """Before: what an outline of a short run had in its error already was added a second time."""
+    run = Run({0: outline(5e-3, 0.2e-3), 1: outline(6e-3, -0.1e-3)})
+    assert run.unknown == {0: 0.2e-3}
