@@ -295,7 +295,7 @@ USUAL_SIZE, USUAL_CELLS = 3e-3, (3000.0, 5000.0)
 cells are 30,000 unknowns, whose path takes a minute or two on one core."""
 CELLS_PER_TRIANGLE, CELLS_PER_CUBE = 3.2, 4.4
 """Cells for each triangle of a thin wall's faces, and for each cube of the edge in a thick part, about."""
-CURVATURES = (10.0, 8.0, 6.0, 4.0)
+TRIED_CURVATURES = (10.0, 8.0, 6.0, 4.0)
 """Cells around a full circle, in the order tried."""
 MANY_CELLS = 15_000
 """Cells whose path takes more than minutes on one core: 6,500 take 50 to 100 s, and time grows as their 1.3rd power."""
@@ -1036,7 +1036,7 @@ MEASURED_TRIANGLES = 50_000
 @functools.lru_cache(maxsize=32)
 def _usual_cells(file: str, digest: str, cell_size: float, curvature: float) -> tuple[float, float]:
     """Return the longest edge in m of a STEP file's cells, and how many of them are around a circle, for those that are 0: see
-    `usual_size`, and the largest of `CURVATURES` that makes no more than `MANY_CELLS`, or the smallest."""
+    `usual_size`, and the largest of `TRIED_CURVATURES` that makes no more than `MANY_CELLS`, or the smallest."""
 
     def measure() -> dict[str, Array]:
         return {"sizes": np.array(apart(file, _usual_cells_of, file, cell_size, curvature))}
@@ -1056,7 +1056,7 @@ def _usual_cells_of(file: str, cell_size: float, curvature: float) -> tuple[floa
         if curvature:
             return size, curvature
         faces = [face for _, face in occ.getEntities(2)]
-        return size, cells_around(faces, size, CURVATURES, MANY_CELLS / CELLS_PER_TRIANGLE)[0]
+        return size, cells_around(faces, size, TRIED_CURVATURES, MANY_CELLS / CELLS_PER_TRIANGLE)[0]
 
 
 def apart[T](file: str, task: Callable[..., T], *arguments: object) -> T:
