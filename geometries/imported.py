@@ -154,6 +154,11 @@ class ImportedPart(Actuator):
         return patches
 
     @property
+    def chosen_by_name(self) -> bool:
+        """Whether a face is picked by a name of the file's."""
+        return any(re.match(r"\s*named\b", text) for text in (self.support, *self.cavities, *self.patches.values()))
+
+    @property
     def airless(self) -> bool:
         """Whether it has no cavity."""
         return self.cavities == (NONE,)
@@ -791,7 +796,10 @@ class Boundary(abc.ABC):
         if not inner:
             where = "close it where it is drawn"
             if Path(file).suffix.lower() in FORMATS and not file.lower().endswith(".stl"):
-                where = "inlets are closed in STEP and STL files only, so take one of these"
+                where = (
+                    "inlets of a mesh are closed where it has no regions and no face is picked by name; else take its STEP or "
+                    "STL file"
+                )
             raise GeometryError(
                 f"cavities is empty, and file {file} has no closed inner shell that could be the cavity, and no inlet that "
                 f"could be closed: {where}, name the planes of a part that is cut, or write cavities = ['none'] for a solid "
@@ -1923,15 +1931,19 @@ def _parts_of(file: str, mesh: mesh_arrays.Tetrahedra) -> dict[str, str]:
 @functools.lru_cache(maxsize=8)
 def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra, Reading]:
     """Read the file and check every choice against it. Another digest, of another content, is another reading."""
-    plugs: list[Inlet] = []
-    air, wall = 0.0, 0.0
-    repairs: list[str] = []
+    air, wall, size = 0.0, 0.0, part.cell_size
+    mesh, surface, repairs = None, None, list[str]()
     if Path(part.file).suffix.lower() == ".stl":
-        unit = UNITS[part.unit]
-        surface, repairs = read_surfaces(part.file, unit)
+        surface, repairs = read_surfaces(part.file, UNITS[part.unit])
         if part.air:
-            space, more = read_surfaces(part.air, unit)
+            space, more = read_surfaces(part.air, UNITS[part.unit])
             surface, repairs = surfaces.without_air(part.file, surface, part.air, space), repairs + more
+    else:
+        mesh = read_mesh(part.file, UNITS[part.unit])
+        if not (_parts_of(part.file, mesh) or part.chosen_by_name):
+            surface = mesh.surface
+    plugs: list[Inlet] = []
+    if surface:
         points, triangles = surface
         normals = _cut_normals(part, points)
         depths = np.abs(points @ np.reshape(normals, (-1, 3)).T)
@@ -1940,12 +1952,14 @@ def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra,
         shells = len(np.unique(actuator.joined(np.concatenate([walls[:, :2], walls[:, 1:]]), len(points))[walls]))
         if plugs := part.to_close(shells - 1, lambda: surface, normals):
             surface = plugged(surface, plugs, normals)
-        air = mesh_arrays.enclosed_air(*surface)
-        area, volume = _area_and_volume(surface)
-        wall = 2.0 * volume / area
-        mesh = meshed_solid(part.file, surface, part.cell_size / part.finer)
-    else:
-        mesh = read_mesh(part.file, UNITS[part.unit])
+            if mesh:
+                repairs.append(f"the cells of {part.file} are made anew, because an opening is closed")
+        if plugs or not mesh:
+            air = mesh_arrays.enclosed_air(*surface)
+            area, volume = _area_and_volume(surface)
+            wall, size = 2.0 * volume / area, size or usual_size(area, volume)
+            mesh = meshed_solid(part.file, surface, size / part.finer)
+    assert mesh is not None
     if not 1e-5 < mesh.extent < 10.0:
         raise GeometryError(
             f"file {part.file} spans {1e3 * mesh.extent:.4g} mm with unit {part.unit!r}; give the unit of its lengths"

@@ -140,7 +140,11 @@ class Simulation:
         unknowns = space.dofmap.index_map.size_global * space.dofmap.index_map_bs
         cells = topology.index_map(topology.dim).size_global
         seconds = SECONDS_PER_STATE * (unknowns / 30_000) ** 1.3 / ranks**0.6
-        long = f", some {seconds:.1g} s a state" if seconds > SECONDS_PER_STATE and self.case.actuator.dimension == 3 else ""
+        long = (
+            f", some {float(f'{seconds:.1g}'):g} s a state"
+            if seconds > SECONDS_PER_STATE and self.case.actuator.dimension == 3
+            else ""
+        )
         say(f"{cells} cells, {unknowns} unknowns, {ranks} rank{'s' if ranks > 1 else ''}{long}")
         if told := self.solver.method.description:
             say(told)
