@@ -1246,6 +1246,10 @@ def _gauge(part: ImportedActuator, held: Array) -> Vector:
     return gauge
 
 
+# ----------------------------------------------------------------------------------------------------------------------
+# The device that a STEP file draws.
+
+
 @registry.register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ImportedActuator(ImportedPart):
