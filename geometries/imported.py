@@ -1954,7 +1954,7 @@ def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra,
         cut = (depths[triangles] < CUT_TOLERANCE * np.ptp(points, axis=0).max()).all(axis=1).any(axis=1)
         walls = triangles[~cut]
         shells = len(np.unique(actuator.joined(np.concatenate([walls[:, :2], walls[:, 1:]]), len(points))[walls]))
-        if plugs := part.to_close(shells - 1, lambda: surface, normals):
+        if plugs := part.to_close(shells - 1, lambda: (points, triangles), normals):
             surface = plugged(surface, plugs, normals)
             if mesh:
                 repairs.append(f"the cells of {part.file} are made anew, because an opening is closed")
