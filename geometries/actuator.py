@@ -183,6 +183,8 @@ class Actuator(Designable, Castable, DeviceLabels, ABC):
     plate: ClassVar[Vector] = (0.0, 0.0, 0.0)
     """A place (m) in the plane in which the cavity's walls may end; the origin, where cut planes meet, unless a plate elsewhere
     closes the cavity."""
+    foreign: ClassVar[bool] = False
+    """Whether its shape is from a file, on which Gmsh may end its process."""
     meshed: ClassVar[bool] = False
     """Whether `build` creates the mesh itself, which is used unchanged."""
     bodies: ClassVar[tuple[tuple[str, ...], ...]] = ()

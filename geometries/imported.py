@@ -89,6 +89,7 @@ class ImportedPart(Actuator):
         ),
     }
     unbonded: ClassVar = (OUTER,)
+    foreign: ClassVar = True
     meeting: ClassVar = None
     kind: ClassVar[str] = "file"
     """Description of the file for messages."""
@@ -153,6 +154,11 @@ class ImportedPart(Actuator):
         return patches
 
     @property
+    def chosen_by_name(self) -> bool:
+        """Whether a face is picked by a name of the file's."""
+        return any(re.match(r"\s*named\b", text) for text in (self.support, *self.cavities, *self.patches.values()))
+
+    @property
     def airless(self) -> bool:
         """Whether it has no cavity."""
         return self.cavities == (NONE,)
@@ -165,6 +171,11 @@ class ImportedPart(Actuator):
             f"the opening {plug.text} is closed by a plug {1e3 * plug.length:.2g} mm long; --inlets none leaves it open"
             for plug in reading.plugs
         ]
+        if (count := meshing.expected_cells(self)) > MANY_CELLS:
+            remarks.append(
+                f"about {float(f'{count:.1e}'):,.0f} cells take ten minutes or more on one core; larger ones (--cell-size) are "
+                "fewer, down to what small features need"
+            )
         if (size := getattr(self, "cell_size", 0.0) / self.finer) > COARSE_CELLS * reading.wall > 0.0:
             remarks.append(
                 f"cells of up to {schema.shown(size, 'm')} are coarse for walls about {1e3 * reading.wall:.2g} mm thick; "
@@ -289,6 +300,8 @@ USUAL_SIZE, USUAL_CELLS = 3e-3, (3000.0, 5000.0)
 cells are 30,000 unknowns, whose path takes a minute or two on one core."""
 CELLS_PER_TRIANGLE, CELLS_PER_CUBE = 3.2, 4.4
 """Cells for each triangle of a thin wall's faces, and for each cube of the edge in a thick part, about."""
+TRIED_CURVATURES = (10.0, 8.0, 6.0, 4.0)
+"""Cells around a full circle, in the order tried."""
 MANY_CELLS = 15_000
 """Cells whose path takes more than minutes on one core: 6,500 take 50 to 100 s, and time grows as their 1.3rd power."""
 COARSE_CELLS = 2.0
@@ -336,6 +349,8 @@ class Reading:
     """The middle of the held faces in m; the origin if there are none."""
     wall: float = 0.0
     """Thickness of its walls in m: twice the volume over the area of their faces; 0 of a mesh, whose cells are given."""
+    cells: float = math.inf
+    """Expected number of cells."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -781,7 +796,10 @@ class Boundary(abc.ABC):
         if not inner:
             where = "close it where it is drawn"
             if Path(file).suffix.lower() in FORMATS and not file.lower().endswith(".stl"):
-                where = "inlets are closed in STEP and STL files only, so take one of these"
+                where = (
+                    "inlets of a mesh are closed where it has no regions and no face is picked by name; else take its STEP or "
+                    "STL file"
+                )
             raise GeometryError(
                 f"cavities is empty, and file {file} has no closed inner shell that could be the cavity, and no inlet that "
                 f"could be closed: {where}, name the planes of a part that is cut, or write cavities = ['none'] for a solid "
@@ -827,15 +845,23 @@ CURVATURE_SAMPLES = 5
 """Places in each direction of a face's parameters where its curvature is looked at."""
 
 
-def expected_triangles(faces: mesh_arrays.Ints, cell_size: float, curvature: float) -> float:
-    """Return the number of triangles on faces of the current Gmsh model, of a longest edge in m and a number of cells around
-    a full circle, or fewer: fine edges make the faces beside them finer."""
-    total = 0.0
+def expected_triangles(faces: Iterable[int], cell_size: float, curvatures: Sequence[float]) -> Array:
+    """Return the numbers of triangles on faces of the current Gmsh model, of a longest edge in m, for some numbers of cells
+    around a full circle; or fewer: fine edges make the faces beside them finer."""
+    total = np.zeros(len(curvatures))
     for face in faces:
-        around = 2.0 * np.pi / (curvature * np.maximum(_curvatures(face), 1e-30))
-        sizes = np.minimum(cell_size, around)
-        total += float(gmsh.model.occ.getMass(2, face)) * float(np.mean(sizes**-2.0))
-    return total / revolved.TRIANGLE_AREA
+        around = 2.0 * np.pi / np.outer(curvatures, np.maximum(_curvatures(face), 1e-30))
+        total += gmsh.model.occ.getMass(2, face) * np.mean(np.minimum(cell_size, around) ** -2.0, axis=1)
+    return np.asarray(total / revolved.TRIANGLE_AREA)
+
+
+def cells_around(faces: Iterable[int], cell_size: float, choices: Sequence[float], most: float) -> tuple[float, float]:
+    """Return the first of some numbers of cells around a full circle, largest first, with which no more than so many triangles
+    are expected on faces of the current Gmsh model, or the last of them; and how many are. See `expected_triangles`."""
+    triangles = expected_triangles(faces, cell_size, choices)
+    few = np.flatnonzero(triangles <= most)
+    chosen = int(few[0]) if len(few) else -1
+    return choices[chosen], float(triangles[chosen])
 
 
 def _curvatures(face: int) -> np.ndarray:
@@ -1008,26 +1034,37 @@ def _bodies(regions: Mapping[str, list[int]]) -> tuple[tuple[str, ...], ...]:
 # A STEP file in Gmsh: its unit, its volumes, its mesh.
 
 
-CELLS_PER_CIRCLE = 40
-"""Cells around a circle in the mesh of walls that the cavities' volumes are measured on."""
+CELLS_PER_CIRCLE = (40.0, 30.0, 20.0, 10.0)
+"""Cells around a circle in the mesh of faces that the cavities' volumes are measured on and openings found, in the order
+tried."""
+MEASURED_TRIANGLES = 50_000
+"""Triangles of that mesh above which it has fewer around a circle."""
 
 
 @functools.lru_cache(maxsize=32)
-def _usual_size(file: str, digest: str) -> float:
-    """Return the longest edge in m of a STEP file's cells if none is given; see `usual_size`."""
+def _usual_cells(file: str, digest: str, cell_size: float, curvature: float) -> tuple[float, float]:
+    """Return the longest edge in m of a STEP file's cells, and how many of them are around a circle, for those that are 0: see
+    `usual_size`, and the largest of `TRIED_CURVATURES` that makes no more than `MANY_CELLS`, or the smallest."""
 
     def measure() -> dict[str, Array]:
-        return {"sizes": np.array(apart(file, _area_and_volume_of, file))}
+        return {"sizes": np.array(apart(file, _usual_cells_of, file, cell_size, curvature))}
 
-    return usual_size(*meshing.cached_arrays(("area and volume", digest), measure)["sizes"].tolist())
+    key = ("usual cells", digest, cell_size, curvature)
+    size, around = meshing.cached_arrays(key, measure)["sizes"].tolist()
+    return size, around
 
 
-def _area_and_volume_of(file: str) -> tuple[float, float]:
-    """Return the area (m2) and volume (m3) of the solids in a STEP file."""
+def _usual_cells_of(file: str, cell_size: float, curvature: float) -> tuple[float, float]:
+    """See `_usual_cells`."""
     with meshing.private_model():
         import_step(file, "M")
         occ = gmsh.model.occ
-        return tuple(sum(occ.getMass(*entity) for entity in occ.getEntities(d)) for d in (2, 3))  # type: ignore[return-value]
+        area, volume = (sum(occ.getMass(*entity) for entity in occ.getEntities(d)) for d in (2, 3))
+        size = cell_size or usual_size(area, volume)
+        if curvature:
+            return size, curvature
+        faces = [face for _, face in occ.getEntities(2)]
+        return size, cells_around(faces, size, TRIED_CURVATURES, MANY_CELLS / CELLS_PER_TRIANGLE)[0]
 
 
 def apart[T](file: str, task: Callable[..., T], *arguments: object) -> T:
@@ -1049,14 +1086,17 @@ def _read_step(part: ImportedActuator) -> Reading:
     with meshing.private_model():
         solids = open_part(part)
         roles = solids.roles()
-        expected = expected_triangles(solids.every, part.cell_size, max(part.curvature, CELLS_PER_CIRCLE))
+        faces = solids.every.tolist()
+        choices = [max(part.curvature, cells) for cells in CELLS_PER_CIRCLE]
+        around, expected = cells_around(faces, part.cell_size, choices, MEASURED_TRIANGLES)
+        (triangles,) = expected_triangles(faces, part.cell_size, [part.curvature])
         if expected > MOST_TRIANGLES:
             raise GeometryError(
                 f"cell_size is {schema.shown(part.cell_size, 'm')} with curvature {part.curvature:g}; about "
                 f"{expected:.2g} triangles "
                 f"are expected on the part's faces and {MOST_TRIANGLES:,} are allowed"
             )
-        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", CELLS_PER_CIRCLE)
+        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", around)
         gmsh.option.setNumber("Mesh.MeshSizeMax", part.cell_size)
         gmsh.model.mesh.generate(2)
         gmsh.model.mesh.setOrder(2)
@@ -1074,6 +1114,7 @@ def _read_step(part: ImportedActuator) -> Reading:
             plate=solids.in_plate,
             held=_vector(held),
             wall=2.0 * solids.volume / sum(gmsh.model.occ.getMass(2, face) for face in solids.every),
+            cells=max(CELLS_PER_TRIANGLE * triangles, CELLS_PER_CUBE * solids.volume / part.cell_size**3),
         )
 
 
@@ -1124,7 +1165,9 @@ def import_step(file: str, unit: str) -> None:
 def _surface(metre: float) -> Surface:
     """Return corners in m and triangles of the current model's surfaces, of which a metre has so many of its units."""
     low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
-    sizes = {"Mesh.MeshSizeFromCurvature": CELLS_PER_CIRCLE, "Mesh.MeshSizeMax": float(np.linalg.norm(high - low)) / 20.0}
+    size = float(np.linalg.norm(high - low)) / 20.0
+    around, _ = cells_around([face for _, face in gmsh.model.getEntities(2)], size, CELLS_PER_CIRCLE, MEASURED_TRIANGLES)
+    sizes = {"Mesh.MeshSizeFromCurvature": around, "Mesh.MeshSizeMax": size}
     before = {name: gmsh.option.getNumber(name) for name in sizes}
     for name, size in sizes.items():
         gmsh.option.setNumber(name, size)
@@ -1203,6 +1246,10 @@ def _gauge(part: ImportedActuator, held: Array) -> Vector:
     return gauge
 
 
+# ----------------------------------------------------------------------------------------------------------------------
+# The device that a STEP file draws.
+
+
 @registry.register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ImportedActuator(ImportedPart):
@@ -1221,20 +1268,28 @@ class ImportedActuator(ImportedPart):
         zero=True,
         shape=False,
     )
-    curvature: float = schema.number_field(10.0, "cells around a full circle", shape=False)
+    curvature: float = schema.number_field(
+        0.0, "cells around a full circle; 0: 10, or down to 4 where all would be more than 15,000", shape=False
+    )
     order: int = schema.choice_field(2, (1, 2), "order of the cells' geometry: 1 straight, 2 curved edges")
 
     kind: ClassVar[str] = "STEP file (--file part.step)"
 
     def check_cells(self) -> None:
-        if not 4.0 <= self.curvature <= 100.0:
+        if self.curvature and not 4.0 <= self.curvature <= 100.0:
             raise GeometryError(f"curvature is {self.curvature:g}; it must be between 4 and 100 cells around a circle")
-        if not self.cell_size:
-            object.__setattr__(self, "cell_size", _usual_size(self.file, self.digest()))
+        if not (self.cell_size and self.curvature):
+            usual = _usual_cells(self.file, self.digest(), self.cell_size, self.curvature)
+            for name, value in zip(("cell_size", "curvature"), usual, strict=True):
+                object.__setattr__(self, name, value)
 
     @property
     def reading(self) -> Reading:
         return read_part(self, self.digest())
+
+    @property
+    def expected_cells(self) -> float:
+        return self.reading.cells
 
     @property
     def regions(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -1831,18 +1886,7 @@ class ImportedMesh(ImportedPart):
 
     @property
     def expected_cells(self) -> float:
-        return float(len(self.mesh.cells))
-
-    @property
-    def remarks(self) -> tuple[str, ...]:  # type: ignore[override]
-        count = len(self.mesh.cells)
-        if count < MANY_CELLS:
-            return super().remarks
-        long = (
-            f"{count:,} cells take ten minutes or more on one core; larger ones (--cell-size) are fewer, down to what small "
-            "features need"
-        )
-        return (*super().remarks, long)
+        return len(self.mesh.cells) / self.finer**3
 
     def build(self) -> None:
         """Put the mesh into the current Gmsh model, every role a group of its boundary, every region of its cells."""
@@ -1891,29 +1935,35 @@ def _parts_of(file: str, mesh: mesh_arrays.Tetrahedra) -> dict[str, str]:
 @functools.lru_cache(maxsize=8)
 def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra, Reading]:
     """Read the file and check every choice against it. Another digest, of another content, is another reading."""
-    plugs: list[Inlet] = []
-    air, wall = 0.0, 0.0
-    repairs: list[str] = []
+    air, wall, size = 0.0, 0.0, part.cell_size
+    mesh, surface, repairs = None, None, list[str]()
     if Path(part.file).suffix.lower() == ".stl":
-        unit = UNITS[part.unit]
-        surface, repairs = read_surfaces(part.file, unit)
+        surface, repairs = read_surfaces(part.file, UNITS[part.unit])
         if part.air:
-            space, more = read_surfaces(part.air, unit)
+            space, more = read_surfaces(part.air, UNITS[part.unit])
             surface, repairs = surfaces.without_air(part.file, surface, part.air, space), repairs + more
+    else:
+        mesh = read_mesh(part.file, UNITS[part.unit])
+        if not (_parts_of(part.file, mesh) or part.chosen_by_name):
+            surface = mesh.surface
+    plugs: list[Inlet] = []
+    if surface:
         points, triangles = surface
         normals = _cut_normals(part, points)
         depths = np.abs(points @ np.reshape(normals, (-1, 3)).T)
         cut = (depths[triangles] < CUT_TOLERANCE * np.ptp(points, axis=0).max()).all(axis=1).any(axis=1)
         walls = triangles[~cut]
         shells = len(np.unique(actuator.joined(np.concatenate([walls[:, :2], walls[:, 1:]]), len(points))[walls]))
-        if plugs := part.to_close(shells - 1, lambda: surface, normals):
+        if plugs := part.to_close(shells - 1, lambda: (points, triangles), normals):
             surface = plugged(surface, plugs, normals)
-        air = mesh_arrays.enclosed_air(*surface)
-        area, volume = _area_and_volume(surface)
-        wall = 2.0 * volume / area
-        mesh = meshed_solid(part.file, surface, part.cell_size / part.finer)
-    else:
-        mesh = read_mesh(part.file, UNITS[part.unit])
+            if mesh:
+                repairs.append(f"the cells of {part.file} are made anew, because an opening is closed")
+        if plugs or not mesh:
+            air = mesh_arrays.enclosed_air(*surface)
+            area, volume = _area_and_volume(surface)
+            wall, size = 2.0 * volume / area, size or usual_size(area, volume)
+            mesh = meshed_solid(part.file, surface, size / part.finer)
+    assert mesh is not None
     if not 1e-5 < mesh.extent < 10.0:
         raise GeometryError(
             f"file {part.file} spans {1e3 * mesh.extent:.4g} mm with unit {part.unit!r}; give the unit of its lengths"

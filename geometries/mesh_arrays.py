@@ -186,6 +186,15 @@ class Tetrahedra:
             return sides[outer]
         return np.hstack([sides[outer], self.cells[:, MIDDLES].reshape(-1, 3)[outer]])
 
+    @property
+    def surface(self) -> tuple[Array, Ints]:
+        """Places in m, shape (n, 3), and corners of the boundary's triangles, shape (t, 3): four for one with curved edges."""
+        nodes = self.triangles
+        if nodes.shape[1] == 6:
+            nodes = nodes[:, [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]]].reshape(-1, 3)
+        used, triangles = np.unique(nodes, return_inverse=True)
+        return self.points[used], triangles.reshape(-1, 3)
+
     @functools.cached_property
     def corners(self) -> Array:
         """Places of the boundary triangles' corners in m, shape (k, 3, 3)."""

@@ -57,6 +57,8 @@ class Meshable(Protocol):
     def expected_cells(self) -> float: ...
     @property
     def meshed(self) -> bool: ...
+    @property
+    def foreign(self) -> bool: ...
     def build(self) -> None: ...
     def curve(self) -> None: ...
 
@@ -219,7 +221,7 @@ class InvalidCellsError(MeshingError):
 def _make_curved(actuator: Meshable, path: Path, stopped: Callable[[], bool]) -> None:
     """Mesh a device into a file in the first of `CURVINGS` that makes its cells sound."""
     try:
-        if expected_cells(actuator) <= MAX_CELLS_IN_PROCESS:
+        if expected_cells(actuator) <= MAX_CELLS_IN_PROCESS and not actuator.foreign:
             return _make(actuator, path, CURVINGS[0])
         return apart(_make, actuator, path, CURVINGS[0], stopped=stopped)
     except InvalidCellsError:
@@ -267,7 +269,7 @@ def summarize(path: str | Path) -> MeshSummary:
 
 
 def _generate(actuator: Meshable, curving: str) -> None:
-    if actuator.dimension == 3 and math.isinf(actuator.expected_cells):
+    if actuator.dimension == 3 and (actuator.foreign or math.isinf(actuator.expected_cells)):
         gmsh.model.mesh.generate(2)
         _check_cells()
     gmsh.model.mesh.generate(actuator.dimension)
@@ -544,7 +546,10 @@ def mesh_label(actuator: Meshable) -> str:
     kind = "solid" if actuator.dimension == 3 else "axisymmetric section"
     cells = "" if actuator.finer == 1.0 else f", cells {actuator.finer:g} times smaller"
     what = f"{type(actuator).__name__} ({kind}, 1/{actuator.copies}{cells})"
-    return f"{what}: using the cached mesh" if is_mesh_cached(actuator) else f"meshing {what}"
+    if is_mesh_cached(actuator):
+        return f"{what}: using the cached mesh"
+    expected = expected_cells(actuator)
+    return f"meshing {what}" if math.isinf(expected) else f"meshing {what}: about {float(f'{expected:.1e}'):,.0f} cells"
 
 
 def cache_mesh(actuator: Meshable, path: Path) -> None:

@@ -9,7 +9,7 @@ import gmsh
 import numpy as np
 import pytest
 
-from geometries import GeometryError, ImportedActuator
+from geometries import GeometryError, ImportedActuator, imported
 from geometries.imported import region_name
 from geometries.meshing import private_model, summarize
 from geometries.registry import from_table, to_table
@@ -232,3 +232,27 @@ def test_solids_that_make_no_part(tmp_path):
         part(write_step(tmp_path / "into.step", lift=-1.0))
     with pytest.raises(GeometryError, match="a mould needs a part of a single solid"), private_model():
         part(tmp_path / "two.step" if (tmp_path / "two.step").exists() else write_step(tmp_path / "two.step")).build_whole()
+
+
+def test_small_roundings_keep_to_a_budget_of_cells(step_file, tmp_path):
+    """Narrow holes through a block take fewer cells around a circle than other parts have, as many as asked if asked, and fewer
+    for volumes too."""
+
+    def holes(occ):
+        tools = [occ.addCylinder(2.0 + 2.0 * i, 2.0 + 2.0 * j, 0.0, 0.0, 0.0, 10.0, 0.3) for i in range(3) for j in range(2)]
+        occ.cut([(3, occ.addBox(0.0, 0.0, 0.0, 20.0, 20.0, 10.0))], [(3, tool) for tool in tools])
+
+    file = str(step_file(tmp_path / "holes.step", holes))
+    size, asked = imported._usual_cells_of(file, 0.0, 10.0)
+    assert asked == 10.0 and imported._usual_cells_of(file, 0.0, 0.0) == (size, 6.0)
+    with private_model():
+        imported.import_step(file, "M")
+        faces = [face for _, face in gmsh.model.getEntities(2)]
+        counts = imported.CELLS_PER_TRIANGLE * imported.expected_triangles(faces, size, imported.TRIED_CURVATURES)
+        assert counts[1] > imported.MANY_CELLS > counts[2]
+        assert imported.cells_around(faces, size, imported.CELLS_PER_CIRCLE, imported.MEASURED_TRIANGLES)[0] == 20.0
+        # What is expected of the mesh is what it has, within a factor of two.
+        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 6.0)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+        gmsh.model.mesh.generate(3)
+        assert 0.5 < counts[2] / gmsh.model.mesh.getElementsByType(4)[0].size < 2.0

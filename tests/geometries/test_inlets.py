@@ -197,3 +197,26 @@ def test_cells_that_miss_the_air_of_a_surface_are_said(tmp_path, monkeypatch):
     larger = dataclasses.replace(reading, air_on_file=sum(reading.cavity_volumes) / 0.97)
     monkeypatch.setattr(ImportedMesh, "reading", property(lambda self: larger))
     assert part.remarks[-1].startswith("the cavities have 3.00% less volume in these cells than in the file; use smaller ones")
+
+
+def test_an_inlet_of_a_mesh_is_closed(tmp_path):
+    """A mesh with an opening gets cells around a plug; one of which a face is picked by name keeps its own, and is refused."""
+    part, file = finger(), str(tmp_path / "finger.msh")
+    with meshing.private_model():
+        _, (volume,) = part.draw()
+        gmsh.model.addPhysicalGroup(3, [tag for _, tag in gmsh.model.getEntities(3)])
+        end = gmsh.model.getBoundingBox(-1, -1)[3]
+        tip = [tag for _, tag in gmsh.model.getEntities(2) if gmsh.model.getBoundingBox(2, tag)[0] > end - 1e-3]
+        gmsh.model.addPhysicalGroup(2, tip, name="tip")
+        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 16)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 4.0)
+        gmsh.model.mesh.generate(3)
+        gmsh.model.mesh.setOrder(2)
+        gmsh.write(file)
+    mesh = ImportedMesh(file=file, support="x = 0 mm")
+    (plug,) = mesh.reading.plugs
+    assert plug.place[1:] == pytest.approx((8e-3, 4.5e-3), abs=2e-5) and plug.radius == pytest.approx(1.5e-3, rel=0.02)
+    assert mesh.cavity_volume == pytest.approx(behind(volume, [plug]), rel=2e-3)
+    assert mesh.remarks[0].endswith("are made anew, because an opening is closed")
+    with pytest.raises(GeometryError, match="no face is picked by name; else take its STEP or STL file"):
+        ImportedMesh(file=file, support="named tip")
