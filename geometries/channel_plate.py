@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from geometries import actuator, faces, mesh_arrays, meshing, network, registry, revolved
 from geometries.actuator import Hold, Vector
-from geometries.network import Channel, Network, Place
+from geometries.network import Channel, Network, Nodes, Place
 from softmodels.common import errors, schema, units
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
@@ -134,9 +134,9 @@ class ChannelPlate(actuator.Actuator):
         return _drawn(self, self.digest())
 
     @property
-    def nodes(self) -> network.Nodes:
+    def nodes(self) -> Nodes:
         """The network's nodes where they were drawn."""
-        return network.Nodes.of(_as_drawn(self, self.digest()).channels)
+        return Nodes.of(_as_drawn(self, self.digest()).channels)
 
     def entries(self, field: str) -> tuple[float, ...]:
         """Return a list's values, of nodes and radii that are not given those drawn."""
@@ -371,7 +371,7 @@ def _drawn(plate: ChannelPlate, digest: str) -> Network:
     outline = tuple(tuple((x, y) for x, y in (scale * np.array(path)).tolist()) for path in drawn.outline)
     channels = drawn.channels
     if any(getattr(plate, name) for name in (*NODE_LISTS, *RADIUS_LISTS)):
-        nodes = network.Nodes.of(channels)
+        nodes = Nodes.of(channels)
         ends = np.array([(each.radii[0], each.radii[-1]) for each in channels])
         lists = [np.array(plate.entries(name)) for name in (*NODE_LISTS, *RADIUS_LISTS)]
         for name, values in zip((*NODE_LISTS, *RADIUS_LISTS), lists, strict=True):

@@ -316,7 +316,7 @@ class Distance:
         self.owner = np.repeat(np.arange(len(pieces)), [len(own) for own in pieces])
         self.fillet = fillet
 
-    def of(self, points: Array, among: Array | None = None) -> tuple[Array, Array]:
+    def of(self, points: Array, among: mesh_arrays.Ints | None = None) -> tuple[Array, Array]:
         """Return the distances (n,) of points, shape (n, 3), and the steps (n, 3) that raise each by its unit, on roundings
         nearly; only some of the pieces (rising numbers) are looked at if given."""
         away, length, _, distance = self._cones(points, among)
@@ -345,7 +345,7 @@ class Distance:
         steps[rows] = slope / np.maximum((slope**2).sum(axis=1), MIN_SLOPE)[:, None]
         return least, steps
 
-    def _cones(self, points: Array, among: Array | None) -> tuple[Array, Array, Array, Array]:
+    def _cones(self, points: Array, among: mesh_arrays.Ints | None) -> tuple[Array, Array, Array, Array]:
         """Return by points and pieces, the same as of `of`: the vectors from the centre lines (n, m, 3), their lengths, the
         shares of the way along the pieces, and the distances from their walls (n, m)."""
         start, along, square, radius, growth = (
