@@ -64,6 +64,10 @@ class Designable:
             f"the mesh of {type(self).__name__} cannot follow its parameters: it defines no motion of its faces"
         )
 
+    def entries(self, field: str) -> tuple[float, ...]:
+        """Return the values of a list of numbers; a device may know them where none are given."""
+        return tuple(getattr(self, field))
+
     carries_interfaces: ClassVar[bool] = False
     """Whether `carried` also takes points where regions meet inside the solid."""
 
@@ -689,8 +693,7 @@ def parameter(device: Actuator, name: str) -> float:
     """Return the value of a continuous parameter, one of `parameter_names`, in m, degrees or as a pure number; GeometryError
     if the device has none such."""
     field, place = _place(device, name)
-    value = getattr(device, field)
-    return float(value if place is None else value[place])
+    return float(getattr(device, field) if place is None else device.entries(field)[place])
 
 
 def changed[Device: Actuator](device: Device, values: Mapping[str, float]) -> Device:
@@ -702,7 +705,7 @@ def changed[Device: Actuator](device: Device, values: Mapping[str, float]) -> De
         if place is None:
             fields[field] = value
         else:
-            entries = list(fields.get(field, getattr(device, field)))  # type: ignore[call-overload]
+            entries = list(fields.get(field, device.entries(field)))  # type: ignore[call-overload]
             entries[place] = value
             fields[field] = tuple(entries)
     return device.replaced(**fields)
@@ -716,7 +719,7 @@ def _places(device: Actuator) -> Iterator[tuple[str, str, int | None]]:
         if isinstance(known.kind, schema.Quantity):
             yield field, field, None
         elif isinstance(known.kind, schema.Several) and isinstance(known.kind.of, schema.Quantity):
-            for place in range(len(getattr(device, field))):
+            for place in range(len(device.entries(field))):
                 yield f"{field}[{place + 1}]", field, place
 
 

@@ -16,14 +16,14 @@ import re
 from collections import defaultdict
 from collections.abc import Mapping
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from geometries import actuator, faces, mesh_arrays, meshing, network, registry, revolved
 from geometries.actuator import Hold, Vector
-from geometries.network import Channel, Network, Place
+from geometries.network import Channel, Network, Nodes, Place
 from softmodels.common import errors, schema, units
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
@@ -49,6 +49,16 @@ class ChannelPlate(actuator.Actuator):
         "", "outline of the plate: 'rectangle 40 x 15 mm' (from x = 0), 'circle 40 mm' (diameter), or corners such as "
         "'0, 0, 50, -10, 50, 10 mm'; if not given, the drawing's, else the rectangle above"
     )  # fmt: skip
+    node_x: tuple[float, ...] = schema.places_field(
+        "x of each node of the network in place of the drawn one; nodes are the ends and "
+        "corners of its channels, in the order that draw-network prints"
+    )
+    node_y: tuple[float, ...] = schema.places_field("y of each node")
+    node_offsets: tuple[float, ...] = schema.places_field("height of each node above the middle of the thickness")
+    start_radii: tuple[float, ...] = schema.lengths_field("radius of each channel where it begins, in place of the drawn one")
+    end_radii: tuple[float, ...] = schema.lengths_field("radius of each channel where it ends")
+    scale_x: float = schema.number_field(1.0, "factor on all x of the outline; the channels stay")
+    scale_y: float = schema.number_field(1.0, "factor on all y of the outline")
     width: float = schema.length_field(0.0, "width along x of the drawing's outline; 0: as drawn", zero=True)
     thickness: float = schema.length_field(0.006, "thickness of the plate")
     radius: float = schema.length_field(0.0013, "radius of channels that give none")
@@ -88,6 +98,9 @@ class ChannelPlate(actuator.Actuator):
     def check(self) -> None:
         if file := self.files.get("network"):
             object.__setattr__(self, "network", errors.whole_path(file))
+        for name in ("scale_x", "scale_y"):
+            if not 1.0 / MAX_SCALE <= getattr(self, name) <= MAX_SCALE:
+                self.reject(name, f"it must be from {1.0 / MAX_SCALE:g} to {MAX_SCALE:g}")
         if len(self.ratios) != len(self.drawn.cavities):
             count = len(self.drawn.cavities)
             raise GeometryError(f"pressure_ratios has {len(self.pressure_ratios)} values for {count} cavities; give one each")
@@ -119,6 +132,30 @@ class ChannelPlate(actuator.Actuator):
     def drawn(self) -> Network:
         """The network, with the outline of the plate."""
         return _drawn(self, self.digest())
+
+    @property
+    def nodes(self) -> Nodes:
+        """The network's nodes where they were drawn."""
+        return Nodes.of(_as_drawn(self, self.digest()).channels)
+
+    def entries(self, field: str) -> tuple[float, ...]:
+        """Return a list's values, of nodes and radii that are not given those drawn."""
+        if given := getattr(self, field):
+            return tuple(given)
+        if field in NODE_LISTS:
+            return tuple(self.nodes.places[:, NODE_LISTS.index(field)].tolist())
+        if field in RADIUS_LISTS:
+            end = -RADIUS_LISTS.index(field)
+            return tuple(each.radii[end] for each in _as_drawn(self, self.digest()).channels)
+        return ()
+
+    @property
+    def movable(self) -> tuple[str, ...]:
+        fixed = {name for name in ("fillet", "width") if not getattr(self, name)}
+        return tuple(name for name in actuator.parameter_names(self) if name not in fixed)
+
+    def carried(self, other: Self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        return carried(self, other, np.asarray(points, dtype=float))
 
     @property
     def paths(self) -> tuple[tuple[Place, ...], ...]:
@@ -186,11 +223,12 @@ class ChannelPlate(actuator.Actuator):
             return tuple((float(x), float(y)) for x, y in (first, second, third))
         choice = faces.faces("support", self.support)
         near = 1e-6 * float(np.ptp(self.paths[0], axis=0).max())
+        drawn = {(x, y): (x / self.scale_x, y / self.scale_y) for x, y in corners}
         if choice.normal is not None:
-            held = [place for place in corners if abs(np.dot((*place, 0.0), choice.normal) - choice.at) < near]
+            held = [place for place in corners if abs(np.dot((*drawn[place], 0.0), choice.normal) - choice.at) < near]
         elif choice.box is not None:
             low, high = choice.box
-            held = [p for p in corners if all(low[i] - near <= p[i] <= high[i] + near for i in (0, 1))]
+            held = [p for p in corners if all(low[i] - near <= drawn[p][i] <= high[i] + near for i in (0, 1))]
         else:
             raise GeometryError(
                 f"support is {self.support!r}; write bottom, top, edge, free, a plane such as 'x = 0 mm' or a box"
@@ -226,7 +264,7 @@ class ChannelPlate(actuator.Actuator):
         if self.gauge_point:
             text = re.sub(r"^\s*at\s*([^,]+,[^,a-z]+)\s*([a-z]+)\s*$", r"at \1, 0 \2", self.gauge_point)
             x, y, _ = faces.point("gauge_point", text)
-            return {"gauge": (x, y, half)}
+            return {"gauge": (self.scale_x * x, self.scale_y * y, half)}
         if self.support in ("bottom", "top", "edge", "free"):
             if network.depths(centre[None], self.paths)[0] <= 0.0:
                 raise GeometryError("the middle of the outline is not in the plate; give gauge_point, such as 'at 20, 0 mm'")
@@ -290,8 +328,8 @@ DEFAULT_NETWORK = "parallel:4"
 CELL_SIZE_GROWTH = 0.5
 EASED_SHARES = (0.75, 0.5, 0.25)
 """How much of the way to the wall is left to edges that spoil cells, in the order tried."""
-MIN_CORNER_TURN = math.radians(15.0)
-"""Turn between two pieces of the outline above which their common end is a corner."""
+MAX_SCALE = 10.0
+"""Largest factor on an outline, and one over the least."""
 ROUND_PIECES = 360
 
 
@@ -320,8 +358,31 @@ def outline_paths(text: str) -> tuple[tuple[Place, ...], ...]:
     )
 
 
+NODE_LISTS = ("node_x", "node_y", "node_offsets")
+RADIUS_LISTS = ("start_radii", "end_radii")
+
+
 @functools.lru_cache(maxsize=64)
 def _drawn(plate: ChannelPlate, digest: str) -> Network:
+    """Return the network of a plate, with nodes, radii and the outline where the plate has them."""
+    drawn = _as_drawn(plate, digest)
+    scale = np.array([plate.scale_x, plate.scale_y])
+    outline = tuple(tuple((x, y) for x, y in (scale * np.array(path)).tolist()) for path in drawn.outline)
+    channels = drawn.channels
+    if any(getattr(plate, name) for name in (*NODE_LISTS, *RADIUS_LISTS)):
+        nodes = Nodes.of(channels)
+        ends = np.array([(each.radii[0], each.radii[-1]) for each in channels])
+        lists = [np.array(plate.entries(name)) for name in (*NODE_LISTS, *RADIUS_LISTS)]
+        for name, values in zip((*NODE_LISTS, *RADIUS_LISTS), lists, strict=True):
+            count, what = (len(nodes.places), "nodes") if name in NODE_LISTS else (len(channels), "channels")
+            if len(values) != count:
+                raise GeometryError(f"{name} has {len(values)} entries for {count} {what}; give one each")
+        channels = nodes.moved(channels, np.stack(lists[:3], axis=1) - nodes.places, np.stack(lists[3:], axis=1) - ends)
+    return dataclasses.replace(drawn, channels=channels, outline=outline)
+
+
+@functools.lru_cache(maxsize=64)
+def _as_drawn(plate: ChannelPlate, digest: str) -> Network:
     """Return the network of a plate: its drawing's or its family's channels and its own, and its outline."""
     own = [network.channel(text, n, plate.radius, plate.offset) for n, text in enumerate(plate.channels, 1)]
     given = outline_paths(plate.outline) if plate.outline else None
@@ -384,6 +445,42 @@ def volume(nodes: Array, triangles: mesh_arrays.Ints) -> float:
     """Return the volume in m3 within closed walls of triangles of six nodes."""
     x, a, b = (np.einsum("qn,kni->kqi", table, nodes[triangles]) for table in mesh_arrays.triangle_tables(6))
     return float(np.einsum("q,kqi,kqi->", mesh_arrays.WEIGHTS, x, np.cross(a, b)) / 6.0)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Where a plate's boundary lies on another one.
+
+
+def carried(plate: ChannelPlate, other: ChannelPlate, points: Array) -> Array:
+    """Return where points on the boundary of a plate lie on another; see `Actuator.carried`."""
+    revolved.check_alike(plate, other, ("network", "support"), ("fillet",))
+    here, there = plate.drawn, other.drawn
+    if [(len(c.points), c.cavity) for c in here.channels] != [(len(c.points), c.cavity) for c in there.channels]:
+        raise GeometryError("two plates have channels of other lines or cavities; a mesh cannot follow that, make a new one")
+    (low, high), (its_low, its_high) = plate.box, other.box
+    scale, gap = (its_high - its_low) / (high - low), 0.25 * plate.least_wall
+    outlines = [len(path) for path in here.outline], [len(path) for path in there.outline]
+    same = outlines[0] == outlines[1] and all(
+        np.allclose(its_low + scale * (np.array(path) - low), its_path, rtol=0.0, atol=1e-9)
+        for path, its_path in zip(here.outline, there.outline, strict=True)
+    )
+    if not same:
+        raise GeometryError("two plates have outlines that differ by more than factors on x and y; make a new mesh")
+    moved = points.copy()
+    inside = (0.5 * plate.thickness - np.abs(points[:, 2]) > gap) & (network.depths(points[:, :2], here.outline) > gap)
+    moved[~inside, :2] += its_low - low + (scale - 1.0) * (points[~inside, :2] - low)
+    moved[~inside, 2] *= other.thickness / plate.thickness
+    walls, nearest = points[inside], np.full(int(inside.sum()), np.inf)
+    result = walls.copy()
+    for name in here.cavities:
+        mine, its = (network.Distance([c for c in d.channels if c.cavity == name], p.fillet)
+                     for d, p in ((here, plate), (there, other)))  # fmt: skip
+        away = np.abs(mine.distances(walls))
+        near = away < nearest
+        nearest[near] = away[near]
+        result[near] = mine.carried(its, walls[near])
+    moved[inside] = result
+    return moved
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -503,7 +600,9 @@ def _runs(plate: ChannelPlate, path: tuple[Place, ...], marked: set[Place]) -> l
     held = {*plate.held} if plate.support not in ("bottom", "top", "free") else set()
     piece_held = [path[k] in held and path[(k + 1) % len(path)] in held for k in range(len(path))]
     breaks = {
-        k for k in range(len(path)) if turn[k] > MIN_CORNER_TURN or path[k] in marked or piece_held[k] != piece_held[k - 1]
+        k
+        for k in range(len(path))
+        if turn[k] > network.MIN_CORNER_TURN or path[k] in marked or piece_held[k] != piece_held[k - 1]
     }
     while len(breaks) < 2:
         breaks.add(0 if not breaks else (min(breaks) + len(path) // 2) % len(path))

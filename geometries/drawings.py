@@ -121,11 +121,14 @@ def _channel(file: str, stroke: Stroke, offset: float) -> Channel:
             f"network {file}: {stroke.name} {shown_at(*line[0])} is an open line without a stroke; give it a "
             "stroke as wide as the channel, or close it"
         )
-    (height,) = _written(file, stroke, "data-offset")[:1] or [offset]
+    heights = _written(file, stroke, "data-offset") or [offset]
+    if len(heights) != len(line):
+        heights = heights[:1] * len(line)
+    places = tuple((float(x), float(y), z) for (x, y), z in zip(line, heights, strict=True))
     radii = _written(file, stroke, "data-radii")
-    if len(radii) == len(line):
-        return Channel(stroke.name, tuple((float(x), float(y), height) for x, y in line), tuple(radii), stroke.cavity)
-    return Channel.along(stroke.name, line, height, (stroke.radius, stroke.radius), stroke.cavity)
+    if len(radii) != len(line):
+        radii = [stroke.radius] * len(line)
+    return Channel(stroke.name, places, tuple(radii), stroke.cavity)
 
 
 def _written(file: str, stroke: Stroke, key: str) -> list[float]:
@@ -318,12 +321,12 @@ def svg_text(drawn: Network) -> str:
     for channel in drawn.channels:
         colour = COLOURS[drawn.cavities.index(channel.cavity) % len(COLOURS)]
         line = np.array(channel.points)
-        radii = " ".join(f"{1e3 * radius:.9f}" for radius in channel.radii)
+        heights, radii = (" ".join(f"{1e3 * value:.9f}" for value in values) for values in (line[:, 2], channel.radii))
         cavity = saxutils.quoteattr(channel.cavity)
         rows.append(
             f'<polyline id={saxutils.quoteattr(channel.name)} points="{at(line[:, :2])}" fill="none" stroke="{colour}" '
             f'stroke-width="{2e3 * float(np.mean(channel.radii)):.9f}" stroke-linecap="round" stroke-linejoin="round" '
-            f'data-cavity={cavity} data-offset="{1e3 * channel.points[0][2]:.9f}" '
+            f'data-cavity={cavity} data-offset="{heights}" '
             f'data-radii="{radii}"/>'
         )
     for x, y in drawn.inlets:

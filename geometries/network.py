@@ -14,13 +14,13 @@ import itertools
 import math
 import re
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries import mesh_arrays, meshing
+from geometries import actuator, mesh_arrays, meshing
 from geometries.actuator import Vector
 from softmodels.common import schema, units
 from softmodels.common.arrays import Array
@@ -74,6 +74,59 @@ class Network:
     def cavities(self) -> tuple[str, ...]:
         """Names of the cavities, in the order of their first channels."""
         return tuple(dict.fromkeys(channel.cavity for channel in self.channels))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Nodes:
+    """Places (m, shape (n, 3)) of the ends and corners of channels, those that lie together as one; and for each channel which
+    of its points they are, and their numbers from 0."""
+
+    places: Array
+    points: tuple[mesh_arrays.Ints, ...]
+    numbers: tuple[mesh_arrays.Ints, ...]
+
+    @classmethod
+    def of(cls, channels: Sequence[Channel]) -> Nodes:
+        points, places, radii = [], [], []
+        for each in channels:
+            line = np.array(each.points)
+            along = np.diff(line, axis=0)
+            along /= np.linalg.norm(along, axis=1)[:, None]
+            corner = (along[1:] * along[:-1]).sum(axis=1) < math.cos(MIN_CORNER_TURN)
+            points.append(np.flatnonzero([True, *corner.tolist(), True]))
+            places.append(line[points[-1]])
+            radii += [each.radii[number] for number in points[-1]]
+        table = np.concatenate(places)
+        pairs = scipy.spatial.cKDTree(table).query_pairs(COMMON_NODE_SHARE * min(radii), output_type="ndarray")
+        number = actuator.joined(pairs, len(table))
+        _, first = np.unique(number, return_index=True)
+        ends = np.cumsum([len(own) for own in points])[:-1]
+        return cls(table[first], tuple(points), tuple(np.split(number, ends)))
+
+    def texts(self, channels: Sequence[Channel]) -> Iterator[str]:
+        """Yield a line on each node: its number from 1, its place in mm and height, and its channels with their numbers."""
+        for number, (x, y, z) in enumerate((1e3 * self.places).round(6).tolist()):
+            own = [f"{k} ({each.name})" for k, each in enumerate(channels, 1) if number in self.numbers[k - 1]]
+            yield f"node {number + 1} at ({x:.4g}, {y:.4g}) mm, offset {z:.4g} mm, of channel {', '.join(own)}"
+
+    def moved(self, channels: Sequence[Channel], shifts: Array, ends: Array) -> tuple[Channel, ...]:
+        """Return the channels with shifted nodes, and between them as they were, by shifts (m, shape (n, 3)) and what their
+        radii at both ends grow by (m, shape (channels, 2))."""
+        moved = []
+        for each, points, numbers, growth in zip(channels, self.points, self.numbers, ends, strict=True):
+            line = np.array(each.points)
+            along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+            line += np.stack([np.interp(along, along[points], shifts[numbers, i]) for i in range(3)], axis=1)
+            radii = np.array(each.radii) + growth[0] + along / along[-1] * (growth[1] - growth[0])
+            places = tuple((float(x), float(y), float(z)) for x, y, z in line)
+            moved.append(dataclasses.replace(each, points=places, radii=tuple(radii.tolist())))
+        return tuple(moved)
+
+
+MIN_CORNER_TURN = math.radians(15.0)
+"""Turn between two pieces of a line above which their common end is a corner."""
+COMMON_NODE_SHARE = 0.5
+"""Two nodes that are nearer than this share of the least radius are one."""
 
 
 def signed_area(path: Sequence[Place] | Array) -> float:
@@ -263,58 +316,115 @@ class Distance:
         self.owner = np.repeat(np.arange(len(pieces)), [len(own) for own in pieces])
         self.fillet = fillet
 
-    def of(self, points: Array, among: Array | None = None) -> tuple[Array, Array]:
-        """Return the distances (n,) of points, shape (n, 3), and the unit normals (n, 3) of the nearest piece; only some of the
-        pieces (rising numbers) are looked at if given."""
-        start, along, square, radius, growth, owner = (
+    def of(self, points: Array, among: mesh_arrays.Ints | None = None) -> tuple[Array, Array]:
+        """Return the distances (n,) of points, shape (n, 3), and the steps (n, 3) that raise each by its unit, on roundings
+        nearly; only some of the pieces (rising numbers) are looked at if given."""
+        away, length, _, distance = self._cones(points, among)
+        owner = self.owner if among is None else self.owner[among]
+        nearest, every = distance.argmin(axis=1), np.arange(len(points))
+        least = distance[every, nearest]
+        steps = away[every, nearest] / np.maximum(length[every, nearest], 1e-30)[:, None]
+        if self.fillet == 0.0 or owner[0] == owner[-1]:
+            return least, steps
+        # Several channels: the nearest piece of each; two walls are joined by a parabola as wide as their angle asks for.
+        first = np.flatnonzero(np.diff(owner, prepend=-1))
+        best = np.minimum.reduceat(distance, first, axis=1)
+        rows = np.flatnonzero((best < least[:, None] + self.fillet).sum(axis=1) > 1)
+        ends = [*first.tolist(), len(owner)]
+        pieces = np.stack([k + distance[rows, k:end].argmin(axis=1) for k, end in itertools.pairwise(ends)], axis=1)
+        ways = away[rows[:, None], pieces] / np.maximum(length[rows[:, None], pieces], 1e-30)[..., None]
+        cosine = np.einsum("rgi,rhi->rgh", ways, ways)
+        width = self.fillet * (1.0 - np.clip(cosine, 0.0, 1.0) ** 2)
+        far = best[rows] - least[rows, None]
+        gap, beyond = np.abs(far[:, :, None] - far[:, None]), np.minimum(far[:, :, None], far[:, None])
+        share = np.clip(1.0 - gap / np.maximum(width, 1e-30), 0.0, None)
+        fade = np.clip(1.0 - (beyond / self.fillet) ** 2, 0.0, None) ** 2  # beside a third wall that is nearer than both
+        least[rows] -= 0.125 * (width * share**2 * fade).sum(axis=(1, 2))  # each pair stands there twice
+        slopes = (far == 0.0) + 0.5 * (share * fade * np.sign(far[:, :, None] - far[:, None])).sum(axis=2)
+        slope = np.einsum("rg,rgi->ri", slopes, ways)
+        steps[rows] = slope / np.maximum((slope**2).sum(axis=1), MIN_SLOPE)[:, None]
+        return least, steps
+
+    def _cones(self, points: Array, among: mesh_arrays.Ints | None) -> tuple[Array, Array, Array, Array]:
+        """Return by points and pieces, the same as of `of`: the vectors from the centre lines (n, m, 3), their lengths, the
+        shares of the way along the pieces, and the distances from their walls (n, m)."""
+        start, along, square, radius, growth = (
             array if among is None else array[among]
-            for array in (self.start, self.along, self.square, self.radius, self.growth, self.owner)
+            for array in (self.start, self.along, self.square, self.radius, self.growth)
         )
         away = points[:, None] - start
         share = np.clip(np.einsum("nmi,mi->nm", away, along) / square, 0.0, 1.0)
         away -= share[..., None] * along
         length = np.sqrt(np.einsum("nmi,nmi->nm", away, away))
-        distance = length - radius - share * growth
-        nearest, every = distance.argmin(axis=1), np.arange(len(points))
-        least = distance[every, nearest]
-        normals = away[every, nearest] / np.maximum(length[every, nearest], 1e-30)[:, None]
-        if self.fillet == 0.0 or owner[0] == owner[-1]:
-            return least, normals
-        # Several channels: the nearest piece of each, weighted by how far it is within the rounding.
-        first = np.flatnonzero(np.diff(owner, prepend=-1))
-        best = np.minimum.reduceat(distance, first, axis=1)
-        near = np.clip(1.0 - (best - least[:, None]) / self.fillet, 0.0, None)
-        rows = np.flatnonzero((near > 0.0).sum(axis=1) > 1)
-        ends = [*first.tolist(), len(owner)]
-        pieces = np.stack([k + distance[rows, k:end].argmin(axis=1) for k, end in itertools.pairwise(ends)], axis=1)
-        ways = away[rows[:, None], pieces] / np.maximum(length[rows[:, None], pieces], 1e-30)[..., None]
-        weights = near[rows] ** 2
-        pairs = (1.0 - np.einsum("rgi,rhi->rgh", ways, ways)) * weights[:, :, None] * weights[:, None]
-        least[rows] -= 0.125 * self.fillet * pairs.sum(axis=(1, 2))  # each pair stands there twice
-        return least, normals
+        return away, length, share, length - radius - share * growth
+
+    def _blocks(self, points: Array, move: float) -> Iterator[tuple[mesh_arrays.Ints, mesh_arrays.Ints]]:
+        """Yield numbers of points near each other, and of the pieces that can be nearest to one of them, or within the rounding
+        of the nearest, also where either moves by a length (m)."""
+        size = 4.0 * float((self.radius + np.maximum(self.growth, 0.0)).max())
+        order = np.lexsort(np.round(points / size).T)
+        for block in np.array_split(order, math.ceil(len(points) / 200)) if len(points) else ():
+            centre = points[block].mean(axis=0)
+            wide = 2.0 * float(np.linalg.norm(points[block] - centre, axis=1).max()) + 2.0 * (self.fillet + move)
+            *_, distance = self._cones(centre[None], None)
+            yield block, np.flatnonzero(distance[0] < distance.min() + MAX_DISTANCE_SLOPE * wide)
+
+    def distances(self, points: Array) -> Array:
+        """Return the distances of many points, shape (n,)."""
+        result = np.empty(len(points))
+        for block, among in self._blocks(points, 0.0):
+            result[block], _ = self.of(points[block], among)
+        return result
 
     def projected(self, points: Array) -> Array:
         """Return points near the walls moved onto them along the normals of the nearest pieces, shape (n, 3)."""
-        tree = scipy.spatial.cKDTree(self.start + 0.5 * self.along)
-        reach = 0.5 * math.sqrt(self.square.max()) + self.radius.max() + np.abs(self.growth).max() + 2.0 * self.fillet
         moved = points.copy()
-        order = np.lexsort(np.round(points / (2.0 * reach)).T)
-        for block in np.array_split(order, math.ceil(len(points) / 200)):
+        for block, among in self._blocks(points, float(self.radius.max())):
             at = moved[block]
-            centre = at.mean(axis=0)
-            wide = reach + float(np.linalg.norm(at - centre, axis=1).max())
-            among = np.array(sorted(tree.query_ball_point(centre, wide)), dtype=int)
             for _ in range(MAX_PROJECTIONS):
-                distance, normals = self.of(at, among)
-                at -= distance[:, None] * normals
+                distance, steps = self.of(at, among)
+                at -= distance[:, None] * steps
                 if np.abs(distance).max() < ON_WALL * self.radius.min():
                     break
+            moved[block] = at
+        return moved
+
+    def carried(self, other: Distance, points: Array) -> Array:
+        """Return where points near the walls, shape (n, 3), lie on those of other channels with as many pieces: each moves with
+        the pieces that it is near to, and then along their normals to where its distance is what it was."""
+        changes = [getattr(other, name) - getattr(self, name) for name in ("start", "along", "radius", "growth")]
+        moves, longer, wider, growth = changes
+        if not (self.fillet - other.fillet or any(change.any() for change in changes)):
+            return points.copy()
+        far = float(np.linalg.norm(moves, axis=1).max() + np.linalg.norm(longer, axis=1).max() + np.abs(wider).max())
+        reach = max(self.fillet, FOLLOWED_SHARE * float(self.radius.min()))
+        moved = points.copy()
+        for block, among in self._blocks(points, reach + far):
+            at = points[block]
+            level, _ = self.of(at, among)
+            away, length, share, distance = self._cones(at, among)
+            weight = np.clip(1.0 - (distance - distance.min(axis=1)[:, None]) / reach, 0.0, None) ** 2
+            weight /= weight.sum(axis=1)[:, None]
+            shift = moves[among] + share[..., None] * longer[among]
+            shift += ((wider[among] + share * growth[among]) / np.maximum(length, 1e-30))[..., None] * away
+            at = at + np.einsum("nm,nmi->ni", weight, shift)
+            for _ in range(CARRYING_STEPS):  # always as many, so that places are smooth in what the other is made of
+                distance, steps = other.of(at, among)
+                at -= (distance - level)[:, None] * steps
             moved[block] = at
         return moved
 
 
 MAX_PROJECTIONS, ON_WALL = 30, 1e-9
 """Most steps onto a wall, and how near is on it, in the smallest radius: one step on a cylinder, several on a rounding."""
+CARRYING_STEPS = 10
+"""Steps onto another's wall: each leaves less than half of the distance on a rounding, next to nothing on a cone."""
+FOLLOWED_SHARE = 0.3
+"""Least width in radii over which the motion of one piece passes into that of the next."""
+MIN_SLOPE = 0.3
+"""Least square of a rounding's slope, in that of a distance, by which a step is divided."""
+MAX_DISTANCE_SLOPE = 1.5
+"""Largest change of a distance from a cone per length that is counted on."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -323,6 +433,8 @@ MAX_PROJECTIONS, ON_WALL = 30, 1e-9
 
 SMOOTHING_ROUNDS = 8
 """Rounds of smoothing: a level set's edges differ by 5, then by 3."""
+FINER_SURFACES = (1.0, 0.85, 0.7, 0.5)
+"""Shares of the edge's length that are tried in turn."""
 EDGE_SHARE = 0.72
 """Median edge of a level set's triangles over the size that manifold3d is asked for."""
 
@@ -330,9 +442,26 @@ EDGE_SHARE = 0.72
 def air_surface(channels: Sequence[Channel], fillet: float, edge: float) -> tuple[Array, mesh_arrays.Ints]:
     """Return corners (m) on the walls of channels, and triangles turned out of the air, with edges of about a length (m). The
     triangles' shapes do not depend on those of the network."""
-    key = ("network", tuple(channels), fillet, edge)
-    kept = meshing.cached_arrays(key, lambda: _air_surface(Distance(channels, fillet), edge))
+    key = ("network 2", tuple(channels), fillet, edge)
+    kept = meshing.cached_arrays(key, lambda: _whole_air_surface(channels, fillet, edge))
     return kept["points"], kept["triangles"]
+
+
+def _whole_air_surface(channels: Sequence[Channel], fillet: float, edge: float) -> dict[str, NDArray[Any]]:
+    """Return the surface of `air_surface` with edges short enough that smoothing has shortened no channel."""
+    distance = Distance(channels, fillet)
+    ways = [(each.points[k], each.points[n], each.radii[k]) for each in channels for k, n in ((0, 1), (-1, -2))]
+    poles = np.array([np.array(end) + r * np.subtract(end, near) / math.dist(end, near) for end, near, r in ways])
+    poles = poles[np.abs(distance.distances(poles)) < ON_WALL * distance.radius.min()]  # of ends that lie in no other channel
+    for shorter in FINER_SURFACES:
+        surface = _air_surface(distance, shorter * edge)
+        away, _ = scipy.spatial.cKDTree(surface["points"]).query(poles)
+        if not len(away) or away.max() < edge:
+            return surface
+    raise GeometryError(
+        f"the end of a channel {shown_at(*poles[away.argmax(), :2])} is lost with cells of {schema.shown(edge, 'm')}; use more "
+        "cells around the channels (--around)"
+    )
 
 
 def _air_surface(distance: Distance, edge: float) -> dict[str, NDArray[Any]]:

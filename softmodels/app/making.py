@@ -347,7 +347,8 @@ class DesignPage(forms.TabPage):
         bounds = {}
         for name in self.varied.value:
             now = actuator.parameter(device, name)
-            bounds[name] = {"from": units.readable(now / reach, "m"), "to": units.readable(now * reach, "m")}
+            low, high = sorted((now / reach, now * reach))
+            bounds[name] = {"from": units.readable(low, "m"), "to": units.readable(high, "m")}
         table, quantity = OBJECTIVES[str(self.objective.value)]
         kept = [
             self._asked(LIMITS[name][0]) | {LIMITS[name][1]: _entry(str(box.value))}

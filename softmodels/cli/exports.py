@@ -168,7 +168,8 @@ def export_command(file: Path, output: Path, changes: tuple[str, ...], quiet: bo
 def draw_network_command(file: Path, output: Path, changes: tuple[str, ...], quiet: bool) -> None:
     """Write the network of a ChannelPlate as a drawing.
 
-    Strokes are as wide as the channels, and coloured by cavity. --network reads the drawing back.
+    Strokes are as wide as the channels, and coloured by cavity. --network reads the drawing back. The printed numbers of nodes
+    and channels are those of a design's parameters, such as node_x[3] or start_radii[2].
 
     \b
     Examples:
@@ -178,7 +179,7 @@ def draw_network_command(file: Path, output: Path, changes: tuple[str, ...], qui
     \b
     Exit status: 0 done; 2 bad input; 130 stopped.
     """
-    from geometries import channel_plate, drawings
+    from geometries import channel_plate, drawings, network
 
     if not mpi.speaks():
         return
@@ -195,6 +196,8 @@ def draw_network_command(file: Path, output: Path, changes: tuple[str, ...], qui
     if not quiet:
         drawn = plate.drawn
         processes.say(f"{output}: {len(drawn.channels)} channels, {len(drawn.cavities)} cavities")
+        for text in network.Nodes.of(drawn.channels).texts(drawn.channels):
+            processes.say(text)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -120,6 +120,11 @@ def lengths_field(text: str) -> Any:
     return field_of(Several(Length()), text, ())
 
 
+def places_field(text: str) -> Any:
+    """Return a dataclass field for any number of coordinates in m, none unless given."""
+    return field_of(Several(Coordinate()), text, ())
+
+
 def angles_field(text: str) -> Any:
     """Return a dataclass field for any number of angles in degrees, none unless given."""
     return field_of(Several(Quantity("degree")), text, ())
@@ -265,6 +270,16 @@ class Length(Quantity):
         if size > MAX_LENGTH * (1 + BOUND_TOLERANCE):
             raise errors.FieldError(f"{name} is {shown(size, 'm')}; above {MAX_LENGTH:g} m this suggests a wrong unit")
         return length
+
+
+@dataclasses.dataclass(frozen=True)
+class Coordinate(Length):
+    """A place along an axis in m, which may be any small number."""
+
+    signed: bool = True
+
+    def settled(self, name: str, value: object) -> float:
+        return place if abs(place := Quantity.settled(self, name, value)) < MIN_LENGTH else super().settled(name, place)
 
 
 @dataclasses.dataclass(frozen=True)

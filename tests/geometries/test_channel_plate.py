@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from click import testing
 
-from geometries import ChannelPlate, channel_plate, drawings, mesh_arrays, meshing, network
+from geometries import ChannelPlate, actuator, channel_plate, drawings, mesh_arrays, meshing, network
 from softmodels.case.case import Case
 from softmodels.cli import exports
 from softmodels.common.errors import GeometryError
@@ -43,6 +43,11 @@ def test_volume_of_a_channel_converges_to_its_closed_form():
     assert errors[2] < 5e-4 and errors[0] / errors[2] > 5.0  # triangles curved by squares: order 3 or more
 
 
+def test_coarse_cells_shorten_no_channel():
+    plate = ChannelPlate(around=6, thickness=5.5e-3, start_radii=(1.3e-3,) * 4 + (1.4e-3,))
+    assert plate.cavity_volume == pytest.approx(plate.replaced(around=9).cavity_volume, rel=0.03)
+
+
 def test_the_mesh_has_the_air_of_the_walls_and_ends_on_them(tmp_path):
     plate = ChannelPlate(outline="rectangle 24 x 14 mm", network="parallel:2", around=8, cell_size=4e-3)
     file = plate.write(tmp_path / "plate.msh")
@@ -69,9 +74,23 @@ def test_a_crease_is_rounded_only_where_channels_meet_at_an_angle():
     across = network.Channel.along("c", np.array([(5e-3, 0), (5e-3, 8e-3)]), 0.0, (1e-3, 1e-3))
     corner = np.array([(6.1e-3, 1.1e-3, 0.0)])
     sharp, _ = network.Distance([straight[1], across], 0.0).of(corner)
-    rounded, normals = network.Distance([straight[1], across], 4e-4).of(corner)
+    both = network.Distance([straight[1], across], 4e-4)
+    rounded, steps = both.of(corner)
     assert sharp == pytest.approx(1e-4) and rounded == pytest.approx(1e-4 - 0.25 * 4e-4)  # the air reaches further
-    assert np.linalg.norm(normals, axis=1) == pytest.approx(1.0)
+    assert both.of(corner + 1e-6 * steps)[0] - rounded == pytest.approx(1e-6, rel=1e-3)
+
+
+@pytest.mark.parametrize("turn", [30, 60, 90, 120])
+def test_a_rounded_crease_has_no_kink(turn):
+    """Across the crease between two channels the distance's slopes on both sides are one."""
+    along = 8e-3 * np.array([math.cos(math.radians(turn)), math.sin(math.radians(turn))])
+    lines = np.array([[(0, 0), (8e-3, 0)], [(0, 0), along]])
+    both = network.Distance([network.Channel.along("c", line, 0.0, (1e-3, 1e-3)) for line in lines], 4e-4)
+    half = math.radians(0.5 * turn)
+    on_crease = 1.1e-3 / math.sin(half) * np.array([math.cos(half), math.sin(half), 0.0])
+    across = np.array([-math.sin(half), math.cos(half), 0.0])
+    here, left, right = both.of(on_crease + 1e-6 * np.outer([0, 1, -1], across))[0]
+    assert left == pytest.approx(right, abs=1e-12) and abs(left - here) < 0.02 * 1e-6
 
 
 @pytest.mark.parametrize("text", ["fan:4", "parallel:3", "radial:8", "rings:2", "spiral:2", "tree:2", "lattice:3", "radial:12"])
@@ -210,6 +229,8 @@ def test_a_drawing_of_cad(tmp_path):
 def test_a_network_drawn_and_read_again(tmp_path, text):
     own = ("5, 20 to 15, 21 mm radius 0.8 to 0.5 mm offset -1 mm in left",) if text == "tree:2" else ()
     plate = ChannelPlate(network=text, outline="rectangle 60 x 50 mm", radius=1e-3, channels=own)
+    heights = tuple(np.linspace(-1e-3, 1e-3, len(plate.nodes.places)))
+    plate = plate.replaced(node_offsets=heights)
     file = tmp_path / "plate.svg"
     file.write_text(drawings.svg_text(plate.drawn))
     back = ChannelPlate(network=str(file))
@@ -225,7 +246,56 @@ def test_the_command_draws_a_case(tmp_path):
     case.write_text('[geometry]\ndevice = "ChannelPlate"\nnetwork = "parallel:3"\n')
     done = testing.CliRunner().invoke(exports.draw_network_command, [str(case), "-o", str(tmp_path / "plate.svg")])
     assert done.exit_code == 0 and "4 channels" in done.output
+    assert "node 1 at (2.8, -4.7) mm, offset -0.5 mm, of channel 1 (airway 1)" in done.output
     assert ChannelPlate(network=str(tmp_path / "plate.svg")).drawn.channels[0].radii[0] == pytest.approx(1.3e-3)
+
+
+def test_nodes_are_the_ends_and_corners_of_channels():
+    texts = ("5, 0 to 15, 0 to 15, 6 mm radius 1 to 0.8 mm", "curve 15, 0 to 25, 2 to 35, -2 mm radius 1 mm")
+    plate = ChannelPlate(channels=texts)
+    assert 1e3 * plate.nodes.places == pytest.approx(np.array([(5, 0, -0.5), (15, 0, -0.5), (15, 6, -0.5), (35, -2, -0.5)]))
+    assert plate.entries("start_radii") == pytest.approx((1e-3, 1e-3)) and plate.entries("end_radii") == (8e-4, 1e-3)
+    moved = actuator.changed(plate, {"node_x[2]": 17e-3, "node_y[4]": 0.0, "end_radii[1]": 1e-3})
+    first, second = moved.drawn.channels
+    assert 1e3 * np.array(first.points) == pytest.approx(np.array([(5, 0, -0.5), (17, 0, -0.5), (15, 6, -0.5)]))
+    assert first.radii == pytest.approx((1e-3,) * 3) and second.points[0][0] == 17e-3 and second.points[-1][1] == 0.0
+    middle = len(second.points) // 2  # a curve keeps its shape between its ends, which move by 2 mm each
+    assert np.subtract(second.points[middle], plate.drawn.channels[1].points[middle])[:2] == pytest.approx((1e-3,) * 2, rel=0.1)
+    with pytest.raises(GeometryError, match="node_x has 2 entries for 4 nodes"):
+        ChannelPlate(channels=texts, node_x=(0.01, 0.02))
+
+
+@pytest.fixture(scope="module")
+def bent(tmp_path_factory):
+    """A plate of two channels at an angle, and its mesh."""
+    texts = ("5, 0 to 20, 3 mm radius 1.2 to 0.9 mm", "20, 3 to 30, -2 mm radius 1 mm")
+    plate = ChannelPlate(channels=texts, around=6, cell_size=4e-3, fillet=3e-4)
+    return plate, mesh_arrays.read_arrays(plate.write(tmp_path_factory.mktemp("bent") / "plate.msh"))
+
+
+@pytest.mark.parametrize("name", ["node_x[2]", "node_offsets[3]", "end_radii[1]", "fillet", "thickness", "scale_y"])
+def test_the_boundary_follows_a_length_onto_the_other_plate(bent, name):
+    """Walls are held against distances from the cones that are computed here; the outline against its own polygon."""
+    plate, mesh = bent
+    value = actuator.parameter(plate, name)
+    other = actuator.changed(plate, {name: value + (0.1 if name == "scale_y" else 2e-4)})
+    walls, top, edge = (mesh.points[np.unique(mesh.triangles(role))] for role in ("cavity", "top", "edge"))
+    assert np.array_equal(plate.carried(plate, walls), walls)
+    before, after = (_levels(each, places) for each, places in ((plate, walls), (other, plate.carried(other, walls))))
+    alone = np.abs(before[1] - before[0]) > 6e-4  # where nothing is rounded
+    assert alone.sum() > 100 and after.min(axis=0)[alone] == pytest.approx(before.min(axis=0)[alone], abs=1e-8)
+    assert plate.carried(other, top)[:, 2] == pytest.approx(0.5 * other.thickness)
+    assert network.depths(plate.carried(other, edge)[:, :2], other.paths) == pytest.approx(0.0, abs=1e-12)
+
+
+def _levels(plate, points):
+    """Distances from two straight channels, cones between balls."""
+    levels = []
+    for each in plate.drawn.channels:
+        (a, b), (p, q) = np.array(each.points), each.radii
+        share = np.clip((points - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
+        levels.append(np.linalg.norm(points - a - share[:, None] * (b - a), axis=1) - p - share * (q - p))
+    return np.array(levels)
 
 
 def test_walls_of_random_networks_are_checked_as_by_brute_force():

@@ -1,0 +1,47 @@
+"""Gradients by a network's nodes, heights, radii and outline: Taylor's remainder on random networks."""
+
+import numpy as np
+import pytest
+
+from geometries import ChannelPlate
+from softmodels.common.errors import GeometryError
+from softmodels.design.quantities import AddedVolume, Mass, Rise, StoredEnergy
+from tests.support.campaigns import sampled
+
+TAYLOR = "Taylor's remainder of every quantity by every length, before and past a limit point"
+WORKING = 3000.0
+QUANTITIES = (Rise(at=WORKING), AddedVolume(at=WORKING), StoredEnergy(at=WORKING), Mass())
+NAMES = ("node_x[1]", "node_y[2]", "node_offsets[3]", "start_radii[1]", "end_radii[2]", "thickness", "scale_x", "fillet")
+
+
+def random_network(seed: int) -> ChannelPlate:
+    """Two or three channels from a node, straight or bent, at heights and of radii of their own, in a rectangle or a kite."""
+    rng = np.random.default_rng(seed)
+    while True:
+        (x, y), ends = rng.uniform((8, -2), (20, 2)), rng.uniform((4, -5), (26, 5), (int(rng.integers(2, 4)), 2))
+        lines = [f"{x:.3f}, {y:.3f} to {a:.3f}, {b:.3f} mm" for a, b in ends]
+        if rng.integers(2):
+            middle = 0.5 * (np.array([x, y]) + ends[0]) + rng.uniform(-2, 2, 2)
+            lines[0] = f"{x:.3f}, {y:.3f} to {middle[0]:.3f}, {middle[1]:.3f} to {ends[0][0]:.3f}, {ends[0][1]:.3f} mm"
+        radii = rng.uniform(0.9, 1.2, (len(lines), 2))
+        texts = tuple(f"{line} radius {p:.3f} to {q:.3f} mm" for line, (p, q) in zip(lines, radii, strict=True))
+        outline = ("rectangle 30 x 16 mm", "0, -8, 32, -6, 36, 1, 28, 8, 0, 8 mm")[int(rng.integers(2))]
+        try:
+            plate = ChannelPlate(channels=texts, outline=outline, around=6.0, cell_size=4e-3, fillet=4e-4)
+            heights = rng.uniform(-0.8e-3, 0.5e-3, len(plate.nodes.places))
+            return plate.replaced(node_offsets=tuple(heights.tolist()))
+        except GeometryError:
+            continue
+
+
+@pytest.mark.parametrize("name", sampled(["node_offsets[3]", "node_x[1]", "fillet"]))
+def test_a_random_network(designed, second_order, comm, name):
+    second_order(designed(random_network(1), NAMES, QUANTITIES, comm), name, TAYLOR, "network")
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("seed", [8, 9])
+def test_random_networks(designed, second_order, comm, seed):
+    model = designed(random_network(seed), NAMES, QUANTITIES, comm)
+    for name in NAMES:
+        second_order(model, name, TAYLOR, "network")
