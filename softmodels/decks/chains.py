@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import functools
 import hashlib
 import io
+import itertools
 import json
 import math
 import re
@@ -133,7 +135,7 @@ PLANE_TOLERANCE = 0.02
 """Distance of the tip from the plane of bending, in lengths, up to which a chain stays in it."""
 TIME_CONSTANT = 0.01
 """Time constant in s of the pressure behind its command."""
-DRIVER_MASS = 1e-7
+DRIVER_MASS = 5e-8
 """Mass of a driver in masses of the device."""
 DRIVER_INERTIA = 1e-6
 """Moment of inertia of a driver in masses of the device times its length squared."""
@@ -147,7 +149,7 @@ SPRING_STATES = 6
 """States of the table by which the springs are placed."""
 CROSS_WEIGHT = 0.3
 """Weight of the rotation by a force, and of the displacement by a moment, in the fit of the springs."""
-STIFFEST = 1e-3
+STIFFEST = 0.02
 """Least compliance of a kind of spring, over that which would make the whole compliance of the tip."""
 
 
@@ -197,12 +199,13 @@ def numbers_at(place: Array, R: Array, length: float, offset: float, guess: Arra
     numbers, free = np.array(guess), np.arange(len(guess)) if hinges else np.array([2])
     sizes = np.array([1.0, 1.0, length, 1.0, 1.0, 1.0])[free]
     for _ in range(NUMBER_STEPS):
-        motion = posture_of(numbers, length, offset).motion
+        posture = posture_of(numbers, length, offset)
+        motion = posture.motion
         by = np.array([
             motion[:, 0].mean(axis=0), ALONG @ motion[:, 0], motion[:, 3].mean(axis=0),
             motion[:, 1].mean(axis=0), ALONG @ motion[:, 1], motion[:, 2].mean(axis=0),
         ])[free].T * np.repeat([1 / length, 1.0], 3)[:, None]  # fmt: skip
-        step = np.linalg.lstsq(by * sizes, _tip_error(numbers, place, R, length, offset), rcond=None)[0]
+        step = np.linalg.lstsq(by * sizes, _tip_error(posture, place, R, length), rcond=None)[0]
         numbers[free] -= step * sizes
         if np.abs(step).max() < NUMBER_TOLERANCE:
             break
@@ -210,13 +213,13 @@ def numbers_at(place: Array, R: Array, length: float, offset: float, guess: Arra
 
 
 NUMBER_STEPS = 30
-NUMBER_TOLERANCE = 1e-12
+NUMBER_TOLERANCE = 1e-10
 
 
-def _tip_error(numbers: Array, place: Array, R: Array, length: float, offset: float) -> Array:
+def _tip_error(posture: Posture, place: Array, R: Array, length: float) -> Array:
     """Return how far the end of a chain is from a pose, in lengths and radians."""
-    posture = posture_of(numbers, length, offset)
-    return np.concatenate([(posture.place - place) / length, Rotation.from_matrix(posture.rotations[-1] @ R.T).as_rotvec()])
+    turn = Rotation.from_matrix(posture.rotations[-1] @ R.T).as_rotvec()
+    return np.concatenate([(posture.place - place) / length, turn])
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -290,17 +293,15 @@ def chain_of(model: ReducedModel) -> Chain:
         )
     springs = springs_of(path.some(SPRING_STATES), kinds)
     numbers = path.numbers(springs.offset)
-    stiffness, yielding = _stiffnesses(path, springs, numbers)
     advances, quartics = _fitted_coefficients(sampled, numbers)
     misses = np.array([
-        _tip_error(quartics @ at ** np.arange(5), place, R, model.length, springs.offset)
+        _tip_error(posture_of(quartics @ at ** np.arange(5), model.length, springs.offset), place, R, model.length)
         for at, place, R in zip(_advance(advances, sampled), path.places, path.rotations, strict=True)
     ])  # fmt: skip
     angles = np.linalg.norm(misses[:, 3:], axis=1) * hinges
     error = float(np.linalg.norm(misses[:, :3], axis=1).max()), math.degrees(float(angles.max()))
-    at = _advance(advances, sampled)
-    polynomials = {kind: np.polynomial.Polynomial.fit(at, values, 4, domain=(-1, 1)).coef for kind, values in stiffness.items()}
-    return Chain(model.base, axes, model.length, advances, quartics, top, springs, polynomials, error, yielding)
+    stiffness, yielding = _stiffnesses(path, springs, numbers, _advance(advances, sampled))
+    return Chain(model.base, axes, model.length, advances, quartics, top, springs, stiffness, error, yielding)
 
 
 def turned(C: Array, axes: Array) -> Array:
@@ -326,9 +327,13 @@ def springs_of(path: TipPath, kinds: Sequence[str]) -> Springs:
         offset, slant, lever, *growth = values
         return Springs(path.length * offset, slant, path.length * lever, dict(zip(kinds, growth, strict=True)))
 
+    @functools.lru_cache(maxsize=2)
+    def states(offset: float) -> list[tuple[Array, Array]]:
+        return _states(path, offset, path.numbers(offset))
+
     def misses(values: Array) -> Array:
         made = springs(values)
-        fitted = [_yielding(made, C, motion) for C, motion in _states(path, made, path.numbers(made.offset))]
+        fitted = [_yielding(made, C, motion) for C, motion in states(made.offset)]
         return np.append(np.ravel([weighted for _, weighted, _ in fitted]), REGULARISATION * values)
 
     start = np.full(3 + len(kinds), 0.01)
@@ -340,8 +345,9 @@ REGULARISATION = 0.01
 MAX_GROWTH = 4.0
 
 
-def _states(path: TipPath, springs: Springs, numbers: Array) -> list[tuple[Array, Array]]:
-    motions = [posture_of(of_state, path.length, springs.offset).motion for of_state in numbers]
+def _states(path: TipPath, offset: float, numbers: Array) -> list[tuple[Array, Array]]:
+    """Return compliance and motions of the tip at each pressure."""
+    motions = [posture_of(of_state, path.length, offset).motion for of_state in numbers]
     return list(zip(path.compliances, motions, strict=True))
 
 
@@ -359,7 +365,8 @@ def _yielding(springs: Springs, C: Array, motion: Array) -> tuple[Array, Array, 
     used = largest > 0.0
     values = np.full(len(parts), math.nan)
     if used.any():
-        values[used] = lsq_linear(terms[:, used] / largest[used], C[known] * weights, (STIFFEST, np.inf)).x / largest[used]
+        bounded = lsq_linear(terms[:, used] / largest[used], C[known] * weights, (STIFFEST, np.inf), method="bvls")
+        values[used] = bounded.x / largest[used]
     made = np.tensordot(np.nan_to_num(values), parts, 1)
     weighted = np.zeros((6, 6))
     weighted[known] = (made - C)[known] * weights
@@ -377,18 +384,36 @@ def deflection_errors(made: Array, C: Array) -> Array:
     return errors
 
 
-def _stiffnesses(path: TipPath, springs: Springs, numbers: Array) -> tuple[dict[str, Array], Array]:
-    """Return the stiffness of the springs of each kind in the middle of the chain at each pressure, that of the nearest one
-    where it is not known, and the largest errors of the deflections."""
-    fitted = [_yielding(springs, C, motion) for C, motion in _states(path, springs, numbers)]
-    stiffness = {}
-    for kind, values in zip(springs.kinds, np.transpose([values for values, _, _ in fitted]), strict=True):
-        told = np.flatnonzero(np.isfinite(values))
-        nearest = told[np.abs(told[:, None] - np.arange(len(values))).argmin(axis=0)]
-        stiffness[kind] = 1 / values[nearest]
-    errors = np.array([errors for _, _, errors in fitted])
+def _stiffnesses(path: TipPath, springs: Springs, numbers: Array, advance: Array) -> tuple[dict[str, Array], Array]:
+    """Return the stiffness of the springs of each kind in the middle of the chain by the advance, and the largest errors of the
+    deflections with it."""
+    states, stiffness = _states(path, springs.offset, numbers), dict[str, Array]()
+    compliances = np.array([_yielding(springs, C, motion)[0] for C, motion in states])
+    for kind, values in zip(springs.kinds, compliances.T, strict=True):
+        told = np.isfinite(values)
+        stiffness[kind] = _stiffness_polynomial(advance[told], 1 / values[told])
+    made = np.array([1 / np.polynomial.Polynomial(quartic)(advance) for quartic in stiffness.values()])
+    errors = np.array([
+        deflection_errors(np.tensordot(values, springs.compliances(motion), 1), C)
+        for values, (C, motion) in zip(made.T, states, strict=True)
+    ])  # fmt: skip
     known = np.isfinite(errors).any(axis=0)
-    return stiffness, np.where(known, np.nanmax(np.where(known, errors, 0.0), axis=0), math.nan)
+    return stiffness, np.where(known, np.where(np.isfinite(errors), errors, 0.0).max(axis=0), math.nan)
+
+
+def _stiffness_polynomial(advance: Array, stiffness: Array) -> Array:
+    """Return five coefficients of the polynomial that is closest to a stiffness by its relative error, and stays within its
+    range between 0 and 1; of a lower degree if the quartic does not."""
+    at = np.linspace(0.0, 1.0, FIT_SAMPLES)
+    for degree in range(min(4, len(advance) - 1), 0, -1):
+        polynomial = np.polynomial.Polynomial.fit(advance, stiffness, degree, domain=(-1, 1), w=1 / stiffness)
+        if polynomial(at).min() > LEAST_STIFFNESS * stiffness.min():
+            return np.append(polynomial.coef, np.zeros(4 - degree))
+    return np.array([1 / np.mean(1 / stiffness), 0.0, 0.0, 0.0, 0.0])
+
+
+LEAST_STIFFNESS = 0.7
+"""Least stiffness of a polynomial over that which it fits."""
 
 
 def _advance(advances: Array, shares: Array) -> Array:
@@ -449,6 +474,7 @@ def mjcf(model: ReducedModel) -> str:
         body, "site", name="tip", pos=_words([link / 2, -chain.springs.offset, 0]), quat=_words(at_rest),
         size=f"{LINK_RADIUS * model.length / 3:.6g}",
     )  # fmt: skip
+    _shapes(root, model, chain)
     _springs(root, chain)
     actuator = ElementTree.SubElement(root, "actuator")
     top = chain.top / 1e3
@@ -469,8 +495,9 @@ def remarks(model: ReducedModel, chain: Chain, motion: MotionByMass) -> list[str
     return [
         f"{deck.WRITTEN_BY}: {model.case.name}, {low / 1e3:.4g} to {high / 1e3:.4g} kPa",
         f"tip within {100 * chain.error[0]:.2g} % of the length and {chain.error[1]:.2g} degrees of the table",
-        f"largest error of the deflection of the tip by a small load on it: {yields}",
+        f"largest error of the deflection of the tip by a small load on it, x along it, y towards its bending: {yields}",
         motion.remark,
+        "links touch other bodies with the convex hull of the device at rest around them, and not each other",
         "its springs, which stiffen with the pressure, need a MuJoCo with polynomial stiffness; tested with 4.0",
     ]
 
@@ -487,15 +514,43 @@ def _drivers(base: ElementTree.Element, model: ReducedModel, chain: Chain) -> No
 
 
 def _link(body: ElementTree.Element, model: ReducedModel, mass: float, length: float, height: float) -> None:
-    radius = LINK_RADIUS * model.length
+    """Add inertia and shape of a link to its body."""
+    name = body.get("name", "")
     ElementTree.SubElement(
         body, "inertial", pos=_words([length / 2, height, 0]), mass=f"{mass:.9g}",
-        diaginertia=_words(mass * link_inertia(length, radius)),
+        diaginertia=_words(mass * link_inertia(length, LINK_RADIUS * model.length)),
     )  # fmt: skip
-    ElementTree.SubElement(
-        body, "geom", type="capsule", fromto=_words([0, height, 0, length, height, 0]), size=f"{radius:.6g}",
-        rgba="0.18 0.44 0.62 1", contype="0", conaffinity="0",
-    )  # fmt: skip
+    ElementTree.SubElement(body, "geom", name=name, type="mesh", mesh=name, rgba="0.18 0.44 0.62 1")
+
+
+def _shapes(root: ElementTree.Element, model: ReducedModel, chain: Chain) -> None:
+    """Add the convex hulls of the device at rest around its links, in the links' coordinates; links do not touch each other."""
+    assets, contact = ElementTree.SubElement(root, "asset"), ElementTree.SubElement(root, "contact")
+    names = ["base", *(f"link{k}" for k in range(DEFAULT_SEGMENTS))]
+    points, link = (model.points - chain.base) @ chain.axes, model.length / DEFAULT_SEGMENTS
+    for k, name in enumerate(names):
+        start, end = max(k - 0.5, 0.0) * link, (min(k + 0.5, DEFAULT_SEGMENTS)) * link
+        low, high = -math.inf if k == 0 else start, math.inf if k == DEFAULT_SEGMENTS else end
+        # Those of the neighbours, moved to the link's ends, too: cells may be longer than links.
+        near = points[(points[:, 0] > low - link) & (points[:, 0] < high + link)]
+        near = np.column_stack([np.clip(near[:, 0], low, high), near[:, 1:]])
+        hull = np.unique(near[np.argmax(near @ _directions().T, axis=0)], axis=0)
+        hull = hull - [start, chain.springs.offset if k else 0.0, 0.0]
+        ElementTree.SubElement(assets, "mesh", name=name, vertex=_words(hull.ravel()))
+    for one, other in itertools.combinations(names, 2):
+        ElementTree.SubElement(contact, "exclude", body1=one, body2=other)
+
+
+HULL_DIRECTIONS = 96
+"""Directions in which a hull reaches as far as the device: its corners are at most as many."""
+
+
+def _directions() -> Array:
+    """Return directions evenly over the sphere, on a spiral of the golden angle, shape (n, 3), with those of the axes."""
+    k = np.arange(HULL_DIRECTIONS) + 0.5
+    polar, turn = np.arccos(1 - 2 * k / HULL_DIRECTIONS), math.pi * (1 + math.sqrt(5)) * k
+    spiral = np.column_stack([np.cos(turn) * np.sin(polar), np.sin(turn) * np.sin(polar), np.cos(polar)])
+    return np.concatenate([spiral, np.eye(3), -np.eye(3)])
 
 
 def _springs(root: ElementTree.Element, chain: Chain) -> None:
@@ -578,8 +633,8 @@ HINGE_ARMATURE, SLIDE_ARMATURE = 0.02, 0.02
 """Armature of the joints, in masses of the device times its length squared, and in its masses; per link."""
 DEFAULT_DAMPING = 0.1
 """Damping ratio of the first mode where that of the silicone is not known."""
-MIN_DAMPING_TIME = 1e-3
-"""Least damping of a joint over its spring's stiffness in s, with which time steps of 2 ms are stable."""
+MIN_DAMPING_TIME = 2e-4
+"""Least damping of a joint over its spring's stiffness, s."""
 MAX_TILT = 3.0
 
 
