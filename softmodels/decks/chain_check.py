@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import math
 from pathlib import Path
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 import scipy.linalg
@@ -46,7 +46,7 @@ def check(model: ReducedModel, file: Path) -> list[str]:
     ]
 
 
-def check_file(file: Path) -> Any:
+def check_file(file: Path) -> ModuleType:
     """Return the module of MuJoCo; `CaseError` if it is not installed, or a file is no chain of softmodels."""
     if not file.is_file() or not chains.is_own(file):
         raise CaseError(f"{file} is no chain of softmodels; write one by softmodels reduce FOLDER -o NAME.xml")
@@ -77,7 +77,7 @@ def _first_mode(model: ReducedModel, chain: ChainInMujoco) -> str:
 class ChainInMujoco:
     """A chain of `chains.mjcf`, loaded."""
 
-    def __init__(self, mujoco: Any, file: Path):
+    def __init__(self, mujoco: ModuleType, file: Path):
         self._mujoco, self._model = mujoco, mujoco.MjModel.from_xml_path(str(file))
         self._model.opt.gravity[:] = 0.0
         self._data = mujoco.MjData(self._model)

@@ -81,6 +81,11 @@ class Chain:
     error: tuple[float, float] = (0.0, 0.0)
     yielding: Array = dataclasses.field(default_factory=lambda: np.full(6, math.nan))
 
+    def stiffest(self) -> dict[str, float]:
+        """Return the largest of `stiffness` over the pressures."""
+        at = np.linspace(0.0, 1.0, FIT_SAMPLES)
+        return {kind: float(np.polynomial.Polynomial(quartic)(at).max()) for kind, quartic in self.stiffness.items()}
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Springs:
@@ -464,7 +469,7 @@ def mjcf(model: ReducedModel) -> str:
         body = ElementTree.SubElement(body, "body", links, name=f"link{k}", pos=_words(place))
         for kind in chain.springs.kinds:
             sort, axis = JOINTS[kind]
-            damping, armature = motion.damping[kind] / chain.springs.shares(kind)[k], motion.armature[sort]
+            damping, armature = (of[kind] / chain.springs.shares(kind)[k] for of in (motion.damping, motion.armature))
             ElementTree.SubElement(
                 body, "joint", name=f"{kind}{k}", type=sort, axis=axis, damping=f"{damping:.9g}", armature=f"{armature:.9g}"
             )
@@ -564,7 +569,7 @@ def _springs(root: ElementTree.Element, chain: Chain) -> None:
     advance = np.linspace(0.0, 1.0, FIT_SAMPLES) ** np.arange(5)[:, None]
     largest = np.abs(chain.quartics @ advance).max(axis=1)
     numbers = dict(zip(DRIVERS, np.where(largest > 0.0, largest, 1.0) / DRIVER_TURN, strict=False))
-    stiffest = {kind: float(np.max(quartic @ advance)) for kind, quartic in chain.stiffness.items()}
+    stiffest = chain.stiffest()
     for kind in chain.springs.kinds:
         reach = STIFFNESS_REACH * (1.0 if JOINTS[kind][0] == "hinge" else chain.length)
         for k, share in enumerate(chain.springs.shares(kind)):
@@ -616,8 +621,7 @@ class MotionByMass:
 
     Attributes:
         masses: Of the base and the links, kg.
-        armature: Of hinges (kg m2) and slides (kg).
-        damping: Of the joints of each kind in the middle of the chain, N m s/rad and N s/m.
+        armature, damping: Of the joints of each kind in the middle of the chain, kg m2 or kg, and N m s/rad or N s/m.
         remark: Their first mode beside the device's, a sentence.
     """
 
@@ -629,12 +633,10 @@ class MotionByMass:
 
 LINK_RADIUS = 0.12
 """Radius of the links in lengths of the chain."""
-HINGE_ARMATURE, SLIDE_ARMATURE = 0.02, 0.02
-"""Armature of the joints, in masses of the device times its length squared, and in its masses; per link."""
+LARGEST_STEP = 3e-3
+"""Time step in s with which joints without coupling are stable; with it, the whole chain is with 2 ms."""
 DEFAULT_DAMPING = 0.1
 """Damping ratio of the first mode where that of the silicone is not known."""
-MIN_DAMPING_TIME = 2e-4
-"""Least damping of a joint over its spring's stiffness, s."""
 MAX_TILT = 3.0
 
 
@@ -647,12 +649,14 @@ def link_inertia(length: float, radius: float) -> Array:
 def motion_by_mass(model: ReducedModel, chain: Chain) -> MotionByMass:
     """Return masses, armature and damping of a chain; the masses grow or fall exponentially along it, so that its first mode
     has the frequency of the device's."""
-    armature = {
-        "hinge": HINGE_ARMATURE / DEFAULT_SEGMENTS**2 * model.mass * model.length**2,
-        "slide": SLIDE_ARMATURE / DEFAULT_SEGMENTS**2 * model.mass,
-    }
-    device, vibrating = model.first_mode, VibratingChain(model, chain, armature)
+    device, vibrating = model.first_mode, VibratingChain(model, chain)
     wanted = math.nan if device is None else device.frequency
+
+    ratio = device.damping if device is not None and device.damping > 0.0 else DEFAULT_DAMPING
+    # A damping of t times the stiffness of all joints has the ratio t w/2 at the angular frequency w. With steps h, damping
+    # implicit and springs explicit, a mass m is stable up to a stiffness k with h^2 k = 4 m + 2 h t k.
+    time = ratio / (math.pi * (wanted if math.isfinite(wanted) else vibrating.mode(vibrating.masses(0.0))[0]))
+    vibrating.armature_time = max(LARGEST_STEP * (LARGEST_STEP - 2 * time) / 4, 0.0)
 
     def miss(tilt: float) -> float:
         return vibrating.mode(vibrating.masses(tilt))[0] - wanted
@@ -663,12 +667,10 @@ def motion_by_mass(model: ReducedModel, chain: Chain) -> MotionByMass:
                -MAX_TILT if abs(low) < abs(high) else MAX_TILT  # fmt: skip
     masses = vibrating.masses(tilt)
     frequency, shares = vibrating.mode(masses)
-    ratio = device.damping if device is not None and device.damping > 0.0 else DEFAULT_DAMPING
-    # A damping of t times the stiffness of all joints has the ratio t w/2 at the angular frequency w.
-    time = max(ratio / (math.pi * frequency) / sum(shares.values()), MIN_DAMPING_TIME)
-    reached = time * math.pi * frequency * sum(shares.values())
+    time = ratio / (math.pi * frequency) / sum(shares.values())
     damping = {kind: time * vibrating.stiffness[kind] for kind in chain.springs.kinds}
-    remark = f"first mode at {vibrating.pressure / 1e3:.4g} kPa: {frequency:.4g} Hz, damping ratio {reached:.3g}"
+    armature = {kind: vibrating.armature_time * stiffest for kind, stiffest in vibrating.stiffest.items()}
+    remark = f"first mode at {vibrating.pressure / 1e3:.4g} kPa: {frequency:.4g} Hz, damping ratio {ratio:.3g}"
     if device is None:
         remark += "; that of the device is not known"
     else:
@@ -682,22 +684,23 @@ class VibratingChain:
 
     Attributes:
         pressure: Pa.
-        stiffness: Of the springs of each kind in the middle of the chain.
+        stiffness, stiffest: Of the springs of each kind in the middle of the chain, at this pressure and its largest.
+        armature_time: Armature of the joints over their largest stiffness, s2.
     """
 
-    def __init__(self, model: ReducedModel, chain: Chain, armature: dict[str, float]):
+    def __init__(self, model: ReducedModel, chain: Chain):
         self._model, self._chain = model, chain
         self.pressure = sum(model.span) / 2 if model.first_mode is None else model.first_mode.pressure
         powers = float(_advance(chain.advances, np.array(self.pressure / chain.top))) ** np.arange(5)
         self.stiffness = {kind: float(quartic @ powers) for kind, quartic in chain.stiffness.items()}
+        self.stiffest, self.armature_time = chain.stiffest(), 0.0
         self._posture = posture_of(chain.quartics @ powers, chain.length, chain.springs.offset)
         kinds, every = chain.springs.kinds, [f"{kind}{k}" for k in range(DEFAULT_SEGMENTS) for kind in JOINTS]
         half = bool(model.case.actuator.cut_planes) and model.case.actuator.dimension != 2
         moving = [kind for kind in kinds if not half or kind in ("hinge", "slide", "shear")]
         self._used = [every.index(f"{kind}{k}") for k in range(DEFAULT_SEGMENTS) for kind in moving]
-        self._armature = np.tile([armature[sort] for sort, _ in JOINTS.values()], DEFAULT_SEGMENTS)
         self._K = np.zeros((len(every), len(every)))
-        self._diagonal = np.zeros(len(every))
+        self._diagonal, self._stiffest = np.zeros(len(every)), np.zeros(len(every))
         for kind in kinds:
             for k, share in enumerate(chain.springs.shares(kind)):
                 stretched = np.zeros(len(every))
@@ -705,6 +708,7 @@ class VibratingChain:
                     stretched[every.index(f"{joint}{k}")] = factor
                 self._K += self.stiffness[kind] / share * np.outer(stretched, stretched)
                 self._diagonal[every.index(f"{kind}{k}")] = self.stiffness[kind] / share
+                self._stiffest[every.index(f"{kind}{k}")] = self.stiffest[kind] / share
 
     def masses(self, tilt: float) -> Array:
         """Return masses of base and links that together are the device's, kg."""
@@ -715,7 +719,7 @@ class VibratingChain:
     def mode(self, masses: Array) -> tuple[float, dict[str, float]]:
         """Return the frequency in Hz of the first mode, and the share of each kind of joint in a damping of all joints in
         proportion to their stiffness."""
-        M, posture = np.diag(self._armature), self._posture
+        M, posture = np.diag(self.armature_time * self._stiffest), self._posture
         link = self._chain.length / DEFAULT_SEGMENTS
         for k, mass in enumerate(masses[1:]):
             turned, R = posture.motion[: k + 1, :, 3:].reshape(-1, 3), posture.rotations[k]
