@@ -154,7 +154,7 @@ SPRING_STATES = 6
 """States of the table by which the springs are placed."""
 CROSS_WEIGHT = 0.3
 """Weight of the rotation by a force, and of the displacement by a moment, in the fit of the springs."""
-STIFFEST = 0.02
+MIN_COMPLIANCE_SHARE = 0.02
 """Least compliance of a kind of spring, over that which would make the whole compliance of the tip."""
 
 
@@ -339,13 +339,13 @@ def springs_of(path: TipPath, kinds: Sequence[str]) -> Springs:
     def misses(values: Array) -> Array:
         made = springs(values)
         fitted = [_yielding(made, C, motion) for C, motion in states(made.offset)]
-        return np.append(np.ravel([weighted for _, weighted, _ in fitted]), REGULARISATION * values)
+        return np.append(np.ravel([weighted for _, weighted, _ in fitted]), SHAPE_WEIGHT * values)
 
     start = np.full(3 + len(kinds), 0.01)
     return springs(least_squares(misses, start, diff_step=1e-4, max_nfev=30, bounds=(-MAX_GROWTH, MAX_GROWTH)).x)
 
 
-REGULARISATION = 0.01
+SHAPE_WEIGHT = 0.01
 """Weight of the shape of the springs, beside that of relative errors of the compliance."""
 MAX_GROWTH = 4.0
 
@@ -370,7 +370,7 @@ def _yielding(springs: Springs, C: Array, motion: Array) -> tuple[Array, Array, 
     used = largest > 0.0
     values = np.full(len(parts), math.nan)
     if used.any():
-        bounded = lsq_linear(terms[:, used] / largest[used], C[known] * weights, (STIFFEST, np.inf), method="bvls")
+        bounded = lsq_linear(terms[:, used] / largest[used], C[known] * weights, (MIN_COMPLIANCE_SHARE, np.inf), method="bvls")
         values[used] = bounded.x / largest[used]
     made = np.tensordot(np.nan_to_num(values), parts, 1)
     weighted = np.zeros((6, 6))
@@ -542,8 +542,8 @@ def _shapes(root: ElementTree.Element, model: ReducedModel, chain: Chain) -> Non
         hull = np.unique(near[np.argmax(near @ _directions().T, axis=0)], axis=0)
         hull = hull - [start, chain.springs.offset if k else 0.0, 0.0]
         ElementTree.SubElement(assets, "mesh", name=name, vertex=_words(hull.ravel()))
-    for one, other in itertools.combinations(names, 2):
-        ElementTree.SubElement(contact, "exclude", body1=one, body2=other)
+    for body, other in itertools.combinations(names, 2):
+        ElementTree.SubElement(contact, "exclude", body1=body, body2=other)
 
 
 HULL_DIRECTIONS = 96
