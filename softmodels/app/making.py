@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -97,7 +98,7 @@ class MaterialPage(forms.TabPage):
                 options = ["not used", *TESTS]
                 test = forms.known([self.given_tests.get(file.name, "")], options, TESTS[0])
                 self.tests[file.name] = ui.select(options, value=test).props("dense").classes("w-32")
-                self.remove_button(file.name, lambda file=file: self.project.remove(file))
+                self.remove_button(file.name, functools.partial(self.project.remove, file))
 
     async def _uploaded(self, event: MultiUploadEventArguments) -> None:
         await self.keep(event, CURVES, CURVE)

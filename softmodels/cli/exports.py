@@ -254,37 +254,47 @@ def import_command(file: Path, output: Path, unit: str, stress: str | None, prog
 
 @options.command("reduce")
 @click.argument("folder", type=click.Path(path_type=Path))
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="File: NAME.csv, NAME.json, NAME.xml "
-              "(MuJoCo) or NAME.fmu.")  # fmt: skip
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="File: NAME.csv, NAME.json, NAME.xml (MuJoCo) or "
+              "NAME.fmu.")  # fmt: skip
+@click.option("--check", type=click.Path(path_type=Path), help="Chain NAME.xml to compare with the device, in MuJoCo.")
 @click.option("--as", "kind", default="", metavar="KIND", help="csv, json, mjcf or fmu.  [default: by the file's name]")
 @click.option("--face", default="", help="Face that is the tip.  [default: the device's own]")
 @click.option("--quiet", is_flag=True, help="Print only errors.")
-def reduce_command(folder: Path, output: Path, kind: str, face: str, quiet: bool) -> None:
+def reduce_command(folder: Path, output: Path | None, check: Path | None, kind: str, face: str, quiet: bool) -> None:
     """Reduce results to the device's tip, for robot simulators.
 
     Over the pressures of the path up to the first limit point: position and rotation of the tip, added volume, their exact
     derivatives by the pressures, the compliance by force and moment on the tip, effective area, arc of constant curvature, and
     95 % bands where the run has them. NAME.xml is a chain of joints for MuJoCo, whose control is the pressure in kPa;
-    NAME.fmu a unit for co-simulation (FMI 2.0).
+    NAME.fmu a unit for co-simulation (FMI 2.0). --check compares pose, deflection and first mode of a chain with the device's.
 
     \b
     Examples:
       softmodels reduce results/pneunet -o finger.xml
       softmodels reduce results/pneunet -o finger.csv
       softmodels reduce results/pneunet -o finger.fmu
+      softmodels reduce results/pneunet --check finger.xml
 
     \b
     Exit status: 0 done; 1 failed; 2 bad input.
     """
-    from softmodels.decks import chains
+    from softmodels.decks import chain_check, chains
 
-    with ending.unwritable(output):
-        chains.kind_of(output, kind)
-        commands.check_output_file(output, [], chains.is_own, "a reduced model", "--output")
+    written = check if output is None else output
+    if written is None:
+        raise click.UsageError("name a file to write (-o finger.xml), or a chain to compare (--check finger.xml)")
+    with ending.unwritable(written):
+        if output is not None:
+            chains.kind_of(output, kind)
+            commands.check_output_file(output, [], chains.is_own, "a reduced model", "--output")
+        if check is not None and check != output:
+            chain_check.check_file(check)
         made = calls.load(folder).reduce(output, kind=kind, face=face)
     if not quiet:
-        processes.say(f"{output}: {made._line()}, tip {made.face}")
+        processes.say(f"{output or folder}: {made._line()}, tip {made.face}")
         for name, text in made._figures():
             processes.say(f"{name}: {text}")
         for text in made.notes:
             processes.say(f"note: {text}")
+    for text in [] if check is None else chain_check.check(made, check):
+        processes.say(text)

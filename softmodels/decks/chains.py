@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import functools
 import hashlib
 import io
+import itertools
 import json
 import math
 import re
 import sys
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy.linalg
+from scipy.optimize import brentq, least_squares, lsq_linear
 from scipy.spatial.transform import Rotation
 
 from geometries import actuator
@@ -31,6 +34,11 @@ from softmodels.runs.outcomes import RunError
 __all__ = ["WRITERS", "Chain", "chain_of", "is_own", "kind_of", "write"]
 
 
+JOINTS = {
+    "hinge": ("hinge", "0 0 1"), "side": ("hinge", "0 1 0"), "twist": ("hinge", "1 0 0"),
+    "slide": ("slide", "1 0 0"), "shear": ("slide", "0 1 0"), "side_shear": ("slide", "0 0 1"),
+}  # fmt: skip
+"""The joints of a link in their order, each with MuJoCo's type and its axis."""
 DRIVERS = ("bend", "uneven", "extension", "lean", "uneven_lean", "twisting")
 JOINT_VARIABLES = {
     "hinge": ("bend", "uneven"),
@@ -43,7 +51,7 @@ JOINT_VARIABLES = {
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Chain:
-    """The chain of a device.
+    """The chain of a device: links along the line of its bending stiffness, which is ``offset`` from that of the tip's centre.
 
     Attributes:
         base: Its beginning, m.
@@ -54,8 +62,12 @@ class Chain:
         quartics: The numbers (rad and m) over the advance: five coefficients each, shape (3, 5), or (6, 5) where the tip leaves
             the plane.
         top: The highest pressure, Pa.
-        stiffness: Of one joint of each kind, N m/rad and N/m; 0 where it is not known, or there is none.
+        springs: The springs of the joints.
+        stiffness: Of a spring of each kind in the middle of the chain, N m/rad and N/m, over the advance: five coefficients
+            each.
         error: Largest distance of the tip from the table's over the length, and angle in degrees.
+        yielding: Largest error at the table's states of the displacement by a force, and of the rotation by a moment, over
+            their size; shape (6,), nan where they are not known.
     """
 
     base: Array
@@ -64,24 +76,71 @@ class Chain:
     advances: Array
     quartics: Array
     top: float
-    stiffness: dict[str, float]
+    springs: Springs
+    stiffness: dict[str, Array]
     error: tuple[float, float] = (0.0, 0.0)
+    yielding: Array = dataclasses.field(default_factory=lambda: np.full(6, math.nan))
 
-    def follows(self, kind: str) -> bool:
-        """Return whether joints of a kind follow the pressure, and not only yield to loads."""
-        return self.stiffness[kind] > 0.0 and DRIVERS.index(JOINT_VARIABLES[kind][0]) < len(self.quartics)
+    def stiffest(self) -> dict[str, float]:
+        """Return the largest of `stiffness` over the pressures."""
+        at = np.linspace(0.0, 1.0, FIT_SAMPLES)
+        return {kind: float(np.polynomial.Polynomial(quartic)(at).max()) for kind, quartic in self.stiffness.items()}
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Springs:
+    """Where along a chain its springs yield, and how its joints are coupled.
+
+    The spring of the torsion also turns its link to the side and shifts it, because the line about which a section twists is
+    neither that about which it bends nor parallel to it.
+
+    Attributes:
+        offset: Of the chain from the line of the tip's centre, towards the second axis, m.
+        slant: Rotation to the side by that of the torsion.
+        lever: Shift to the side in m by a torsion of one radian.
+        growth: Of each kind: its compliance grows along the chain as exp(growth t), t from -1 to 1.
+    """
+
+    offset: float
+    slant: float
+    lever: float
+    growth: dict[str, float]
+
+    @property
+    def kinds(self) -> list[str]:
+        """The joints that yield."""
+        return list(self.growth)
+
+    def shares(self, kind: str) -> Array:
+        """Return the compliances of the springs of a kind over that in the middle of the chain, shape (links,)."""
+        return np.exp(self.growth[kind] * ALONG * 2 / DEFAULT_SEGMENTS)
+
+    def length_of(self, kind: str) -> dict[str, float]:
+        """Return how far a spring is stretched by each joint of its link."""
+        coupled = {"side": self.slant, "side_shear": self.lever}.get(kind, 0.0)
+        return {kind: 1.0, **({"twist": -coupled} if coupled else {})}
+
+    def compliances(self, motion: Array) -> Array:
+        """Return the compliance of the tip by each kind of spring at a compliance of 1 in the middle of the chain, shape
+        (kinds, 6, 6), of the motions of the tip by the joints."""
+        places = [list(JOINTS).index(kind) for kind in self.kinds]
+        if "twist" in self.growth:
+            motion = motion.copy()
+            motion[:, 2] += self.slant * motion[:, 1] + self.lever * motion[:, 5]
+        by = motion[:, places]
+        return np.einsum("mk,kmi,kmj->mij", np.array([self.shares(kind) for kind in self.kinds]), by, by)
 
 
 DEFAULT_SEGMENTS = 8
+ALONG = np.arange(DEFAULT_SEGMENTS) - (DEFAULT_SEGMENTS - 1) / 2
+"""Places of the links along the chain, in links from its middle."""
 MOST_TURN = math.radians(0.5)
 """Rotation up to which a device only extends."""
 PLANE_TOLERANCE = 0.02
 """Distance of the tip from the plane of bending, in lengths, up to which a chain stays in it."""
 TIME_CONSTANT = 0.01
 """Time constant in s of the pressure behind its command."""
-DAMPING_TIME = 0.01
-"""Damping of a joint over its spring's stiffness, s."""
-DRIVER_MASS = 1e-7
+DRIVER_MASS = 5e-8
 """Mass of a driver in masses of the device."""
 DRIVER_INERTIA = 1e-6
 """Moment of inertia of a driver in masses of the device times its length squared."""
@@ -91,28 +150,121 @@ ADVANCES = ("onset", "rise", "advance")
 """What follows from the pressure, each from the one before, by a quartic from 0 at 0 to 1 at 1."""
 FIT_SAMPLES = 61
 """Pressures at which a chain is fitted to the table's curves, beside the table's own."""
+SPRING_STATES = 6
+"""States of the table by which the springs are placed."""
+CROSS_WEIGHT = 0.3
+"""Weight of the rotation by a force, and of the displacement by a moment, in the fit of the springs."""
+MIN_COMPLIANCE_SHARE = 0.02
+"""Least compliance of a kind of spring, over that which would make the whole compliance of the tip."""
 
 
-def reached(numbers: Array, length: float) -> tuple[Array, Array]:
-    """Return place (m) and rotation of the end of a chain by its numbers, along its axes at rest."""
+@dataclasses.dataclass(frozen=True, eq=False)
+class Posture:
+    """A chain, along its axes at rest.
+
+    Attributes:
+        place: Of the tip, m.
+        rotations: Of the links, shape (links, 3, 3).
+        motion: Of the tip by each joint, shape (links, joints, 6).
+        centres: Of the links, on the line of the tip's centre, m, shape (links, 3).
+    """
+
+    place: Array
+    rotations: Array
+    motion: Array
+    centres: Array
+
+
+def posture_of(numbers: Array, length: float, offset: float) -> Posture:
+    """Return a chain by its numbers."""
     bend, uneven, extension, lean, uneven_lean, twist = np.append(numbers, np.zeros(len(DRIVERS) - len(numbers)))
-    link, along = length / DEFAULT_SEGMENTS, np.arange(DEFAULT_SEGMENTS) - (DEFAULT_SEGMENTS - 1) / 2
-    angles = [
-        bend / DEFAULT_SEGMENTS + uneven * along,
-        lean / DEFAULT_SEGMENTS + uneven_lean * along,
-        np.full(DEFAULT_SEGMENTS, twist / DEFAULT_SEGMENTS),
-    ]
-    place, R = np.array([link / 2, 0.0, 0.0]), np.eye(3)
-    for k, joint in enumerate(Rotation.from_euler("ZYX", np.transpose(angles)).as_matrix()):
-        R = R @ joint
-        place += (link * (0.5 if k == DEFAULT_SEGMENTS - 1 else 1.0) + extension / DEFAULT_SEGMENTS) * R[:, 0]
-    return place, R
+    link, count = length / DEFAULT_SEGMENTS, DEFAULT_SEGMENTS
+    angles = np.column_stack([bend / count + uneven * ALONG, lean / count + uneven_lean * ALONG, np.full(count, twist / count)])
+    places, axes, rotations = np.empty((count, 1, 3)), np.empty((count, len(JOINTS), 3)), np.empty((count, 3, 3))
+    lengths = np.full(count, link)
+    lengths[-1] /= 2
+    place, R = np.array([link / 2, offset, 0.0]), np.eye(3)
+    for k, joint in enumerate(Rotation.from_euler("ZYX", angles).as_matrix()):
+        places[k, 0], axes[k, 0] = place, R[:, 2]
+        axes[k, 1] = R @ [-math.sin(angles[k, 0]), math.cos(angles[k, 0]), 0.0]
+        R = rotations[k] = R @ joint
+        axes[k, 2], axes[k, 3:] = R[:, 0], R.T
+        place = place + (lengths[k] + extension / count) * R[:, 0]
+    place = place - offset * R[:, 1]
+    motion = np.zeros((count, len(JOINTS), 6))
+    motion[:, :3, :3], motion[:, :3, 3:] = np.cross(axes[:, :3], place - places), axes[:, :3]
+    motion[:, 3:, :3] = axes[:, 3:]
+    within = np.column_stack([extension / count + lengths / 2, np.full(count, -offset), np.zeros(count)])
+    return Posture(place, rotations, motion, places[:, 0] + np.einsum("kij,kj->ki", rotations, within))
 
 
-def _tip_error(numbers: Array, place: Array, R: Array, length: float) -> Array:
+def numbers_at(place: Array, R: Array, length: float, offset: float, guess: Array, hinges: bool) -> Array:
+    """Return the numbers of the chain whose tip is closest to a pose, by Gauss and Newton; only the extension if it has no
+    hinges."""
+    numbers, free = np.array(guess), np.arange(len(guess)) if hinges else np.array([2])
+    sizes = np.array([1.0, 1.0, length, 1.0, 1.0, 1.0])[free]
+    for _ in range(NUMBER_STEPS):
+        posture = posture_of(numbers, length, offset)
+        motion = posture.motion
+        by = np.array([
+            motion[:, 0].mean(axis=0), ALONG @ motion[:, 0], motion[:, 3].mean(axis=0),
+            motion[:, 1].mean(axis=0), ALONG @ motion[:, 1], motion[:, 2].mean(axis=0),
+        ])[free].T * np.repeat([1 / length, 1.0], 3)[:, None]  # fmt: skip
+        step = np.linalg.lstsq(by * sizes, _tip_error(posture, place, R, length), rcond=None)[0]
+        numbers[free] -= step * sizes
+        if np.abs(step).max() < NUMBER_TOLERANCE:
+            break
+    return numbers
+
+
+NUMBER_STEPS = 30
+NUMBER_TOLERANCE = 1e-10
+
+
+def _tip_error(posture: Posture, place: Array, R: Array, length: float) -> Array:
     """Return how far the end of a chain is from a pose, in lengths and radians."""
-    at, turned = reached(numbers, length)
-    return np.concatenate([(at - place) / length, Rotation.from_matrix(R.T @ turned).as_rotvec()])
+    turn = Rotation.from_matrix(posture.rotations[-1] @ R.T).as_rotvec()
+    return np.concatenate([(posture.place - place) / length, turn])
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class TipPath:
+    """The tip of a reduced model along the axes of its chain, at several pressures.
+
+    Attributes:
+        length: Of the chain at rest, m.
+        hinges: Whether it bends.
+        count: Numbers of the chain.
+        places, rotations, compliances: Of the tip from the base, m; SI units.
+    """
+
+    length: float
+    hinges: bool
+    count: int
+    places: Array
+    rotations: Array
+    compliances: Array
+
+    def numbers(self, offset: float) -> Array:
+        """Return the numbers of the chain, shape (pressures, count)."""
+        numbers = [np.zeros(self.count)]
+        for place, R in zip(self.places, self.rotations, strict=True):
+            numbers.append(numbers_at(place, R, self.length, offset, numbers[-1], self.hinges))
+        return np.array(numbers[1:])
+
+    def some(self, count: int) -> TipPath:
+        """Return the path at some of its pressures, the first and the last among them."""
+        chosen = np.unique(np.linspace(0, len(self.places) - 1, count).round().astype(int))
+        return dataclasses.replace(
+            self, places=self.places[chosen], rotations=self.rotations[chosen], compliances=self.compliances[chosen]
+        )
+
+    def kinds(self) -> list[str]:
+        """Return the joints whose stiffness the compliances tell."""
+        known = np.isfinite(self.compliances) & (np.abs(self.compliances) > 0.0)
+        told = {"slide": known[:, 0, 0], "hinge": known[:, 5, 5], "shear": known[:, 1, 1],
+                "side": known[:, 4, 4], "twist": known[:, 3, 3], "side_shear": known[:, 2, 2]}  # fmt: skip
+        return [kind for kind in JOINTS if told[kind].any()]
 
 
 def chain_of(model: ReducedModel) -> Chain:
@@ -130,31 +282,143 @@ def chain_of(model: ReducedModel) -> Chain:
     sampled = np.union1d(shares, np.linspace(shares.min(), 1.0, FIT_SAMPLES))
     poses = [model(share * top) for share in sampled]
     places = np.array([pose.position - model.base for pose in poses]) @ axes
-    turned = [axes.T @ pose.rotation @ axes for pose in poses]
-    out = float(np.abs(places[:, 2]).max())
-    stiffness = _stiffness(model, axes, hinges)
-    if out > PLANE_TOLERANCE * model.length and not (stiffness["side"] and stiffness["twist"]):
+    out, both = float(np.abs(places[:, 2]).max()), np.kron(np.eye(2), axes)
+    path = TipPath(
+        model.length, hinges, 6 if out > PLANE_TOLERANCE * model.length else 3, places,
+        np.array([axes.T @ pose.rotation @ axes for pose in poses]),
+        np.array([turned(pose.compliance, both) for pose in poses]),
+    )  # fmt: skip
+    kinds = path.kinds()
+    if "slide" not in kinds or (hinges and "hinge" not in kinds):
+        raise RunError("the stiffness of the tip is not known in the plane of bending; reduce a model of the whole device")
+    if path.count > 3 and not {"side", "twist"} <= set(kinds):
         raise RunError(
             f"the tip leaves the plane of bending by {1e3 * out:.3g} mm, and its stiffness across that is not known; reduce a "
             f"model of the whole device, or write a table (.csv, .json)"
         )
-    count, links = 6 if out > PLANE_TOLERANCE * model.length else 3, []
-    for place, R, angle in zip(places, turned, np.interp(sampled, shares, model.turns @ normal), strict=True):
-        if not hinges:
-            links.append([0.0, 0.0, place[0] - model.length])
-            continue
-        # Away from zero: the derivatives are by differences in proportion.
-        guess = [angle + 0.01, 0.01, float(np.linalg.norm(place)) - 0.99 * model.length, 0.01, 0.01, 0.01][:count]
-        solved = least_squares(_tip_error, guess, xtol=1e-14, gtol=1e-14, args=(place, R, model.length))
-        links.append(solved.x)
-    advances, quartics = _fitted_coefficients(sampled, np.array(links))
+    springs = springs_of(path.some(SPRING_STATES), kinds)
+    numbers = path.numbers(springs.offset)
+    advances, quartics = _fitted_coefficients(sampled, numbers)
     misses = np.array([
-        _tip_error(quartics @ at ** np.arange(5), place, R, model.length)
-        for at, place, R in zip(_advance(advances, sampled), places, turned, strict=True)
+        _tip_error(posture_of(quartics @ at ** np.arange(5), model.length, springs.offset), place, R, model.length)
+        for at, place, R in zip(_advance(advances, sampled), path.places, path.rotations, strict=True)
     ])  # fmt: skip
     angles = np.linalg.norm(misses[:, 3:], axis=1) * hinges
     error = float(np.linalg.norm(misses[:, :3], axis=1).max()), math.degrees(float(angles.max()))
-    return Chain(model.base, axes, model.length, advances, quartics, top, stiffness, error)
+    stiffness, yielding = _stiffnesses(path, springs, numbers, _advance(advances, sampled))
+    return Chain(model.base, axes, model.length, advances, quartics, top, springs, stiffness, error, yielding)
+
+
+def turned(C: Array, axes: Array) -> Array:
+    """Return a compliance along other axes; nan where entries that are not known have a part in it."""
+    unknown = np.abs(axes.T) @ np.isnan(C) @ np.abs(axes) > UNKNOWN_PART
+    return np.where(unknown, math.nan, axes.T @ np.nan_to_num(C) @ axes)
+
+
+UNKNOWN_PART = 1e-6
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The springs: those with which the tip yields as the device's, at each pressure.
+#
+# A chain that holds a pose by springs without tension yields by the sum of the compliances of its springs, each times the
+# motions of the tip by its joint. So the compliances follow from those of the tip by linear least squares.
+
+
+def springs_of(path: TipPath, kinds: Sequence[str]) -> Springs:
+    """Return the springs by which the tip yields as that of a path."""
+
+    def springs(values: Array) -> Springs:
+        offset, slant, lever, *growth = values
+        return Springs(path.length * offset, slant, path.length * lever, dict(zip(kinds, growth, strict=True)))
+
+    @functools.lru_cache(maxsize=2)
+    def states(offset: float) -> list[tuple[Array, Array]]:
+        return _states(path, offset, path.numbers(offset))
+
+    def misses(values: Array) -> Array:
+        made = springs(values)
+        fitted = [_yielding(made, C, motion) for C, motion in states(made.offset)]
+        return np.append(np.ravel([weighted for _, weighted, _ in fitted]), SHAPE_WEIGHT * values)
+
+    start = np.full(3 + len(kinds), 0.01)
+    return springs(least_squares(misses, start, diff_step=1e-4, max_nfev=30, bounds=(-MAX_GROWTH, MAX_GROWTH)).x)
+
+
+SHAPE_WEIGHT = 0.01
+"""Weight of the shape of the springs, beside that of relative errors of the compliance."""
+MAX_GROWTH = 4.0
+
+
+def _states(path: TipPath, offset: float, numbers: Array) -> list[tuple[Array, Array]]:
+    """Return compliance and motions of the tip at each pressure."""
+    motions = [posture_of(of_state, path.length, offset).motion for of_state in numbers]
+    return list(zip(path.compliances, motions, strict=True))
+
+
+def _yielding(springs: Springs, C: Array, motion: Array) -> tuple[Array, Array, Array]:
+    """Return the compliance of the kinds of springs, shape (kinds,), that together are closest to that of the tip (nan where
+    it does not tell), the weighted error of each of the tip's entries, shape (6, 6), and `deflection_errors`."""
+    sizes, diagonal = np.zeros((6, 6)), np.sqrt(np.nan_to_num(np.diag(C)))
+    for rows in slice(0, 3), slice(3, 6):
+        sizes[rows] = np.linalg.norm(np.nan_to_num(C[rows]), axis=0)
+    known = np.isfinite(C) & (sizes > reduction.ZERO_LOAD_TOLERANCE * np.outer(diagonal, diagonal)) & (sizes > 0.0)
+    weights = np.kron(np.where(np.eye(2), 1.0, CROSS_WEIGHT), np.ones((3, 3)))[known] / sizes[known]
+    parts = springs.compliances(motion)
+    terms = (parts[:, known] * weights).T
+    largest = np.abs(terms).max(axis=0, initial=0.0)
+    used = largest > 0.0
+    values = np.full(len(parts), math.nan)
+    if used.any():
+        bounded = lsq_linear(terms[:, used] / largest[used], C[known] * weights, (MIN_COMPLIANCE_SHARE, np.inf), method="bvls")
+        values[used] = bounded.x / largest[used]
+    made = np.tensordot(np.nan_to_num(values), parts, 1)
+    weighted = np.zeros((6, 6))
+    weighted[known] = (made - C)[known] * weights
+    return values, weighted, deflection_errors(made, C)
+
+
+def deflection_errors(made: Array, C: Array) -> Array:
+    """Return the error of the displacement by each force and of the rotation by each moment, over their size, shape (6,); nan
+    where they are not known."""
+    errors = np.full(6, math.nan)
+    for k in range(6):
+        rows = slice(3 * (k // 3), 3 * (k // 3) + 3)
+        if np.isfinite(C[k, k]) and C[k, k] > 0.0:
+            errors[k] = np.linalg.norm(np.nan_to_num(made - C)[rows, k]) / np.linalg.norm(np.nan_to_num(C[rows, k]))
+    return errors
+
+
+def _stiffnesses(path: TipPath, springs: Springs, numbers: Array, advance: Array) -> tuple[dict[str, Array], Array]:
+    """Return the stiffness of the springs of each kind in the middle of the chain by the advance, and the largest errors of the
+    deflections with it."""
+    states, stiffness = _states(path, springs.offset, numbers), dict[str, Array]()
+    compliances = np.array([_yielding(springs, C, motion)[0] for C, motion in states])
+    for kind, values in zip(springs.kinds, compliances.T, strict=True):
+        told = np.isfinite(values)
+        stiffness[kind] = _stiffness_polynomial(advance[told], 1 / values[told])
+    made = np.array([1 / np.polynomial.Polynomial(quartic)(advance) for quartic in stiffness.values()])
+    errors = np.array([
+        deflection_errors(np.tensordot(values, springs.compliances(motion), 1), C)
+        for values, (C, motion) in zip(made.T, states, strict=True)
+    ])  # fmt: skip
+    known = np.isfinite(errors).any(axis=0)
+    return stiffness, np.where(known, np.where(np.isfinite(errors), errors, 0.0).max(axis=0), math.nan)
+
+
+def _stiffness_polynomial(advance: Array, stiffness: Array) -> Array:
+    """Return five coefficients of the polynomial that is closest to a stiffness by its relative error, and stays within its
+    range between 0 and 1; of a lower degree if the quartic does not."""
+    at = np.linspace(0.0, 1.0, FIT_SAMPLES)
+    for degree in range(min(4, len(advance) - 1), 0, -1):
+        polynomial = np.polynomial.Polynomial.fit(advance, stiffness, degree, domain=(-1, 1), w=1 / stiffness)
+        if polynomial(at).min() > LEAST_STIFFNESS * stiffness.min():
+            return np.append(polynomial.coef, np.zeros(4 - degree))
+    return np.array([1 / np.mean(1 / stiffness), 0.0, 0.0, 0.0, 0.0])
+
+
+LEAST_STIFFNESS = 0.7
+"""Least stiffness of a polynomial over that which it fits."""
 
 
 def _advance(advances: Array, shares: Array) -> Array:
@@ -185,52 +449,37 @@ def _fitted_coefficients(shares: Array, numbers: Array) -> tuple[Array, Array]:
     return advances(inner), quartics
 
 
-def _stiffness(model: ReducedModel, axes: Array, hinges: bool) -> dict[str, float]:
-    """Return the stiffness of one joint of each kind: of rotations in the middle of the range, of extension at rest."""
-    turning = np.nan_to_num(model((model.span[0] + model.span[1]) / 2).compliance[3:, 3:])
-    twisting, aside, bending = (float(e @ turning @ e) for e in axes.T)
-    stretching = float(axes[:, 0] @ np.nan_to_num(model.states[0].compliance[:3, :3]) @ axes[:, 0])
-    if stretching <= 0.0 or (hinges and bending <= 0.0):
-        raise RunError("the stiffness of the tip is not known in the plane of bending; reduce a model of the whole device")
-    known = reduction.ZERO_LOAD_TOLERANCE * max(bending, aside, twisting)
-    soft = {"hinge": bending * hinges, "side": aside, "twist": twisting}
-    return {
-        "slide": DEFAULT_SEGMENTS / stretching,
-        **{kind: DEFAULT_SEGMENTS / C if known < C else 0.0 for kind, C in soft.items()},
-    }
-
-
 def mjcf(model: ReducedModel) -> str:
     """Return a chain as MJCF: ``ctrl`` is the pressure in kPa; the site ``tip`` has the tip's pose."""
     chain, link = chain_of(model), model.length / DEFAULT_SEGMENTS
-    mass = model.mass / (DEFAULT_SEGMENTS + 1)
+    motion = motion_by_mass(model, chain)
     # A weight that is in the table must not act once more in a scene with gravity.
     links = {"gravcomp": "1"} if any(isinstance(part, Gravity) for part in model.case.components) else {}
     root = ElementTree.Element("mujoco", model=model.case.name)
-    text = f" {deck.WRITTEN_BY}: {model.case.name}, {model.span[0] / 1e3:.4g} to {model.span[1] / 1e3:.4g} kPa; tip within " \
-           f"{100 * chain.error[0]:.2g} % of the length and {chain.error[1]:.2g} degrees of the table "  # fmt: skip
-    root.append(ElementTree.Comment(text))
+    root.append(ElementTree.Comment("\n".join(["", *remarks(model, chain, motion), ""])))
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="true")
     ElementTree.SubElement(root, "option", timestep="0.001", integrator="implicitfast", gravity="0 0 0")
     world = ElementTree.SubElement(root, "worldbody")
     quaternion = Rotation.from_matrix(chain.axes).as_quat(canonical=True, scalar_first=True)
     body = ElementTree.SubElement(world, "body", links, name="base", pos=_words(chain.base), quat=_words(quaternion))
-    _drivers(body, model, len(chain.quartics))
-    radius = 0.12 * model.length
-    _link(body, link / 2, radius, mass)
-    for k in range(DEFAULT_SEGMENTS):
-        long = link * (0.5 if k == DEFAULT_SEGMENTS - 1 else 1.0)
-        place = _words([link / 2 if k == 0 else link, 0, 0])
-        body = ElementTree.SubElement(body, "body", links, name=f"link{k}", pos=place)
-        for kind, axis in (("hinge", "0 0 1"), ("side", "0 1 0"), ("twist", "1 0 0")):
-            if chain.stiffness[kind]:
-                _joint(body, chain, kind, k, type="hinge", axis=axis, armature="1e-7")
-        _joint(body, chain, "slide", k, type="slide", axis="1 0 0", armature="1e-4")
-        _link(body, long, radius, mass)
-    turned = Rotation.from_matrix(chain.axes.T).as_quat(canonical=True, scalar_first=True)
+    _drivers(body, model, chain)
+    _link(body, model, motion.masses[0], link / 2, 0.0)
+    for k, mass in enumerate(motion.masses[1:]):
+        place = [link / 2, chain.springs.offset, 0.0] if k == 0 else [link, 0.0, 0.0]
+        body = ElementTree.SubElement(body, "body", links, name=f"link{k}", pos=_words(place))
+        for kind in chain.springs.kinds:
+            sort, axis = JOINTS[kind]
+            damping, armature = (of[kind] / chain.springs.shares(kind)[k] for of in (motion.damping, motion.armature))
+            ElementTree.SubElement(
+                body, "joint", name=f"{kind}{k}", type=sort, axis=axis, damping=f"{damping:.9g}", armature=f"{armature:.9g}"
+            )
+        _link(body, model, mass, link * (0.5 if k == DEFAULT_SEGMENTS - 1 else 1.0), -chain.springs.offset)
+    at_rest = Rotation.from_matrix(chain.axes.T).as_quat(canonical=True, scalar_first=True)
     ElementTree.SubElement(
-        body, "site", name="tip", pos=_words([link / 2, 0, 0]), quat=_words(turned), size=f"{radius / 3:.6g}"
-    )
+        body, "site", name="tip", pos=_words([link / 2, -chain.springs.offset, 0]), quat=_words(at_rest),
+        size=f"{LINK_RADIUS * model.length / 3:.6g}",
+    )  # fmt: skip
+    _shapes(root, model, chain)
     _springs(root, chain)
     actuator = ElementTree.SubElement(root, "actuator")
     top = chain.top / 1e3
@@ -243,55 +492,247 @@ def mjcf(model: ReducedModel) -> str:
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def _drivers(base: ElementTree.Element, model: ReducedModel, count: int) -> None:
-    """Add the joints of the pressure, of the advances and of the numbers."""
+def remarks(model: ReducedModel, chain: Chain, motion: MotionByMass) -> list[str]:
+    """Return what the file says of its chain, line by line."""
+    low, high = model.span
+    yields = ", ".join(f"{load} {100 * error:.2g} %" for load, error in zip(LOADS, chain.yielding, strict=True)
+                       if math.isfinite(error))  # fmt: skip
+    return [
+        f"{deck.WRITTEN_BY}: {model.case.name}, {low / 1e3:.4g} to {high / 1e3:.4g} kPa",
+        f"tip within {100 * chain.error[0]:.2g} % of the length and {chain.error[1]:.2g} degrees of the table",
+        f"largest error of the deflection of the tip by a small load on it, x along it, y towards its bending: {yields}",
+        motion.remark,
+        "links touch other bodies with the convex hull of the device at rest around them, and not each other",
+        "its springs, which stiffen with the pressure, need a MuJoCo with polynomial stiffness; tested with 4.0",
+    ]
+
+
+def _drivers(base: ElementTree.Element, model: ReducedModel, chain: Chain) -> None:
+    """Add the joints of the pressure, of the advances, of the numbers and of the stiffnesses."""
     mass, inertia = DRIVER_MASS * model.mass, DRIVER_INERTIA * model.mass * model.length**2
-    for name in ("pressure", *ADVANCES, *DRIVERS[:count]):
+    names = [*DRIVERS[: len(chain.quartics)], *(f"{kind}_stiffness" for kind in chain.stiffness)]
+    for name in ("pressure", *ADVANCES, *names):
         body = ElementTree.SubElement(base, "body", name=name)
         armature = {"armature": "1"} if name == "pressure" else {}
         ElementTree.SubElement(body, "inertial", pos="0 0 0", mass=f"{mass:.9g}", diaginertia=_words([inertia] * 3))
         ElementTree.SubElement(body, "joint", armature, name=name, type="hinge", axis="1 0 0")
 
 
-def _joint(body: ElementTree.Element, chain: Chain, kind: str, k: int, **more: str) -> None:
-    """Add a joint of the chain. Its damping is the joint's even where a tendon is the spring: all integrators of MuJoCo take
-    that of joints implicitly."""
-    stiffness = chain.stiffness[kind]
-    spring = {} if chain.follows(kind) else {"stiffness": f"{stiffness:.9g}"}
-    ElementTree.SubElement(body, "joint", spring | more, name=f"{kind}{k}", damping=f"{DAMPING_TIME * stiffness:.9g}")
-
-
-def _link(body: ElementTree.Element, length: float, radius: float, mass: float) -> None:
+def _link(body: ElementTree.Element, model: ReducedModel, mass: float, length: float, height: float) -> None:
+    """Add inertia and shape of a link to its body."""
+    name = body.get("name", "")
     ElementTree.SubElement(
-        body, "geom", type="capsule", fromto=_words([0, 0, 0, length, 0, 0]), size=f"{radius:.6g}", mass=f"{mass:.9g}",
-        rgba="0.18 0.44 0.62 1", contype="0", conaffinity="0",
+        body, "inertial", pos=_words([length / 2, height, 0]), mass=f"{mass:.9g}",
+        diaginertia=_words(mass * link_inertia(length, LINK_RADIUS * model.length)),
     )  # fmt: skip
+    ElementTree.SubElement(body, "geom", name=name, type="mesh", mesh=name, rgba="0.18 0.44 0.62 1")
+
+
+def _shapes(root: ElementTree.Element, model: ReducedModel, chain: Chain) -> None:
+    """Add the convex hulls of the device at rest around its links, in the links' coordinates; links do not touch each other."""
+    assets, contact = ElementTree.SubElement(root, "asset"), ElementTree.SubElement(root, "contact")
+    names = ["base", *(f"link{k}" for k in range(DEFAULT_SEGMENTS))]
+    points, link = (model.points - chain.base) @ chain.axes, model.length / DEFAULT_SEGMENTS
+    for k, name in enumerate(names):
+        start, end = max(k - 0.5, 0.0) * link, (min(k + 0.5, DEFAULT_SEGMENTS)) * link
+        low, high = -math.inf if k == 0 else start, math.inf if k == DEFAULT_SEGMENTS else end
+        # Those of the neighbours, moved to the link's ends, too: cells may be longer than links.
+        near = points[(points[:, 0] > low - link) & (points[:, 0] < high + link)]
+        near = np.column_stack([np.clip(near[:, 0], low, high), near[:, 1:]])
+        hull = np.unique(near[np.argmax(near @ _directions().T, axis=0)], axis=0)
+        hull = hull - [start, chain.springs.offset if k else 0.0, 0.0]
+        ElementTree.SubElement(assets, "mesh", name=name, vertex=_words(hull.ravel()))
+    for body, other in itertools.combinations(names, 2):
+        ElementTree.SubElement(contact, "exclude", body1=body, body2=other)
+
+
+HULL_DIRECTIONS = 96
+"""Directions in which a hull reaches as far as the device: its corners are at most as many."""
+
+
+def _directions() -> Array:
+    """Return directions evenly over the sphere, on a spiral of the golden angle, shape (n, 3), with those of the axes."""
+    k = np.arange(HULL_DIRECTIONS) + 0.5
+    polar, turn = np.arccos(1 - 2 * k / HULL_DIRECTIONS), math.pi * (1 + math.sqrt(5)) * k
+    spiral = np.column_stack([np.cos(turn) * np.sin(polar), np.sin(turn) * np.sin(polar), np.cos(polar)])
+    return np.concatenate([spiral, np.eye(3), -np.eye(3)])
 
 
 def _springs(root: ElementTree.Element, chain: Chain) -> None:
-    """Add the springs of the chain, and tie the numbers to the last of the advances, and the first to the pressure."""
+    """Add the springs of the chain, and tie the numbers and the stiffnesses to the last of the advances, and the first to the
+    pressure.
+
+    Each spring is two tendons that are stretched by s + e and by s - e, where e is its joint's and s is proportional to the
+    stiffness; with forces -c x^2 their energy is 2 c (s^3/3 + s e^2), so that the stiffness for e is 4 c s.
+    """
     tendon, equality = ElementTree.SubElement(root, "tendon"), ElementTree.SubElement(root, "equality")
-    largest = np.abs(chain.quartics @ np.linspace(0.0, 1.0, FIT_SAMPLES) ** np.arange(5)[:, None]).max(axis=1)
-    per_turn = np.where(largest > 0.0, largest, 1.0) / DRIVER_TURN
-    numbers = dict(zip(DRIVERS, per_turn, strict=False))
-    for kind in filter(chain.follows, JOINT_VARIABLES):
-        first, second = JOINT_VARIABLES[kind]
-        for k in range(DEFAULT_SEGMENTS):
-            stiffness = f"{chain.stiffness[kind]:.9g}"
-            spring = ElementTree.SubElement(tendon, "fixed", name=f"{kind}_spring{k}", springlength="0", stiffness=stiffness)
-            ElementTree.SubElement(spring, "joint", joint=f"{kind}{k}", coef="1")
-            for name, factor in (first, -1 / DEFAULT_SEGMENTS), (second, (DEFAULT_SEGMENTS - 1) / 2 - k):
-                if name:
-                    ElementTree.SubElement(spring, "joint", joint=name, coef=f"{factor * numbers[name]:.9g}")
+    advance = np.linspace(0.0, 1.0, FIT_SAMPLES) ** np.arange(5)[:, None]
+    largest = np.abs(chain.quartics @ advance).max(axis=1)
+    numbers = dict(zip(DRIVERS, np.where(largest > 0.0, largest, 1.0) / DRIVER_TURN, strict=False))
+    stiffest = chain.stiffest()
+    for kind in chain.springs.kinds:
+        reach = STIFFNESS_REACH * (1.0 if JOINTS[kind][0] == "hinge" else chain.length)
+        for k, share in enumerate(chain.springs.shares(kind)):
+            stretched = _stretched_by(chain, kind, k, numbers)
+            for name, sign in (("up", 1.0), ("down", -1.0)):
+                spring = ElementTree.SubElement(
+                    tendon, "fixed", name=f"{kind}{k}_{name}", springlength="0",
+                    stiffness=_words([0.0, stiffest[kind] / share / (4 * reach), 0.0]),
+                )  # fmt: skip
+                ElementTree.SubElement(spring, "joint", joint=f"{kind}_stiffness", coef=f"{reach / DRIVER_TURN:.9g}")
+                for joint, factor in stretched.items():
+                    ElementTree.SubElement(spring, "joint", joint=joint, coef=f"{sign * factor:.9g}")
     of_turn = DRIVER_TURN ** -np.arange(5.0)
     first, *others = DRIVER_TURN * chain.advances
     ties = [(ADVANCES[0], "pressure", first), *zip(ADVANCES[1:], ADVANCES, [other * of_turn for other in others], strict=False)]
     for name, quartic in zip(numbers, chain.quartics, strict=True):
         ties.append((name, ADVANCES[-1], quartic * of_turn / numbers[name]))
+    for kind, quartic in chain.stiffness.items():
+        ties.append((f"{kind}_stiffness", ADVANCES[-1], DRIVER_TURN * quartic * of_turn / stiffest[kind]))
     for name, of, quartic in ties:
         ElementTree.SubElement(
             equality, "joint", joint1=name, joint2=of, polycoef=_words(quartic), solref="0.002 1", solimp="0.999 0.9999 0.001"
         )
+
+
+STIFFNESS_REACH = 0.01
+"""Stretch of a spring's tendons by its largest stiffness, rad and lengths of the chain."""
+
+
+def _stretched_by(chain: Chain, kind: str, k: int, numbers: dict[str, float]) -> dict[str, float]:
+    """Return how far a spring of a link is stretched by each joint, and by the numbers, by which its joints are at rest."""
+    stretched = dict[str, float]()
+    for joint, factor in chain.springs.length_of(kind).items():
+        stretched[f"{joint}{k}"] = factor
+        first, second = JOINT_VARIABLES.get(joint, ("", ""))
+        for name, share in (first, 1 / DEFAULT_SEGMENTS), (second, ALONG[k]):
+            if name in numbers:
+                stretched[name] = stretched.get(name, 0.0) - factor * share * numbers[name]
+    return stretched
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Masses and damping: those with which the chain has the device's first mode.
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class MotionByMass:
+    """What gives a chain its first mode.
+
+    Attributes:
+        masses: Of the base and the links, kg.
+        armature, damping: Of the joints of each kind in the middle of the chain, kg m2 or kg, and N m s/rad or N s/m.
+        remark: Their first mode beside the device's, a sentence.
+    """
+
+    masses: Array
+    armature: dict[str, float]
+    damping: dict[str, float]
+    remark: str
+
+
+LINK_RADIUS = 0.12
+"""Radius of the links in lengths of the chain."""
+LARGEST_STEP = 3e-3
+"""Time step in s with which joints without coupling are stable; with it, the whole chain is with 2 ms."""
+DEFAULT_DAMPING = 0.1
+"""Damping ratio of the first mode where that of the silicone is not known."""
+MAX_TILT = 3.0
+
+
+def link_inertia(length: float, radius: float) -> Array:
+    """Return the moments of inertia of a cylinder of mass 1 about its axis and across it, m2."""
+    across = radius**2 / 4 + length**2 / 12
+    return np.array([radius**2 / 2, across, across])
+
+
+def motion_by_mass(model: ReducedModel, chain: Chain) -> MotionByMass:
+    """Return masses, armature and damping of a chain; the masses grow or fall exponentially along it, so that its first mode
+    has the frequency of the device's."""
+    device, vibrating = model.first_mode, VibratingChain(model, chain)
+    wanted = math.nan if device is None else device.frequency
+
+    ratio = device.damping if device is not None and device.damping > 0.0 else DEFAULT_DAMPING
+    # A damping of t times the stiffness of all joints has the ratio t w/2 at the angular frequency w. With steps h, damping
+    # implicit and springs explicit, a mass m is stable up to a stiffness k with h^2 k = 4 m + 2 h t k.
+    time = ratio / (math.pi * (wanted if math.isfinite(wanted) else vibrating.mode(vibrating.masses(0.0))[0]))
+    vibrating.armature_time = max(LARGEST_STEP * (LARGEST_STEP - 2 * time) / 4, 0.0)
+
+    def miss(tilt: float) -> float:
+        return vibrating.mode(vibrating.masses(tilt))[0] - wanted
+
+    tilt, low, high = 0.0, miss(-MAX_TILT), miss(MAX_TILT)
+    if math.isfinite(wanted):
+        tilt = float(brentq(miss, -MAX_TILT, MAX_TILT, xtol=1e-4)) if low * high < 0.0 else \
+               -MAX_TILT if abs(low) < abs(high) else MAX_TILT  # fmt: skip
+    masses = vibrating.masses(tilt)
+    frequency, shares = vibrating.mode(masses)
+    time = ratio / (math.pi * frequency) / sum(shares.values())
+    damping = {kind: time * vibrating.stiffness[kind] for kind in chain.springs.kinds}
+    armature = {kind: vibrating.armature_time * stiffest for kind, stiffest in vibrating.stiffest.items()}
+    remark = f"first mode at {vibrating.pressure / 1e3:.4g} kPa: {frequency:.4g} Hz, damping ratio {ratio:.3g}"
+    if device is None:
+        remark += "; that of the device is not known"
+    else:
+        known = f"{device.damping:.3g}" if device.damping > 0.0 else f"not known, so {DEFAULT_DAMPING:g} is assumed"
+        remark += f"; of the device: {wanted:.4g} Hz, damping ratio {known}"
+    return MotionByMass(masses, armature, damping, remark)
+
+
+class VibratingChain:
+    """The chain at the pressure of the device's known first mode, as linear equations of its joints.
+
+    Attributes:
+        pressure: Pa.
+        stiffness, stiffest: Of the springs of each kind in the middle of the chain, at this pressure and its largest.
+        armature_time: Armature of the joints over their largest stiffness, s2.
+    """
+
+    def __init__(self, model: ReducedModel, chain: Chain):
+        self._model, self._chain = model, chain
+        self.pressure = sum(model.span) / 2 if model.first_mode is None else model.first_mode.pressure
+        powers = float(_advance(chain.advances, np.array(self.pressure / chain.top))) ** np.arange(5)
+        self.stiffness = {kind: float(quartic @ powers) for kind, quartic in chain.stiffness.items()}
+        self.stiffest, self.armature_time = chain.stiffest(), 0.0
+        self._posture = posture_of(chain.quartics @ powers, chain.length, chain.springs.offset)
+        kinds, every = chain.springs.kinds, [f"{kind}{k}" for k in range(DEFAULT_SEGMENTS) for kind in JOINTS]
+        half = bool(model.case.actuator.cut_planes) and model.case.actuator.dimension != 2
+        moving = [kind for kind in kinds if not half or kind in ("hinge", "slide", "shear")]
+        self._used = [every.index(f"{kind}{k}") for k in range(DEFAULT_SEGMENTS) for kind in moving]
+        self._K = np.zeros((len(every), len(every)))
+        self._diagonal, self._stiffest = np.zeros(len(every)), np.zeros(len(every))
+        for kind in kinds:
+            for k, share in enumerate(chain.springs.shares(kind)):
+                stretched = np.zeros(len(every))
+                for joint, factor in chain.springs.length_of(kind).items():
+                    stretched[every.index(f"{joint}{k}")] = factor
+                self._K += self.stiffness[kind] / share * np.outer(stretched, stretched)
+                self._diagonal[every.index(f"{kind}{k}")] = self.stiffness[kind] / share
+                self._stiffest[every.index(f"{kind}{k}")] = self.stiffest[kind] / share
+
+    def masses(self, tilt: float) -> Array:
+        """Return masses of base and links that together are the device's, kg."""
+        lengths = np.array([0.5, *[1.0] * (DEFAULT_SEGMENTS - 1), 0.5])
+        masses = lengths * np.exp(tilt * np.linspace(-1.0, 1.0, DEFAULT_SEGMENTS + 1))
+        return np.asarray(self._model.mass * masses / masses.sum())
+
+    def mode(self, masses: Array) -> tuple[float, dict[str, float]]:
+        """Return the frequency in Hz of the first mode, and the share of each kind of joint in a damping of all joints in
+        proportion to their stiffness."""
+        M, posture = np.diag(self.armature_time * self._stiffest), self._posture
+        link = self._chain.length / DEFAULT_SEGMENTS
+        for k, mass in enumerate(masses[1:]):
+            turned, R = posture.motion[: k + 1, :, 3:].reshape(-1, 3), posture.rotations[k]
+            moved = posture.motion[: k + 1, :, :3].reshape(-1, 3) + np.cross(turned, posture.centres[k] - posture.place)
+            inertia = R * link_inertia(link * (0.5 if k == len(masses) - 2 else 1.0), LINK_RADIUS * self._chain.length) @ R.T
+            n = len(moved)
+            M[:n, :n] += mass * (moved @ moved.T + turned @ inertia @ turned.T)
+        used = np.ix_(self._used, self._used)
+        values, shapes = scipy.linalg.eigh(self._K[used], M[used], subset_by_index=[0, 0])
+        shape = np.zeros(len(self._K))
+        shape[self._used] = shapes[:, 0]
+        by_joint = (self._diagonal * shape**2 / values[0]).reshape(DEFAULT_SEGMENTS, -1).sum(axis=0)
+        return math.sqrt(values[0]) / (2 * math.pi), dict(zip(JOINTS, by_joint.tolist(), strict=True))
 
 
 def _words(values: Iterable[float]) -> str:

@@ -36,7 +36,7 @@ from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
 from softmodels.runs import notes, recording, table
 from softmodels.runs.outcomes import RunError
-from softmodels.runs.simulation import Simulation
+from softmodels.runs.simulation import Equilibrium, Model, Simulation
 from softmodels.runs.states import StoredStates
 
 __all__ = ["Curves", "ReducedModel", "TipPose", "TipState", "table_of"]
@@ -56,12 +56,16 @@ class ReducedModel(cards.ResultCard):
         end: Why the table ends: a limit point, a bifurcation; empty at the last requested value.
         contact: Pressure in Pa from which surfaces are in contact; None if they never are.
         mass: Of the whole device with what is on it, kg.
+        first_mode: In the middle of the table; None where it is not known.
+        points: Of the whole device at rest, m, shape (n, 3).
         errors: Largest errors in between: position over length, angle in degrees, volume and compliance relative.
     """
 
     def __init__(self, case: Case, face: str, states: tuple[TipState, ...], base: Array, end: str, mass: float | None = None):
         self.case, self.face, self.states, self.base, self.end = case, face, states, base, end
         self.contact: float | None = None
+        self.first_mode: FirstMode | None = None
+        self.points: Array = np.empty((0, 3))
         self.mass = case.actuator.solid_volume * silicones.density_of(case.material) if mass is None else mass
         self._curves = Curves(states)
         self.errors = self._errors()
@@ -565,6 +569,44 @@ class TipState:
     stretch: float
 
 
+@dataclasses.dataclass(frozen=True)
+class FirstMode:
+    """The first mode of a device at a pressure, with the symmetry of its slice.
+
+    Attributes:
+        pressure: Pa.
+        frequency: Hz.
+        damping: Its damping ratio by the branches of the silicone; 0 where they are not known.
+    """
+
+    pressure: float
+    frequency: float
+    damping: float
+
+
+def first_mode(model: Model, state: State) -> FirstMode | None:
+    """Return the first mode of a device at a state; None if it has no mass, or the mode is unstable or not found."""
+    try:
+        mode = model.modes(Equilibrium(model, state), 1)[0]
+    except (CaseError, RunError):
+        return None
+    return FirstMode(state.P * model.system.stress_unit, mode.frequency, mode.damping) if mode.frequency > 0.0 else None
+
+
+def whole_points(device: Actuator, points: Array) -> Array:
+    """Return points of a slice with their images in the whole device, m, shape (n, 3)."""
+    if device.dimension == 2:
+        turns = 2 * math.pi * np.arange(SECTION_TURNS) / SECTION_TURNS
+        return np.concatenate([points @ Rotation.from_rotvec([0.0, 0.0, turn]).as_matrix().T for turn in turns])
+    planes = [plane.normal for plane in device.cut_planes]
+    images = actuator.reflected(planes, max(device.copies, 2 ** len(planes)))
+    return np.concatenate([points @ image.T for image in images])
+
+
+SECTION_TURNS = 24
+"""Places about its axis at which an axisymmetric section stands for the whole device."""
+
+
 def usable(rows: table.PathTable) -> tuple[list[int], str]:
     """Return the steps of the first rising piece of a path, and why it ends, if not by the last requested value."""
     chosen, top = list[int](), -math.inf
@@ -627,13 +669,17 @@ def table_of(source: StoredStates, face: str = "") -> ReducedModel:
                 restart = source.restart(step)
                 state = recording.stored_state(source, simulation.fields, comm, step, restart["P"], restart["V"])
                 states.append(responses.at(state, rows[step]))
-            base, mass = responses.base(), responses.mass()
+                if step == steps[len(steps) // 2]:
+                    middle = state
+            base, mass, mode = responses.base(), responses.mass(), first_mode(simulation.model, middle)
+            points = whole_points(simulation.body.actuator, simulation.fields.grid.points)
             responses.release()
     except newton.NoConvergence as failure:
         raise RunError(f"a stored state could not be solved again ({failure}); run the case again") from failure
     finally:
         simulation.release()
     model = ReducedModel(case, role, tuple(states), base, end, mass)
+    model.first_mode, model.points = mode, points
     touching = (rows[step]["pressure"] for step in steps if touches(rows[step]))
     model.contact = next(touching, None)
     return model

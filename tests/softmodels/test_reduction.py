@@ -7,6 +7,7 @@ import dataclasses
 import io
 import json
 import math
+import re
 import types
 from concurrent.futures import ThreadPoolExecutor
 from xml.etree import ElementTree
@@ -48,9 +49,9 @@ def model(run):
     return run.reduce()
 
 
-def fresh(pressures, material=SILICONE, parts=()):
+def fresh(pressures, material=SILICONE, parts=(), device=FINGER):
     """Position, rotation and added volume at pressures, solved from rest."""
-    found, device = [], sm.Model(FINGER, material, parts)
+    found, device = [], sm.Model(device, material, parts)
     states = [e for e in device.path(pressures) if e.requested] if any(pressures) else [device.solve()]
     for state in states:
         position, R, _ = TipFace(device.system, "tip").pose(state.state)
@@ -171,13 +172,89 @@ def test_chain_in_mujoco(run, model, tmp_path):
         at, site = model(pressure), data.site("tip")
         assert np.linalg.norm(site.xpos - at.position) < 1e-5 * model.length
         assert np.linalg.norm(Rotation.from_matrix(site.xmat.reshape(3, 3).T @ at.rotation).as_rotvec()) < 1e-4
-    # A small moment turns the tip as the table says, up to the change of the stiffness over the range.
-    before, moment = data.site("tip").xmat.reshape(3, 3).copy(), 2e-4
-    tip = data.body(f"link{chains.DEFAULT_SEGMENTS - 1}")
-    data.xfrc_applied[tip.id, 4] = moment
-    mujoco.mj_step(chain, data, 500)
-    turned = Rotation.from_matrix(data.site("tip").xmat.reshape(3, 3) @ before.T).as_rotvec()[1] / moment
-    assert turned == pytest.approx(model(1.5e3).compliance[4, 4], rel=0.02)
+
+
+def settled(mujoco, chain, pressure, wrench, steps=700):
+    """Place and rotation of the chain's tip at a pressure in Pa, with force (N) and moment (N m) on it."""
+    data = mujoco.MjData(chain)
+    data.ctrl[0] = pressure / 1e3
+    site = data.site("tip")
+    body = chain.site_bodyid[site.id]
+    for _ in range(steps):
+        lever = site.xpos - data.xipos[body]
+        data.xfrc_applied[body] = np.concatenate([wrench[:3], wrench[3:] + np.cross(lever, wrench[:3])])
+        mujoco.mj_step(chain, data)
+    assert not data.ncon  # links do not touch each other
+    return site.xpos.copy(), site.xmat.reshape(3, 3).copy()
+
+
+WRENCHES = [
+    (sm.Moment, "axis", 4, 6e-5),
+    *(pytest.param(*load, marks=pytest.mark.campaign) for load in (
+        (sm.Force, "direction", 0, 0.045), (sm.Force, "direction", 1, 0.03), (sm.Force, "direction", 2, 0.012),
+        (sm.Moment, "axis", 3, 1.4e-4), (sm.Moment, "axis", 5, 2.5e-4),
+    )),
+]  # fmt: skip
+"""Loads in N and N m that move the tip by about 2 % of the length, or turn it by about 0.02 rad."""
+
+
+@pytest.mark.parametrize(("kind", "way", "entry", "amount"), WRENCHES)
+def test_chain_yields_as_the_device(model, tmp_path, kind, way, entry, amount):
+    """At rest and at the highest pressure, against the device solved with the load."""
+    mujoco = pytest.importorskip("mujoco")
+    chain = mujoco.MjModel.from_xml_path(str(chains.write(model, tmp_path / "finger.xml")))
+    wrench, axis, pressures = np.zeros(6), "xyz"[entry % 3], [0.0, 3e3]
+    wrench[entry] = amount
+    for pressure in pressures:
+        loads = [kind(face="tip", amount=amount, **{way: text}) for text in (f"-{axis}", axis)]
+        device = FINGER if entry in (0, 2, 4) else dataclasses.replace(FINGER, part="full")
+        exact = between(*(fresh([pressure], parts=[load], device=device)[-1] for load in loads), 2.0)
+        found = between(*((*settled(mujoco, chain, pressure, sign * wrench), 0.0) for sign in (-1, 1)), 2.0)
+        part = slice(0, 3) if entry < 3 else slice(3, 6)
+        assert 0.005 < np.linalg.norm(exact[part]) / (model.length if entry < 3 else 1.0) < 0.1
+        assert np.linalg.norm((found - exact)[part]) < 0.08 * np.linalg.norm(exact[part])
+
+
+@pytest.mark.campaign
+def test_chain_swings_as_the_device(tmp_path):
+    """Frequency and damping of the free vibration in MuJoCo, against `sm.modes` of the device with a memory."""
+    mujoco = pytest.importorskip("mujoco")
+    silicone = SILICONE.with_memory(branches=[(0.2, "5 ms")])
+    reduced = sm.inflate(FINGER, silicone, pressures="0:3 kPa").reduce(tmp_path / "finger.xml")
+    pressure = reduced.first_mode.pressure
+    known = sm.modes(FINGER, silicone, pressures=[pressure])
+    chain = mujoco.MjModel.from_xml_path(str(tmp_path / "finger.xml"))
+    settled(mujoco, chain, pressure, np.array([0.0, 0.0, 3e-3, 0.0, 0.0, 0.0]))  # also stable at 1 ms
+    chain.opt.timestep = 1e-4
+    data = mujoco.MjData(chain)
+    data.ctrl[0] = pressure / 1e3
+    body, tip = chain.site_bodyid[data.site("tip").id], data.site("tip")
+    mujoco.mj_step(chain, data, 5000)
+    rest, swings = tip.xpos.copy(), []
+    data.xfrc_applied[body, 2] = 3e-3
+    mujoco.mj_step(chain, data, 5000)
+    data.xfrc_applied[:] = 0.0
+    way = tip.xpos - rest
+    for _ in range(4000):
+        mujoco.mj_step(chain, data)
+        swings.append(float((tip.xpos - rest) @ way / (way @ way)))
+    peaks = [k for k in range(1, 3999) if swings[k - 1] < swings[k] > swings[k + 1]][:3]
+    fall = math.log(swings[peaks[0]] / swings[peaks[1]])
+    assert 1e4 / (peaks[1] - peaks[0]) == pytest.approx(known.frequency[-1, 0], rel=0.05)
+    assert fall / math.hypot(2 * math.pi, fall) == pytest.approx(known.damping[-1, 0], rel=0.2)
+
+
+def test_chain_touches_other_bodies(model, tmp_path):
+    """A plate that reaches 1 mm into the finger at its tip moves the tip aside."""
+    mujoco = pytest.importorskip("mujoco")
+    scene = mujoco.MjSpec.from_file(str(chains.write(model, tmp_path / "finger.xml")))
+    tip = model.states[0].position
+    edge = model.points[model.points[:, 0] > tip[0] - 1e-3][:, 2].max()
+    scene.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[5e-3, 2e-2, 1e-3], pos=[tip[0], 0.0, edge])
+    compiled = scene.compile()
+    data = mujoco.MjData(compiled)
+    mujoco.mj_step(compiled, data, 500)
+    assert data.ncon and 5e-4 < tip[2] - data.site("tip").xpos[2] < 2e-3
 
 
 WRIST = """
@@ -374,9 +451,36 @@ def test_tables(model):
     assert float(rows[-1]["compliance_turn_y_fz_rad_per_N"]) == pytest.approx(last.compliance[4, 2])
 
 
+@pytest.mark.campaign
+def test_check_of_a_chain(run, tmp_path, monkeypatch):
+    """A chain is the device's; one whose links are twice as heavy is not, and the check says by how much."""
+    mujoco = pytest.importorskip("mujoco")
+    monkeypatch.chdir(tmp_path)
+    run.save("results")
+    run.reduce("finger.xml")
+    heavy = mujoco.MjSpec.from_file("finger.xml")
+    for body in heavy.bodies:
+        body.mass *= 4.0
+        body.inertia *= 4.0
+    for joint in heavy.joints:
+        joint.armature *= 4.0
+    text = (tmp_path / "finger.xml").read_text()
+    (tmp_path / "heavy.xml").write_text(text[: text.index("-->") + 3] + heavy.to_xml())
+    frequency = run.reduce().first_mode.frequency
+    for file, factor in ("finger.xml", 1.0), ("heavy.xml", 0.5):
+        done = CliRunner().invoke(reduce_command, ["results", "--quiet", "--check", file])
+        assert done.exit_code == 0
+        pose, yields, mode = done.stdout.splitlines()
+        assert float(re.search(r"within (\S+) % of the length", pose)[1]) < 0.01
+        assert max(float(error) for error in re.findall(r"(\S+) %", yields)) < 8.0
+        assert float(re.search(r"kPa: (\S+) Hz", mode)[1]) == pytest.approx(factor * frequency, rel=0.02)
+
+
 def test_wrong_input(run, tmp_path):
     run.save(tmp_path / "results")
     for words, sentence in [
+        ([], "name a file to write"),
+        (["--check", "none.xml"], "no chain of softmodels"),
         (["-o", "x.foo"], "no ending of a reduced model"),
         (["-o", "scene.py"], "no ending of a reduced model"),
         (["-o", "x.csv", "--as", "urdf"], "as 'urdf' no reduced model is written"),
