@@ -393,8 +393,8 @@ def _measure(dimension: int) -> float:
 # Run a Gmsh task in a separate process, so that it can be stopped and cannot crash the caller.
 #
 # Gmsh and its CAD kernel do not hear Ctrl-C while they work, may end the whole process on a damaged file, and print words of
-# their own. In a process of its own all three are somebody else's: it is killed when the caller is stopped, a crash becomes a
-# sentence, and its output is hidden.
+# their own. In a process of its own all three are somebody else's: it is killed when the caller is stopped or killed itself, a
+# crash becomes a sentence, and its output is hidden.
 
 
 POLLING_INTERVAL = 0.02
@@ -406,6 +406,8 @@ answer = os.dup(1)
 os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
 sys.path[:] = pickle.load(sys.stdin.buffer)
 from geometries.meshing import answer_to
+from softmodels.common import processes
+processes.end_with_parent()
 with os.fdopen(answer, "wb") as out:
     out.write(answer_to(sys.stdin.buffer.read()))
 """

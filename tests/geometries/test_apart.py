@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -61,6 +62,29 @@ def test_an_end_is_heard_and_leaves_nothing(tmp_path):
     with pytest.raises(MeshingStopped):
         FINE.write(tmp_path / "disk.msh", lambda: next(looks))
     assert not list(tmp_path.iterdir())
+
+
+def _wait_long(place):
+    Path(place).write_text(str(os.getpid()))
+    time.sleep(600.0)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs Linux")
+def test_a_killed_caller_leaves_no_process(tmp_path):
+    """One such process meshed on for an hour."""
+    code = "import sys\nfrom geometries import meshing\nfrom tests.geometries import test_apart as here\n"
+    place = tmp_path / "process"
+    caller = subprocess.Popen([sys.executable, "-c", f"{code}meshing.apart(here._wait_long, {str(place)!r})"])
+    until = time.monotonic() + 120.0
+    while not (place.exists() and place.read_text()) and time.monotonic() < until:
+        time.sleep(0.05)
+    caller.kill()
+    caller.wait()
+    status = Path("/proc") / place.read_text() / "stat"
+    # Where nobody waits for it, the process that has ended stays as a zombie.
+    while status.exists() and status.read_text().rpartition(")")[2].split()[0] != "Z" and time.monotonic() < until:
+        time.sleep(0.05)
+    assert time.monotonic() < until
 
 
 def test_both_ways_make_the_same_mesh(tmp_path, monkeypatch):
