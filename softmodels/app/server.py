@@ -176,7 +176,9 @@ svg.section .scale-bar text { fill: currentColor; }
 .q-header { flex-wrap: nowrap; }
 .q-header .q-tabs { min-width: 0; }
 @media (max-width: 700px) {
-  .brand { position: absolute; clip-path: inset(50%); }
+  .q-header { flex-wrap: wrap; }
+  .q-header > :first-child { margin-right: auto; }
+  .q-header .q-tabs { order: 1; flex: 1 0 100%; }
   .q-header .q-tab__content { flex-direction: column; min-width: 0; }
   .q-header .q-tab__label { font-size: 10px; line-height: 1.2; margin: 0; text-transform: none; }
   .q-header .q-tab { min-width: 0; padding: 0 6px; }
