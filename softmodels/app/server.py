@@ -181,7 +181,7 @@ svg.section .scale-bar text { fill: currentColor; }
   .q-header .q-tabs { order: 1; flex: 1 0 100%; }
   .q-header .q-tab__content { flex-direction: column; min-width: 0; }
   .q-header .q-tab__label { font-size: 10px; line-height: 1.2; margin: 0; text-transform: none; }
-  .q-header .q-tab { min-width: 0; padding: 0 6px; }
+  .q-header .q-tab { min-width: 0; padding: 0 3px; }
 }
 .colour-bar { display: flex; gap: 0.6rem; align-items: center; font-size: 0.85rem; max-width: 30rem; margin: 0 auto; }
 .colour-bar div { flex: 1; height: 0.7rem; }
