@@ -1585,10 +1585,13 @@ def meshed_solid(file: str, surface: Surface, cell_size: float) -> mesh_arrays.T
     """Return the solid between the surfaces of an STL file, meshed."""
 
     def fill() -> dict[str, NDArray[Any]]:
-        try:
-            nodes, cells = meshing.apart(_fill, *surface, cell_size)
-        except MeshingError:  # the mesher crashed at some surfaces
-            nodes, cells = meshing.apart(_fill_between_facets, surface, cell_size)
+        area, volume = _area_and_volume(surface)
+        made = None
+        for tolerance in (0.0, FACET_TOLERANCE * 2.0 * volume / area):
+            simpler = surfaces.simplified(surface, tolerance) if tolerance else surface
+            with contextlib.suppress(MeshingError):  # the mesher crashed at some surfaces, or did not come back from them
+                made = made or meshing.apart(_fill, *simpler, cell_size)
+        nodes, cells = made or meshing.apart(_fill_between_facets, surface, cell_size)
         return {"nodes": np.asarray(nodes), "cells": np.asarray(cells)}
 
     try:
@@ -1603,20 +1606,17 @@ def meshed_solid(file: str, surface: Surface, cell_size: float) -> mesh_arrays.T
 
 def _fill(
     points: NDArray[np.float64], triangles: mesh_arrays.Ints, cell_size: float
-) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
-    """Mesh the solid between closed surfaces: nodes in m, and tetrahedra. The largest surface is the outside."""
-    area, volume = _area_and_volume((points, triangles))
-    surface = (points, triangles)
-    for tolerance in (0.0, FACET_TOLERANCE * 2.0 * volume / area):
-        surface = surfaces.simplified(surface, tolerance) if tolerance else surface
-        for share in FILL_SIZES:
-            try:
-                nodes, cells = _mesh_surfaces(*surface, share * cell_size, True)
-            except Exception:  # bare: Gmsh finds no parameters of some surfaces, or lets them cross
-                break
-            if not mesh_arrays.flat_cell(nodes, cells):
-                return nodes, cells
-    return _fill_between_facets(surface, cell_size)
+) -> tuple[NDArray[np.float64], mesh_arrays.Ints] | None:
+    """Mesh the solid between closed surfaces, of which the largest is the outside, with surfaces of their own: nodes in m, and
+    tetrahedra; None where that gives flat cells."""
+    for share in FILL_SIZES:
+        try:
+            nodes, cells = _mesh_surfaces(points, triangles, share * cell_size, True)
+        except Exception:  # bare: Gmsh finds no parameters of some surfaces, or lets them cross
+            return None
+        if not mesh_arrays.flat_cell(nodes, cells):
+            return nodes, cells
+    return None
 
 
 def _fill_between_facets(surface: Surface, cell_size: float) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
@@ -1633,9 +1633,10 @@ def _mesh_surfaces(
         tag = gmsh.model.addDiscreteEntity(2)
         gmsh.model.mesh.addNodes(2, tag, np.arange(1, len(points) + 1), points.ravel())
         gmsh.model.mesh.addElementsByType(tag, 2, [], (triangles + 1).ravel())
-        gmsh.model.mesh.classifySurfaces(MIN_EDGE_ANGLE, True, anew, math.pi)
-        if anew:
-            gmsh.model.mesh.createGeometry()
+        with meshing.ended_after(MAX_PARAMETER_SECONDS):
+            gmsh.model.mesh.classifySurfaces(MIN_EDGE_ANGLE, True, anew, math.pi)
+            if anew:
+                gmsh.model.mesh.createGeometry()
         surfaces = shells([tag for _, tag in gmsh.model.getEntities(2)])
         outer = max(surfaces, key=_extent)
         loops = [gmsh.model.geo.addSurfaceLoop(shell) for shell in [outer, *(s for s in surfaces if s is not outer)]]
@@ -1664,6 +1665,10 @@ def _mesh_surfaces(
         if not len(nodes):
             raise MeshingError("Gmsh made no cells")
         return at, nodes.astype(np.int64).reshape(-1, 10)[:, mesh_arrays.TO_GMSH]
+
+
+MAX_PARAMETER_SECONDS = 60.0
+"""CPU time in which Gmsh finds parameters of surfaces, a few seconds for most; it never ends with some."""
 
 
 def _sizes_of_roundings(points: Array, triangles: mesh_arrays.Ints, cell_size: float) -> tuple[Array, Array]:

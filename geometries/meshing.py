@@ -458,10 +458,30 @@ def answer_to(order: bytes) -> bytes:
         return pickle.dumps((False, error))
 
 
+@contextlib.contextmanager
+def ended_after(seconds: float) -> Iterator[None]:
+    """End this process, one of `apart`, if what is within takes more CPU seconds, because Gmsh does not come back from some
+    surfaces. Nothing is limited where the system cannot do that."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        yield
+        return
+    soft, hard = resource.getrlimit(resource.RLIMIT_CPU)
+    if soft == resource.RLIM_INFINITY:
+        resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(time.process_time() + seconds), hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_CPU, (soft, hard))
+
+
 def _end_of_process(status: int, words: str) -> str:
     """Return why a process ended, as a sentence."""
     if status == -signal.SIGKILL:
         return "the mesher was killed, most likely out of memory; use larger cells (--cell-size)"
+    if status == -getattr(signal, "SIGXCPU", 0):
+        return "the mesher does not come back from this surface"
     if status < 0:
         return (
             f"the mesher crashed ({signal.Signals(-status).name}); the file it read may be damaged, or the cells too "

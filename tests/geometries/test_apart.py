@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from geometries import GeometryError, HollowDisk, ImportedActuator, MeshingError, MeshingStopped
-from geometries.meshing import MAX_CELLS_IN_PROCESS, apart, summarize
+from geometries.meshing import MAX_CELLS_IN_PROCESS, apart, ended_after, summarize
 from tests.support.campaigns import sampled
 
 FINE = HollowDisk(fillet=0, cell_size=0.0008, refinement=2)
@@ -62,6 +62,20 @@ def test_an_end_is_heard_and_leaves_nothing(tmp_path):
     with pytest.raises(MeshingStopped):
         FINE.write(tmp_path / "disk.msh", lambda: next(looks))
     assert not list(tmp_path.iterdir())
+
+
+def _never_ends():
+    with ended_after(1.0):
+        pass
+    with ended_after(1.0):
+        while True:
+            pass
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a limit of CPU time")
+def test_what_does_not_come_back_is_ended():
+    with pytest.raises(MeshingError, match="does not come back"):
+        apart(_never_ends)
 
 
 def _wait_long(place):
