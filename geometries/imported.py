@@ -1098,7 +1098,8 @@ def _read_step(part: ImportedActuator) -> Reading:
             )
         gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", around)
         gmsh.option.setNumber("Mesh.MeshSizeMax", part.cell_size)
-        gmsh.model.mesh.generate(2)
+        with meshing.ended_after(MAX_SURFACE_SECONDS):
+            gmsh.model.mesh.generate(2)
         gmsh.model.mesh.setOrder(2)
         volumes = tuple(_enclosed_volume(solids, roles[cavity_role(i)]) for i in range(part.cavity_count))
         held = np.mean([gmsh.model.occ.getCenterOfMass(2, tag) for tag in roles.get("support", ())] or [np.zeros(3)], axis=0)
@@ -1171,7 +1172,8 @@ def _surface(metre: float) -> Surface:
     before = {name: gmsh.option.getNumber(name) for name in sizes}
     for name, size in sizes.items():
         gmsh.option.setNumber(name, size)
-    gmsh.model.mesh.generate(2)
+    with meshing.ended_after(MAX_SURFACE_SECONDS):
+        gmsh.model.mesh.generate(2)
     for name, size in before.items():
         gmsh.option.setNumber(name, size)
     tags, places, _ = gmsh.model.mesh.getNodes()
@@ -1667,8 +1669,9 @@ def _mesh_surfaces(
         return at, nodes.astype(np.int64).reshape(-1, 10)[:, mesh_arrays.TO_GMSH]
 
 
-MAX_PARAMETER_SECONDS = 60.0
-"""CPU time in which Gmsh finds parameters of surfaces, a few seconds for most; it never ends with some."""
+MAX_PARAMETER_SECONDS, MAX_SURFACE_SECONDS = 60.0, 90.0
+"""CPU time in which Gmsh finds parameters of surfaces, and meshes the faces of a drawing to measure it, a few seconds for
+most; it never ends with some."""
 
 
 def _sizes_of_roundings(points: Array, triangles: mesh_arrays.Ints, cell_size: float) -> tuple[Array, Array]:

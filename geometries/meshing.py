@@ -481,7 +481,7 @@ def _end_of_process(status: int, words: str) -> str:
     if status == -signal.SIGKILL:
         return "the mesher was killed, most likely out of memory; use larger cells (--cell-size)"
     if status == -getattr(signal, "SIGXCPU", 0):
-        return "the mesher does not come back from this surface"
+        return "the mesher does not come back from its surface; repair or simplify it in the program that drew it"
     if status < 0:
         return (
             f"the mesher crashed ({signal.Signals(-status).name}); the file it read may be damaged, or the cells too "
