@@ -343,6 +343,7 @@ def test_chain_out_of_its_plane(model, tmp_path):
             rate=rate * np.repeat([3.0, 1.0], 3), compliance=both @ one.compliance @ both.T,
         ))  # fmt: skip
     twisted = ReducedModel(model.case, model.face, tuple(states), model.base, "")
+    twisted.points = model.points
     made = chains.chain_of(twisted)
     assert made.quartics.shape == (6, 5) and made.error[0] < 1e-3 and made.error[1] < 0.1
     chain = mujoco.MjModel.from_xml_path(str(chains.write(twisted, tmp_path / "chain.xml")))
@@ -355,7 +356,7 @@ def test_chain_out_of_its_plane(model, tmp_path):
     blind = [dataclasses.replace(one, compliance=one.compliance.copy()) for one in states]
     for one in blind:
         one.compliance[1::2], one.compliance[:, 1::2] = np.nan, np.nan
-    with pytest.raises(sm.RunError, match="leaves the plane"):
+    with pytest.raises(sm.RunError, match="reduce a model of the whole device"):
         chains.chain_of(ReducedModel(model.case, model.face, tuple(blind), model.base, ""))
 
 
@@ -464,8 +465,7 @@ def test_check_of_a_chain(run, tmp_path, monkeypatch):
         body.inertia *= 4.0
     for joint in heavy.joints:
         joint.armature *= 4.0
-    text = (tmp_path / "finger.xml").read_text()
-    (tmp_path / "heavy.xml").write_text(text[: text.index("-->") + 3] + heavy.to_xml())
+    (tmp_path / "heavy.xml").write_text(heavy.to_xml())
     frequency = run.reduce().first_mode.frequency
     for file, factor in ("finger.xml", 1.0), ("heavy.xml", 0.5):
         done = CliRunner().invoke(reduce_command, ["results", "--quiet", "--check", file])
