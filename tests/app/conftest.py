@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -20,7 +21,10 @@ START = 120.0
 @contextlib.contextmanager
 def served(project, *options, stop=signal.SIGINT):
     """Serve a project; yields the process and the address that it printed."""
-    command = [sys.executable, "-m", "softmodels", "app", str(project), "--no-browser", *options]
+    with socket.socket() as free:  # tests on several processes would find the same first one
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    command = [sys.executable, "-m", "softmodels", "app", str(project), "--no-browser", "--port", str(port), *options]
     # NiceGUI serves its own tests by this variable; the program under test is not within one.
     environment = {name: text for name, text in os.environ.items() if name != "PYTEST_CURRENT_TEST"}
     process = subprocess.Popen(

@@ -36,7 +36,7 @@ def random_network(seed: int) -> ChannelPlate:
 
 @pytest.mark.parametrize("name", sampled(["node_offsets[3]", "node_x[1]", "fillet"]))
 def test_a_random_network(designed, second_order, comm, name):
-    second_order(designed(random_network(1), NAMES, QUANTITIES, comm), name, TAYLOR, "network")
+    second_order(designed(random_network(6), NAMES, QUANTITIES, comm), name, TAYLOR, "network")
 
 
 @pytest.mark.campaign

@@ -259,7 +259,7 @@ def test_straight_edges_are_told_wherever_a_device_is_meshed(ended, monkeypatch)
     for found in (sm.limit(device, law), sm.Model(device, law), sm.modes(device, law, count=1)):
         assert [note for note in found.notes if note.startswith(text)] and text in found._repr_html_()
     sampled = dataclasses.replace(sm.limit(device, law), notes=(text,))
-    question = analyses.LimitRequest(case_of(device), {}, (), 2, False, None, 0.0)
+    question = analyses.LimitRequest(case_of(device), {}, (), 2, False, None, 0.0, ())
     notes = analyses._notes(question, {}, {}, analyses.Scatter((), [({}, sampled), ({}, sampled)]))
     assert f"note: 2 of 2 sampled devices have warnings; of the first: {text}" in list(notes)
 
