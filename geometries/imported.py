@@ -1587,13 +1587,7 @@ def meshed_solid(file: str, surface: Surface, cell_size: float) -> mesh_arrays.T
     """Return the solid between the surfaces of an STL file, meshed."""
 
     def fill() -> dict[str, NDArray[Any]]:
-        area, volume = _area_and_volume(surface)
-        made = None
-        for tolerance in (0.0, FACET_TOLERANCE * 2.0 * volume / area):
-            simpler = surfaces.simplified(surface, tolerance) if tolerance else surface
-            with contextlib.suppress(MeshingError):  # the mesher crashed at some surfaces, or did not come back from them
-                made = made or meshing.apart(_fill, *simpler, cell_size)
-        nodes, cells = made or meshing.apart(_fill_between_facets, surface, cell_size)
+        nodes, cells = _filled_apart(surface, cell_size)
         return {"nodes": np.asarray(nodes), "cells": np.asarray(cells)}
 
     try:
@@ -1604,6 +1598,17 @@ def meshed_solid(file: str, surface: Surface, cell_size: float) -> mesh_arrays.T
             "other, or try another cell_size"
         ) from None
     return mesh_arrays.Tetrahedra.made(nodes, cells, {}, {})
+
+
+def _filled_apart(surface: Surface, cell_size: float) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
+    """Mesh the solid between closed surfaces in processes of their own: as they are, simplified, or between their facets."""
+    area, volume = _area_and_volume(surface)
+    for tolerance in (0.0, FACET_TOLERANCE * 2.0 * volume / area):
+        simpler = surfaces.simplified(surface, tolerance) if tolerance else surface
+        with contextlib.suppress(MeshingError):  # the mesher crashed at some surfaces, or did not come back from them
+            if made := meshing.apart(_fill, *simpler, cell_size):
+                return made
+    return meshing.apart(_fill_between_facets, surface, cell_size)
 
 
 def _fill(

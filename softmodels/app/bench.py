@@ -526,9 +526,10 @@ class Photographs:
             with contextlib.suppress(jobs.AnswerError):  # an unusable setup is reported when a photograph is traced
                 self.handles = await self.tracer.ask("handles", self.setup)
         for photograph in [*self.listed.values()]:
-            await self.show(photograph)
-            await self.trace(photograph)
-            self.changed.emit(photograph.file.name)
+            if photograph.preview is None:
+                await self.show(photograph)
+                self.changed.emit(photograph.file.name)
+        await self.trace_all()
 
     async def move(self, handles: replies.Handles) -> None:
         """Take handles that were dragged, and trace anew; AnswerError if they cannot be where they are: the old ones stay."""
