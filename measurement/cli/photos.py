@@ -149,7 +149,7 @@ def _width(text: str) -> tuple[float, float]:
 
 
 def _scale_words(setup: Setup, zero: zero.ZeroLine, width: tuple[float, float] | None) -> str:
-    """Return what the lengths are held against."""
+    """Return what the lengths are compared with."""
     seen = "" if zero.sides is None else f"; the body's sides lie {zero.sides.width * 1e3:.3f} mm apart at zero pressure"
     if width is not None or setup.magnification_error > 0.0:
         error = f" +- {setup.magnification_error:.2g}" if setup.magnification_error else ""

@@ -514,8 +514,8 @@ def shape_of(
     rounds: int = MAX_ROUNDS,
 ) -> Shape:  # fmt: skip
     """Return the shape of an outline (n, 2) in m that begins beside one end of the base (2, 2) and ends beside the other, near
-    a rough centre line (k, 2) and with corners of its tip at two points, after so many rounds. ``strip`` is the width in m of
-    what is seen aslant of a face along the line of sight, by which corners are cut off. Raises `Unmeasurable` where no centre
+    a rough centre line (k, 2) and with corners of its tip at two points, after so many rounds. ``strip`` is the width in m
+    at which a face along the line of sight is seen, by which corners are cut off. Raises `Unmeasurable` where no centre
     line joins base and tip."""
     polygon = np.vstack([base[:1], outline, base[1:]])
     middle = base.mean(axis=0)

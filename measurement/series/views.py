@@ -116,7 +116,7 @@ class Scene:
         return self.setup.to_pixels(self.foot + (metres - self.foot) * (far + self.ahead[0]) / far)
 
     def strip(self, place: Array) -> float:
-        """Return the width in m of what is seen aslant, at a place (2,), of a face along the line of sight."""
+        """Return the width in m at which a face along the line of sight is seen, at a place (2,)."""
         return max(self.depth) * float(np.linalg.norm(place - self.foot)) / self.camera_distance[0]
 
     def told_apart(self, shape: silhouette.Shape, outline: Array) -> Scene:

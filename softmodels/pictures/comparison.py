@@ -33,7 +33,7 @@ from softmodels.runs.store import ResultsError
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Comparison(cards.ResultCard):
-    """Results side by side; the first is what the others are held against.
+    """Results side by side; the others are compared with the first.
 
     Attributes:
         results: At least two.

@@ -275,7 +275,7 @@ def bent(tmp_path_factory):
 
 @pytest.mark.parametrize("name", ["node_x[2]", "node_offsets[3]", "end_radii[1]", "fillet", "thickness", "scale_y"])
 def test_the_boundary_follows_a_length_onto_the_other_plate(bent, name):
-    """Walls are held against distances from the cones that are computed here; the outline against its own polygon."""
+    """Walls are compared with distances from the cones that are computed here; the outline with its own polygon."""
     plate, mesh = bent
     value = actuator.parameter(plate, name)
     other = actuator.changed(plate, {name: value + (0.1 if name == "scale_y" else 2e-4)})
