@@ -120,7 +120,7 @@ def test_undo_on_the_page(browser, server, page):
         before = box.input_value()
         box.fill("13 mm")
         box.press("Tab")
-        shown = "wanted => document.querySelector('input[data-name=\"wall\"]').value == wanted"
+        shown = "wanted => document.querySelector('input[data-name=\"wall\"]')?.value == wanted"
         other.wait_for_function(shown, arg="13 mm")
         undo.click()
         page.wait_for_function(shown, arg=before)

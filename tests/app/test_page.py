@@ -33,7 +33,7 @@ def test_a_changed_length_gives_what_python_gives(page):
     run = sm.inflate(DEVICE, "ecoflex-00-30", "0:60 cm")
     wanted = run.at("60 cm").row
     page.wait_for_function(
-        "wanted => Math.abs(parseFloat(document.querySelector('[data-name=\"rise of the apex\"]').textContent) - wanted)"
+        "wanted => Math.abs(parseFloat(document.querySelector('[data-name=\"rise of the apex\"]')?.textContent) - wanted)"
         " < 1e-3 * wanted",
         arg=wanted["apex_mm"],
     )
@@ -48,7 +48,7 @@ def test_a_changed_length_gives_what_python_gives(page):
 
 def test_the_error_stands_under_the_slider(page):
     """The number at the highest pressure with its interval, and what it is made of; of the silicone's sources and the mesh."""
-    page.wait_for_function("document.querySelector('[data-name=\"error\"]').textContent.includes('(95 %)')")
+    page.wait_for_function("document.querySelector('[data-name=\"error\"]')?.textContent.includes('(95 %)')")
     said = value(page, "error")
     run = sm.inflate(sm.HollowDisk(section="axisymmetric"), "ecoflex-00-30", "0:60 cm", band="ecoflex-00-30", mesh_error=True)
     (line, *_), (first, *_) = run.budget.lines(), run.budget.contributions(run.table[-1], "apex")
@@ -71,7 +71,7 @@ def test_two_tabs_show_the_same(browser, server, page):
         page.get_by_label("wall", exact=True).first.fill("12 mm")
         page.get_by_label("wall", exact=True).first.press("Tab")
         other.wait_for_function(
-            "document.querySelector('[data-name=\"wall\"] input, input[data-name=\"wall\"]').value == '12 mm'"
+            "document.querySelector('[data-name=\"wall\"] input, input[data-name=\"wall\"]')?.value == '12 mm'"
         )
 
 
@@ -97,13 +97,13 @@ def test_what_is_no_photograph_is_told(page, tmp_path):
     for file in bad:
         page.locator('[data-name="drop"] input[type=file]').set_input_files(file)
         page.wait_for_function(
-            "name => document.querySelector('[data-name=\"photo-message\"]').textContent.startsWith(name)",
+            "name => document.querySelector('[data-name=\"photo-message\"]')?.textContent.startsWith(name)",
             arg=f"{file.name}:",
         )
     page.wait_for_function("!document.querySelector('.q-uploader__file')")
     (tmp_path / "a.exe").write_bytes(b"MZ")
     page.locator('[data-name="drop"] input[type=file]').set_input_files(tmp_path / "a.exe")
-    page.wait_for_function("document.querySelector('[data-name=\"photo-message\"]').textContent.startsWith('not taken')")
+    page.wait_for_function("document.querySelector('[data-name=\"photo-message\"]')?.textContent.startsWith('not taken')")
     assert page.locator('button:has-text("empty.jpg")').count() == 0
 
 
@@ -128,7 +128,7 @@ def test_a_killed_server_resumes_its_job(browser, tmp_path):
     before = len(rows.read_text().splitlines())
     assert 3 < before < 21
     with served(project) as (_, address), tab(browser, address) as page:
-        page.wait_for_function("document.querySelector('[data-name=\"state-results/device\"]').textContent == 'done'")
+        page.wait_for_function("document.querySelector('[data-name=\"state-results/device\"]')?.textContent == 'done'")
         shown = [value(page, "rise of the apex")]
         page.wait_for_function("document.querySelector('img.stored')?.naturalWidth > 0")
         page.get_by_label("membrane", exact=True).first.fill("6.2 mm")
@@ -186,7 +186,7 @@ def test_an_own_report_works_within_the_page(browser, tmp_path):
     (project / "case.toml").write_text(case.to_toml())
     with served(project) as (_, address), tab(browser, address) as page:
         page.get_by_role("button", name="Run with all pictures").click()
-        page.wait_for_function("document.querySelector('[data-name=\"state-results/device\"]').textContent == 'done'")
+        page.wait_for_function("document.querySelector('[data-name=\"state-results/device\"]')?.textContent == 'done'")
         frame = page.frame_locator("iframe")
         frame.locator("#units").select_option("kPa")
         assert frame.locator("html").get_attribute("data-unit") == "kPa"

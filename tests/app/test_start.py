@@ -185,10 +185,10 @@ def test_samples_fill_a_project_and_are_measured(browser, tmp_path):
     """From one click to the outlines of the sample photographs."""
     with served(tmp_path / "project") as (_, address), tab(browser, address, "Start") as page:
         page.get_by_role("button", name="Try it with sample photographs").click()
-        page.wait_for_function("document.querySelector('[data-name=\"start-told\"]').textContent.startsWith('filled')")
+        page.wait_for_function("document.querySelector('[data-name=\"start-told\"]')?.textContent.startsWith('filled')")
         page.get_by_role("tab", name="Photographs").click()
         page.get_by_role("button", name="Measure all outlines").click()
-        page.wait_for_function("document.querySelector('[data-name=\"state-outlines\"]').textContent == 'done'")
+        page.wait_for_function("document.querySelector('[data-name=\"state-outlines\"]')?.textContent == 'done'")
         page.get_by_role("tab", name="Start").click()
         assert value(page, "step-Photographs") == DONE
         assert page.get_by_text("10 measured, 10 trusted").count() == 1
