@@ -353,7 +353,7 @@ def _figures(results: Sequence[ComparedResult], over: str) -> tuple[tuple[Figure
     first = [next(iter(curves.limits(result.rows)), None) for result in results]
     if any(first):
         values = tuple(math.nan if row is None else row.shown(over) for row in first)
-        errors = _errors(results, first, [over] * len(results))
+        errors = _errors(results, [_halves(*pair, over) for pair in zip(results, first, strict=True)])
         figures.append(Figures("limit point", meaning.unit, values, pascal, errors))
     highest = tuple(result.sign * float((result.sign * result.loads).max()) for result in results)
     figures.append(Figures(f"highest {meaning.name}", meaning.unit, highest, pascal))
@@ -366,24 +366,26 @@ def _figures(results: Sequence[ComparedResult], over: str) -> tuple[tuple[Figure
 def _at_load(results: Sequence[ComparedResult], what: str, unit: str, size: float, variable: str = "") -> Figures:
     """Return a variable of the results, else each one's gauge, at a load of the rising part of their paths."""
     names = [variable or result.gauge for result in results]
-    values = tuple(_value_at_load(result, name, size) for result, name in zip(results, names, strict=True))
-    steps = [_step_at(result, size) for result in results]
-    rows = [None if step is None else result.rows[step] for result, step in zip(results, steps, strict=True)]
-    return Figures(what, unit, values, errors=_errors(results, rows, names))
+    pairs = list(zip(results, names, strict=True))
+    values = tuple(_value_at_load(result, name, size) for result, name in pairs)
+    return Figures(what, unit, values, errors=_errors(results, [_halves_at_load(*pair, size) for pair in pairs]))
 
 
-def _errors(results: Sequence[ComparedResult], rows: Sequence[table.Row | None], names: Sequence[str]) -> tuple[float, ...]:
-    """Return half the 95 % intervals of the differences of a variable to the first result, in the unit in which it is shown;
-    nan where the error of one of both is not known."""
-    known = [
-        {} if row is None or name not in row else {part.name: part.half for part in result.budget.contributions(row, name)}
-        for result, row, name in zip(results, rows, names, strict=True)
-    ]
-    errors = []
-    for result, other in zip(results[1:], known[1:], strict=True):
-        half = _of_difference(known[0], other, _shared(results[0].case, result.case))
-        errors.append(math.nan if half is None or rows[0] is None else mesh_error.in_unit(rows[0], names[0], half))
-    return tuple(errors)
+def _errors(results: Sequence[ComparedResult], halves: Sequence[Mapping[str, float]]) -> tuple[float, ...]:
+    """Return half the 95 % intervals of the differences to the first result from half widths by cause; nan where those of one
+    of both are not known."""
+    first = results[0]
+    return tuple(
+        _of_difference(halves[0], other, _shared(first.case, result.case))
+        for result, other in zip(results[1:], halves[1:], strict=True)
+    )
+
+
+def _halves(result: ComparedResult, row: table.Row | None, variable: str) -> dict[str, float]:
+    """Return half the 95 % intervals of a state's variable by cause, in the unit in which it is shown; empty if unknown."""
+    if row is None or variable not in row:
+        return {}
+    return {part.name: mesh_error.in_unit(row, variable, part.half) for part in result.budget.contributions(row, variable)}
 
 
 def _shared(first: Case, second: Case) -> set[str]:
@@ -394,10 +396,10 @@ def _shared(first: Case, second: Case) -> set[str]:
     return {*causes, *([MATERIAL] if same_cast else [])}
 
 
-def _of_difference(first: Mapping[str, float], second: Mapping[str, float], shared: Set[str]) -> float | None:
+def _of_difference(first: Mapping[str, float], second: Mapping[str, float], shared: Set[str]) -> float:
     """Return half the 95 % interval of a difference, of half widths by cause: what both share enters with its difference."""
     if not first or not second:
-        return None
+        return math.nan
     common = [first.get(cause, 0.0) - second.get(cause, 0.0) for cause in shared]
     own = [half for halves in (first, second) for cause, half in halves.items() if cause not in shared]
     return math.hypot(*common, *own)
@@ -432,3 +434,15 @@ def _value_at_load(result: ComparedResult, variable: str, size: float) -> float:
     if size < loads[0]:
         return math.nan
     return float(scipy.interpolate.PchipInterpolator(loads, rows.shown(variable))(size))
+
+
+def _halves_at_load(result: ComparedResult, variable: str, size: float) -> dict[str, float]:
+    """Return half the 95 % intervals of a variable by cause at a load of the rising part, up to the last state at which each
+    is known: as a share of the variable it is linear between such states, and below the first what it is there."""
+    loads, rows = result.rising
+    shares: dict[str, list[tuple[float, float]]] = {}
+    for load, row in zip(loads.tolist(), rows, strict=True):
+        for cause, half in _halves(result, row, variable).items():
+            shares.setdefault(cause, []).append((load, half / abs(row.shown(variable))))
+    value, lines = abs(_value_at_load(result, variable, size)), {cause: np.array(own).T for cause, own in shares.items()}
+    return {cause: value * float(np.interp(size, *line)) for cause, line in lines.items() if size <= line[0, -1] * (1.0 + 1e-9)}

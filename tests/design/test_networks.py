@@ -11,6 +11,9 @@ from tests.support.campaigns import sampled
 TAYLOR = "Taylor's remainder of every quantity by every length, before and past a limit point"
 WORKING = 3000.0
 QUANTITIES = (Rise(at=WORKING), AddedVolume(at=WORKING), StoredEnergy(at=WORKING), Mass())
+STEPS = {"node_x[1]": 2e-3, "node_y[2]": 2e-3, "fillet": 0.05}
+"""Shares of a length by which it is changed. A hundredth of where a node lies is a third of a rounding, at whose ends the
+second derivative jumps; a hundredth of a rounding moves the plate by less than its states are solved to."""
 NAMES = ("node_x[1]", "node_y[2]", "node_offsets[3]", "start_radii[1]", "end_radii[2]", "thickness", "scale_x", "fillet")
 
 
@@ -36,7 +39,7 @@ def random_network(seed: int) -> ChannelPlate:
 
 @pytest.mark.parametrize("name", sampled(["node_offsets[3]", "node_x[1]", "fillet"]))
 def test_a_random_network(designed, second_order, comm, name):
-    second_order(designed(random_network(6), NAMES, QUANTITIES, comm), name, TAYLOR, "network")
+    second_order(designed(random_network(1), NAMES, QUANTITIES, comm), name, TAYLOR, "network", STEPS.get(name, 0.01))
 
 
 @pytest.mark.campaign
@@ -44,4 +47,4 @@ def test_a_random_network(designed, second_order, comm, name):
 def test_random_networks(designed, second_order, comm, seed):
     model = designed(random_network(seed), NAMES, QUANTITIES, comm)
     for name in NAMES:
-        second_order(model, name, TAYLOR, "network")
+        second_order(model, name, TAYLOR, "network", STEPS.get(name, 0.01))

@@ -185,6 +185,18 @@ def test_a_difference_of_two_meshes_is_below_the_error_of_both():
     assert f"below the error of both, +- {rise.errors[0]:.2g} mm" in str(found) and "below the error of both" in found.html()
 
 
+def test_a_difference_between_stored_states_has_nearly_the_error_of_one_that_is_stored():
+    """Shares of the mesh and of the silicone vary slowly with the load."""
+    errors = MaterialErrors(("shear_modulus",), ((500.0**2,),))
+    first = sm.inflate(DISK, LAW, "0,17 cm", mesh_error=True)
+    paths = ("0,17,24 cm", "0,24 cm")
+    stored, between = (sm.inflate(DISK, LAW, pressures, mesh_error=True, band=errors) for pressures in paths)
+    for number in range(2):  # the rise and the added volume
+        wanted, read = (sm.compare(first, other).figures[number] for other in (stored, between))
+        assert wanted.what.endswith("at 17 cm") and read.what.endswith("interpolated")
+        assert read.errors == pytest.approx(wanted.errors, rel=0.02)
+
+
 def test_the_silicone_that_two_runs_share_counts_by_its_difference():
     """The difference of two devices of one cast is better known than that of two casts."""
     high, low = (sm.NeoHookean(30e3 + way * HALF_WIDTH_95 * 1500.0) for way in (1.0, -1.0))
