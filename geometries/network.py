@@ -2,8 +2,8 @@
 distance from its air, and the surface of that.
 
 A channel is a polyline with a radius at each corner: the union of cones around its lines and of balls around its ends. Channels
-that cross are joined there, and the crease between them is rounded. The distance alone says what is air, so that any network
-is meshed in the same way: its level set is triangulated, and its corners are moved onto the exact surface.
+that cross are joined there, and creases, also those within corners, are rounded. The distance alone says what is air, so that
+any network is meshed in the same way: its level set is triangulated, and its corners are moved onto the exact surface.
 """
 
 from __future__ import annotations
@@ -303,8 +303,8 @@ def family(text: str) -> tuple[str, int] | None:
 
 
 class Distance:
-    """Signed distance (m) from the walls of some channels, below zero in their air, with creases where joined channels meet
-    rounded: a fillet of about that radius (m) where they meet at a right angle, none where one continues the other."""
+    """Signed distance (m) from the walls of some channels, below zero in their air, with creases where joined channels meet, and
+    within corners of one, rounded: a fillet of about that radius (m) at a right angle, none where one continues the other."""
 
     def __init__(self, channels: Sequence[Channel], fillet: float):
         pieces = [list(itertools.pairwise(zip(c.points, c.radii, strict=True))) for c in channels]
@@ -313,7 +313,11 @@ class Distance:
         self.start, self.radius = table[:, 0, :3], table[:, 0, 3]
         self.along, self.growth = table[:, 1, :3] - self.start, table[:, 1, 3] - self.radius
         self.square = (self.along**2).sum(axis=1)
-        self.owner = np.repeat(np.arange(len(pieces)), [len(own) for own in pieces])
+        unit = self.along / np.sqrt((self.along**2).sum(axis=1))[:, None]
+        first = np.cumsum([0, *(len(own) for own in pieces[:-1])])
+        turns = np.isin(np.arange(len(table)), first)
+        turns[1:] |= (unit[1:] * unit[:-1]).sum(axis=1) < math.cos(MIN_CORNER_TURN)
+        self.owner = np.cumsum(turns) - 1
         self.fillet = fillet
 
     def of(self, points: Array, among: mesh_arrays.Ints | None = None) -> tuple[Array, Array]:
@@ -326,22 +330,18 @@ class Distance:
         steps = away[every, nearest] / np.maximum(length[every, nearest], 1e-30)[:, None]
         if self.fillet == 0.0 or owner[0] == owner[-1]:
             return least, steps
-        # Several channels: the nearest piece of each; two walls are joined by a parabola as wide as their angle asks for.
+        # Several straight or smooth parts: the nearest piece of each.
         first = np.flatnonzero(np.diff(owner, prepend=-1))
         best = np.minimum.reduceat(distance, first, axis=1)
         rows = np.flatnonzero((best < least[:, None] + self.fillet).sum(axis=1) > 1)
         ends = [*first.tolist(), len(owner)]
         pieces = np.stack([k + distance[rows, k:end].argmin(axis=1) for k, end in itertools.pairwise(ends)], axis=1)
         ways = away[rows[:, None], pieces] / np.maximum(length[rows[:, None], pieces], 1e-30)[..., None]
-        cosine = np.einsum("rgi,rhi->rgh", ways, ways)
-        width = self.fillet * (1.0 - np.clip(cosine, 0.0, 1.0) ** 2)
-        far = best[rows] - least[rows, None]
-        gap, beyond = np.abs(far[:, :, None] - far[:, None]), np.minimum(far[:, :, None], far[:, None])
-        share = np.clip(1.0 - gap / np.maximum(width, 1e-30), 0.0, None)
-        fade = np.clip(1.0 - (beyond / self.fillet) ** 2, 0.0, None) ** 2  # beside a third wall that is nearer than both
-        least[rows] -= 0.125 * (width * share**2 * fade).sum(axis=(1, 2))  # each pair stands there twice
-        slopes = (far == 0.0) + 0.5 * (share * fade * np.sign(far[:, :, None] - far[:, None])).sum(axis=2)
-        slope = np.einsum("rg,rgi->ri", slopes, ways)
+        alike = np.exp(2.0 * (np.einsum("rgi,rhi->rgh", ways, ways) - 1.0))
+        shares = blended((best[rows] - least[rows, None]) / self.fillet, alike)
+        least[rows] = np.einsum("rg,rg->r", shares, best[rows])
+        least[rows] -= 0.5 * self.fillet * (1.0 - np.einsum("rg,rgh,rh->r", shares, alike, shares))
+        slope = np.einsum("rg,rgi->ri", shares, ways)
         steps[rows] = slope / np.maximum((slope**2).sum(axis=1), MIN_SLOPE)[:, None]
         return least, steps
 
@@ -415,6 +415,46 @@ class Distance:
         return moved
 
 
+def blended(far: Array, alike: Array) -> Array:
+    """Return the shares of walls in their smooth union, shape (n, g): they minimise ``far @ s - (1 - s @ alike @ s) / 2`` over s
+    of sum 1 and none below 0, so that the least is continuously differentiable also where three walls meet or more.
+
+    Args:
+        far: How much farther than the nearest each wall is, over the width of the rounding, shape (n, g).
+        alike: 1 for walls with the same normal, near 0 for such at a right angle or more, positive definite, shape (n, g, g).
+    """
+    every, walls = np.arange(len(far)), far.shape[1]
+    shares = np.zeros_like(far)
+    shares[every, far.argmin(axis=1)] = 1.0
+    active = shares > 0.0
+    # The active walls' least without bounds; on the way there the first that comes to 0 is left out, else the one that
+    # lowers it most is taken in (Nocedal and Wright, Numerical Optimization, algorithm 16.3).
+    while len(every):
+        own, used = shares[every], active[every]
+        matrix = np.zeros((len(every), walls + 1, walls + 1))
+        matrix[:, :walls, :walls] = np.where(used[:, :, None] & used[:, None], alike[every], np.eye(walls))
+        matrix[:, walls, :walls] = matrix[:, :walls, walls] = used
+        right = np.concatenate([np.where(used, -far[every], 0.0), np.ones((len(every), 1))], axis=1)
+        step = np.linalg.solve(matrix, right[..., None])[:, :walls, 0] - own
+        with np.errstate(divide="ignore", invalid="ignore"):
+            room = np.where(used & (own + step < 0.0), own / -step, np.inf)
+        out, way = room.argmin(axis=1), np.minimum(room.min(axis=1), 1.0)
+        blocked = way < 1.0
+        own = np.maximum(own + way[:, None] * step, 0.0)
+        rate = far[every] + np.einsum("ngh,nh->ng", alike[every], own)
+        gain = np.where(used, 0.0, np.einsum("ng,ng->n", own, rate)[:, None] - rate)
+        into = gain.argmax(axis=1)
+        taken = ~blocked & (gain.max(axis=1) > MIN_GAIN)
+        own[blocked, out[blocked]] = 0.0
+        shares[every] = own
+        active[every[blocked], out[blocked]] = False
+        active[every[taken], into[taken]] = True
+        every = every[blocked | taken]
+    return shares
+
+
+MIN_GAIN = 1e-12
+"""Rate at which a wall that is taken in must lower the smooth union, over the width of the rounding."""
 MAX_PROJECTIONS, ON_WALL = 30, 1e-9
 """Most steps onto a wall, and how near is on it, in the smallest radius: one step on a cylinder, several on a rounding."""
 CARRYING_STEPS = 10
@@ -442,7 +482,7 @@ EDGE_SHARE = 0.72
 def air_surface(channels: Sequence[Channel], fillet: float, edge: float) -> tuple[Array, mesh_arrays.Ints]:
     """Return corners (m) on the walls of channels, and triangles turned out of the air, with edges of about a length (m). The
     triangles' shapes do not depend on those of the network."""
-    key = ("network 2", tuple(channels), fillet, edge)
+    key = ("network 3", tuple(channels), fillet, edge)
     kept = meshing.cached_arrays(key, lambda: _whole_air_surface(channels, fillet, edge))
     return kept["points"], kept["triangles"]
 

@@ -76,7 +76,9 @@ def test_a_crease_is_rounded_only_where_channels_meet_at_an_angle():
     sharp, _ = network.Distance([straight[1], across], 0.0).of(corner)
     both = network.Distance([straight[1], across], 4e-4)
     rounded, steps = both.of(corner)
-    assert sharp == pytest.approx(1e-4) and rounded == pytest.approx(1e-4 - 0.25 * 4e-4)  # the air reaches further
+    assert sharp == pytest.approx(1e-4) and rounded == pytest.approx(
+        1e-4 - 0.25 * (1 - math.exp(-2)) * 4e-4  # the air reaches further
+    )
     assert both.of(corner + 1e-6 * steps)[0] - rounded == pytest.approx(1e-6, rel=1e-3)
 
 
@@ -91,6 +93,45 @@ def test_a_rounded_crease_has_no_kink(turn):
     across = np.array([-math.sin(half), math.cos(half), 0.0])
     here, left, right = both.of(on_crease + 1e-6 * np.outer([0, 1, -1], across))[0]
     assert left == pytest.approx(right, abs=1e-12) and abs(left - here) < 0.02 * 1e-6
+
+
+def test_a_corner_within_a_channel_is_rounded_as_between_two():
+    line = 1e-3 * np.array([(0, 0), (8, 0), (8, 8)])
+    bent = network.Distance([network.Channel.along("a", line, 0.0, (1e-3, 1e-3))], 4e-4)
+    two = network.Distance([network.Channel.along("a", part, 0.0, (1e-3, 1e-3)) for part in (line[:2], line[1:])], 4e-4)
+    points = 1e-3 * np.random.default_rng(0).uniform((6, -1.5, -1.2), (9.5, 2, 1.2), (200, 3))
+    assert np.ptp(np.stack([bent.distances(points), two.distances(points)]), axis=0) == pytest.approx(0.0, abs=1e-15)
+
+
+@pytest.mark.parametrize("walls", [2, 3, 6])
+def test_shares_of_blended_walls_are_the_least(walls):
+    """No wall outside would lower the smooth union, and all inside lower it alike: what a convex minimum on a simplex has."""
+    rng = np.random.default_rng(walls)
+    normals = rng.normal(size=(300, walls, 3))
+    normals /= np.linalg.norm(normals, axis=2)[..., None]
+    far = rng.uniform(0.0, 0.6, (300, walls))
+    far -= far.min(axis=1)[:, None]
+    alike = np.exp(2.0 * (np.einsum("ngi,nhi->ngh", normals, normals) - 1.0))
+    shares = network.blended(far, alike)
+    rates = far + np.einsum("ngh,nh->ng", alike, shares)
+    least = rates.min(axis=1)[:, None]
+    assert shares.min() >= 0.0 and shares.sum(axis=1) == pytest.approx(1.0)
+    assert (shares * (rates - least)).max() < 1e-11
+    assert walls == 2 or ((shares > 0.0).sum(axis=1) > 2).mean() > 0.1
+
+
+def test_walls_follow_a_radius_without_a_kink_where_three_channels_meet():
+    """The second differences of places over a radius are those of its square, where the order of the walls changes too."""
+    texts = (
+        "15.5, 1.6 to 12.1, -1 to 9, -2 mm radius 0.98 mm", "15.5, 1.6 to 23.2, -4.9 mm radius 1.03 to 1.05 mm",
+        "15.5, 1.6 to 22, 3 mm radius 1.07 to 1.2 mm",
+    )  # fmt: skip
+    plate = ChannelPlate(channels=texts, around=8)
+    points = plate.air["cavity"][0]
+    radii = [plate.replaced(start_radii=(0.98e-3 + k * 1e-6, 1.03e-3, 1.07e-3)) for k in range(11)]
+    moved = np.array([plate.carried(other, points) for other in radii])
+    turns = np.linalg.norm(np.diff(moved, n=2, axis=0), axis=2)
+    assert turns.max() < 0.1 * np.linalg.norm(np.diff(moved, axis=0), axis=2).max()
 
 
 @pytest.mark.parametrize("text", ["fan:4", "parallel:3", "radial:8", "rings:2", "spiral:2", "tree:2", "lattice:3", "radial:12"])
