@@ -303,8 +303,9 @@ def family(text: str) -> tuple[str, int] | None:
 
 
 class Distance:
-    """Signed distance (m) from the walls of some channels, below zero in their air, with creases where joined channels meet, and
-    within corners of one, rounded: a fillet of about that radius (m) at a right angle, none where one continues the other."""
+    """Signed distance (m) from the walls of some channels, below zero in their air, with creases where joined channels meet,
+    and within corners of one, rounded: a fillet of about that radius (m) at a right angle, none where one continues the other.
+    """
 
     def __init__(self, channels: Sequence[Channel], fillet: float):
         pieces = [list(itertools.pairwise(zip(c.points, c.radii, strict=True))) for c in channels]
@@ -416,8 +417,8 @@ class Distance:
 
 
 def blended(far: Array, alike: Array) -> Array:
-    """Return the shares of walls in their smooth union, shape (n, g): they minimise ``far @ s - (1 - s @ alike @ s) / 2`` over s
-    of sum 1 and none below 0, so that the least is continuously differentiable also where three walls meet or more.
+    """Return the shares of walls in their smooth union, shape (n, g): they minimise ``far @ s - (1 - s @ alike @ s) / 2`` over
+    s of sum 1 and none below 0, so that the least is continuously differentiable also where three walls meet or more.
 
     Args:
         far: How much farther than the nearest each wall is, over the width of the rounding, shape (n, g).

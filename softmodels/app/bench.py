@@ -86,9 +86,13 @@ class Bench:
         """Undo some changes of the project's inputs (negative), or redo them; return the sentence of what could not come back.
         OSError if a file cannot be written."""
         lost = self.project.history.go(by)
+        await self.read_again()
+        return f"another program has taken away {', '.join(lost)}, which cannot come back" if lost else ""
+
+    async def read_again(self) -> None:
+        """Show what lies in the project's folder now."""
         self.project.read_again()
         await self.photographs.read_again()
-        return f"another program has taken away {', '.join(lost)}, which cannot come back" if lost else ""
 
     def end(self) -> None:
         self.jobs.end()

@@ -143,6 +143,15 @@ def tagged[Shown: Element](element: Shown, name: str, classes: str = "w-full", p
     return with_attribute(element.classes(classes).props(props), "data-name", name)
 
 
+ZIP = "/zip"
+"""Where the project and its folders of results are served as ZIP files."""
+
+
+def zip_address(place: str) -> str:
+    """Return the address of a folder of results, or of the whole project for "", as a ZIP file."""
+    return f"{ZIP}?place={quote(place)}"
+
+
 def known(values: Iterable[str], options: Collection[str], default: str) -> str:
     """Return the first of some values that is an option; records of a foreign project may hold any."""
     return next((value for value in values if value in options), default)
@@ -206,6 +215,7 @@ class JobPanel:
                 self.start_button = tagged(ui.button(title, on_click=self._start), f"start-{output}", "", "")
                 self.stop_button = tagged(ui.button("Stop", on_click=self._stop), f"stop-{output}", "", "outline")
                 self.spinner, self.state = ui.spinner(), tagged(ui.label(), f"state-{output}", "", "")
+                self.zip = tagged(ui.link("all files (ZIP)", zip_address(output)), f"zip-{output}", "", "download")
             self.sentence = tagged(ui.label(), f"why-{output}", "text-negative", "")
             self.empty = tagged(ui.label(about), f"about-{output}", "quiet", "")
             self.line = tagged(ui.label(), f"line-{output}", "text-sm font-mono whitespace-pre-wrap break-words", "")
@@ -255,6 +265,7 @@ class JobPanel:
             element.set_visibility(active)
         self.log.set_visibility(job is not None)
         self.empty.set_visibility(job is None and bool(self.about))
+        self.zip.set_visibility(not active and (self.bench.project / self.output).is_dir())
         if job is None:
             return
         text = self.bench.jobs.log(job)

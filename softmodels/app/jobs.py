@@ -91,9 +91,16 @@ class Jobs:
         self._tasks: set[asyncio.Task[None]] = set()
         self.ending = False
         self.all: list[Job] = []
+        self.read()
+
+    def read(self) -> None:
+        """Read the records in the project's folder that are not known yet."""
+        known = {job.number for job in self.all}
         for file in sorted(self.folder.glob("*.json"), key=lambda path: path.stem.zfill(9)):
             with contextlib.suppress(OSError, ValueError, TypeError, AttributeError):
-                self.all.append(self._read(file))
+                if (job := self._read(file)).number not in known:
+                    self.all.append(job)
+                    self.changed.emit(job)
 
     def _read(self, file: Path) -> Job:
         table = files.read_json(file)

@@ -14,8 +14,10 @@ from urllib.parse import parse_qsl, urlencode, urlsplit
 
 import segno
 from nicegui import app, background_tasks, core, ui
+from starlette.background import BackgroundTask
+from starlette.responses import FileResponse, PlainTextResponse, Response
 
-from softmodels.app import device, forms, making, photographs, start
+from softmodels.app import device, forms, making, packing, photographs, start
 from softmodels.app.bench import Bench, Project
 from softmodels.common import errors, processes
 
@@ -293,6 +295,16 @@ def build_page(bench: Bench) -> None:
                 page(bench)
 
 
+def zipped(project: Path, place: str) -> Response:
+    """Return the answer with a project, or a folder of its results, as a ZIP file."""
+    try:
+        made = packing.pack(project, place)
+    except (OSError, ValueError) as error:  # a FieldError, or a text that is no path
+        return PlainTextResponse(errors.reason(error), 404)
+    name = "-".join(filter(None, (project.name, Path(place).name)))
+    return FileResponse(made, filename=f"{name}.zip", background=BackgroundTask(made.unlink))
+
+
 def serve(folder: Path, port: int | None = None, *, browser: bool = True, lan: bool = False) -> None:
     """Serve a project's page until Ctrl-C, in the user's browser if wanted, on a free port if none is given; over ``lan``
     other machines of the network may connect, with the key. OSError if the folder or the port cannot be used."""
@@ -317,6 +329,7 @@ def serve(folder: Path, port: int | None = None, *, browser: bool = True, lan: b
 
     app.on_startup(lambda: background_tasks.create(tell()))
     app.add_static_files(FILES, bench.project.folder, max_cache_age=0)
+    app.add_api_route(forms.ZIP, lambda place="": zipped(bench.project.folder, place))
     core.app.add_middleware(KeyMiddleware, key=key, hosts=hosts)  # type: ignore[arg-type]
     ui.run(
         lambda: build_page(bench), host=host, port=port, title="softmodels", show=False, reload=False, dark=None, favicon=ICON,

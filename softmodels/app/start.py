@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import asyncio
 import dataclasses
+import io
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from nicegui import ui
 
 from geometries import faces, registry
-from softmodels.app import device, forms, jobs, making
+from softmodels.app import device, forms, jobs, making, packing
 from softmodels.app.bench import OUTLINES, PARTS, Bench, FileKind
 from softmodels.case import load
 from softmodels.common import errors
@@ -67,6 +69,10 @@ class StartPage(forms.TabPage):
                 self.support = forms.tagged(ui.input("where it is held", value="x = 0 mm"), "part-support", "w-56", "")
                 self.support.tooltip("A plane, or a face as documented: named flange, normal 1, 0, 0 at 5 mm")
                 self.upload_box("Drop your part or drawing", PART, ",".join(PART.endings), "part", self._part)
+            with ui.expansion("A project as one file (ZIP), to send or to keep").classes("w-full").props("dense"):
+                link = ui.link("Download the whole project", forms.zip_address(""))
+                forms.tagged(link, "zip-project", "", "download")
+                self.upload_box("Drop a project that was sent", packing.ARCHIVE, ".zip", "project", self._sent)
             with ui.row().classes("items-center gap-2"):
                 self.spinner = ui.spinner()
                 self.spinner.set_visibility(False)
@@ -114,6 +120,16 @@ class StartPage(forms.TabPage):
             self.say("")
             await self.bench.take_samples(self.told.set_text)
         self.spinner.set_visibility(False)
+
+    async def _sent(self, event: MultiUploadEventArguments) -> None:
+        for given in event.files:
+            with self.saying(f"{given.name}: "):
+                self.say("")
+                left_out = await asyncio.to_thread(packing.unpack, io.BytesIO(await given.read()), self.project)
+                await self.bench.read_again()
+                self.bench.jobs.read()
+                others = f"; {left_out} files that are none of a project were left out" if left_out else ""
+                self.told.set_text(f"{given.name} is open{others}")
 
     async def _part(self, event: MultiUploadEventArguments) -> None:
         for given in event.files:

@@ -110,7 +110,7 @@ class DesignProblem:
             "limits": tuple(limits),
             "spreads": spreads_of(case, self.tolerance, self.bare),
             "errors": errors, "name": self.name or case.name,
-            "notes": tuple(filter(None, [crossed_corners(case, free)])),
+            "notes": tuple(filter(None, [crossed_corners(case, free), _unread(case) if self.tolerance is None else ""])),
         }  # fmt: skip
         for name, value in settled.items():
             object.__setattr__(self, name, value)
@@ -731,6 +731,14 @@ def crossed_corners(case: Case, free: Sequence[Free]) -> str:
         f"{len(refused)} of {len(corners)} combinations of bounds give an invalid device (such as {where}: {why}); "
         f"the search avoids them"
     )
+
+
+def _unread(case: Case) -> str:
+    """Return a sentence on the case's tolerances that a design does not propagate; "" without them."""
+    left_out = [own.name.replace("_", " ") for own in case.deviations if own.name in tolerances.READINGS]
+    if not left_out:
+        return ""
+    return f"limits hold at the pressures as requested: the tolerance of {' and '.join(left_out)} is not in them"
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -187,6 +187,8 @@ def test_the_tolerances_of_the_case_count_unless_the_problem_has_its_own():
     tolerant = dataclasses.replace(case_(), tolerance=own, band=errors)
     half = 0.05 * tolerant.actuator.membrane
     assert problem_(case=tolerant).spreads == pytest.approx({"membrane": half / 1.959964})
+    assert any("the tolerance of gauge is not in them" in note for note in problem_(case=tolerant).notes)
+    assert not problem_().notes
     assert problem_(case=tolerant).errors is errors and problem_().errors is None and not problem_().spreads
     made = problem_(case=tolerant, tolerance={"process": "filament", "membrane": "0.1 mm"}).spreads
     assert made["membrane"] == pytest.approx(0.1e-3 / 1.959964) and made["wall"] == pytest.approx(0.3e-3 / 1.959964)
