@@ -1,9 +1,9 @@
 """A network of round channels in a plate: its centre lines and bores, families of networks, walls between channels, the signed
 distance from its air, and the surface of that.
 
-A channel is a polyline with a radius at each corner: the union of cones around its lines and of balls around its ends. Channels
-that cross are joined there, and creases, also those within corners, are rounded. The distance alone says what is air, so that
-any network is meshed in the same way: its level set is triangulated, and its corners are moved onto the exact surface.
+A channel is a polyline with a radius at each corner: the union of balls on its lines, whose radius is linear in the length.
+Channels that cross are joined there, and creases, also those within corners, are rounded. The distance alone says what is air,
+so that any network is meshed in the same way: its level set is triangulated, and its corners are moved onto the exact surface.
 """
 
 from __future__ import annotations
@@ -354,7 +354,13 @@ class Distance:
             for array in (self.start, self.along, self.square, self.radius, self.growth)
         )
         away = points[:, None] - start
-        share = np.clip(np.einsum("nmi,mi->nm", away, along) / square, 0.0, 1.0)
+        share = np.einsum("nmi,mi->nm", away, along) / square
+        # A piece is the union of the balls on its line. The nearest one lies towards the wide end from the foot of the point.
+        beside = away - share[..., None] * along
+        share += np.sqrt(np.einsum("nmi,nmi->nm", beside, beside)) * (
+            growth / np.sqrt(square * np.maximum(square - growth**2, MIN_SQUARE))
+        )
+        share = np.clip(share, 0.0, 1.0)
         away -= share[..., None] * along
         length = np.sqrt(np.einsum("nmi,nmi->nm", away, away))
         return away, length, share, length - radius - share * growth
@@ -462,6 +468,8 @@ CARRYING_STEPS = 10
 """Steps onto another's wall: each leaves less than half of the distance on a rounding, next to nothing on a cone."""
 FOLLOWED_SHARE = 0.3
 """Least width in radii over which the motion of one piece passes into that of the next."""
+MIN_SQUARE = 1e-18
+"""Of a piece's length less its growth, in m2: where one ball holds the other, it alone is left."""
 MIN_SLOPE = 0.3
 """Least square of a rounding's slope, in that of a distance, by which a step is divided."""
 MAX_DISTANCE_SLOPE = 1.5
@@ -483,7 +491,7 @@ EDGE_SHARE = 0.72
 def air_surface(channels: Sequence[Channel], fillet: float, edge: float) -> tuple[Array, mesh_arrays.Ints]:
     """Return corners (m) on the walls of channels, and triangles turned out of the air, with edges of about a length (m). The
     triangles' shapes do not depend on those of the network."""
-    key = ("network 3", tuple(channels), fillet, edge)
+    key = ("network 4", tuple(channels), fillet, edge)
     kept = meshing.cached_arrays(key, lambda: _whole_air_surface(channels, fillet, edge))
     return kept["points"], kept["triangles"]
 
@@ -538,7 +546,7 @@ def _air_surface(distance: Distance, edge: float) -> dict[str, NDArray[Any]]:
     known = {cell: [rows[number] for number in numbers] for cell, numbers in pieces.items()}
     x0, y0, z0 = low.tolist()
 
-    # Asked a million times: plain arithmetic; roundings come when the corners are moved.
+    # Asked a million times: plain arithmetic, cones in place of balls; those and roundings come when the corners are moved.
     def depth(x: float, y: float, z: float) -> float:
         least = reach
         block = int((x - x0) // size), int((y - y0) // size), int((z - z0) // size)

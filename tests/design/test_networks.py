@@ -11,10 +11,11 @@ from tests.support.campaigns import sampled
 TAYLOR = "Taylor's remainder of every quantity by every length, before and past a limit point"
 WORKING = 3000.0
 QUANTITIES = (Rise(at=WORKING), AddedVolume(at=WORKING), StoredEnergy(at=WORKING), Mass())
-STEPS = {"node_x[1]": 2e-3, "node_y[2]": 2e-3, "fillet": 0.05}
-"""Shares of a length by which it is changed. A hundredth of where a node lies is a third of a rounding, at whose ends the
-second derivative jumps; a hundredth of a rounding moves the plate by less than its states are solved to."""
 NAMES = ("node_x[1]", "node_y[2]", "node_offsets[3]", "start_radii[1]", "end_radii[2]", "thickness", "scale_x", "fillet")
+
+
+STEPS = {"fillet": 0.05}
+"""Shares of a length by which it is changed, where a hundredth moves the plate by less than its states are solved to."""
 
 
 def random_network(seed: int) -> ChannelPlate:

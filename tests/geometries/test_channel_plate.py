@@ -29,13 +29,16 @@ LEAF = """<?xml version="1.0"?>
 </svg>"""
 
 
-def _frustum(length, p, q):
-    """Volume of a cone between two half balls."""
-    return math.pi * length * (p * p + p * q + q * q) / 3 + 2 * math.pi / 3 * (p**3 + q**3)
+def _hull_of_two_balls(length, p, q):
+    """Volume of the convex hull of two balls: a cone that touches both, and what is beyond it of each."""
+    b = (p - q) / length
+    low, high, cosine = p * b, length + q * b, math.sqrt(1.0 - b * b)
+    cone = math.pi / 3 * (high - low) * cosine**2 * (p * p + p * q + q * q)
+    return cone + math.pi * (p**3 * (2 / 3 + b - b**3 / 3) + q**3 * (2 / 3 - b + b**3 / 3))
 
 
 def test_volume_of_a_channel_converges_to_its_closed_form():
-    exact, errors = _frustum(15e-3, 1.3e-3, 0.9e-3), []
+    exact, errors = _hull_of_two_balls(15e-3, 1.3e-3, 0.9e-3), []
     for around in (8, 12, 18):
         plate = ChannelPlate(**ONE, around=around)
         errors.append(abs(plate.cavity_volume / exact - 1.0))
@@ -330,12 +333,13 @@ def test_the_boundary_follows_a_length_onto_the_other_plate(bent, name):
 
 
 def _levels(plate, points):
-    """Distances from two straight channels, cones between balls."""
+    """Distances from two straight channels, each a row of many balls."""
     levels = []
     for each in plate.drawn.channels:
         (a, b), (p, q) = np.array(each.points), each.radii
-        share = np.clip((points - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
-        levels.append(np.linalg.norm(points - a - share[:, None] * (b - a), axis=1) - p - share * (q - p))
+        shares = np.linspace(0.0, 1.0, 4001)
+        balls = [np.linalg.norm(points - a - share * (b - a), axis=1) - p - share * (q - p) for share in shares]
+        levels.append(np.min(balls, axis=0))
     return np.array(levels)
 
 
