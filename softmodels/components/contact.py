@@ -102,27 +102,10 @@ MAX_FRICTION = 3.0
 @component.register_component
 @dataclasses.dataclass(frozen=True)
 class RigidShape(ContactPart):
-    """A rigid shape, and the faces in contact with it.
+    """A rigid shape, and the faces in contact with it; others pass through it.
 
-    Attributes:
-        shape: One of `shapes.SHAPES`.
-        faces: Roles of the facets that it stops, such as ``"outer"`` or ``"top, outer"``; others pass through it.
-        at: A point in m: the middle of a sphere or capsule, a point on a cylinder's axis or in a plane, where the origin of an
-            STL file goes.
-        radius: Radius in m; a plane has none.
-        along: Direction of a cylinder's or capsule's axis, or of a plane's normal, which points to the device.
-        length: Distance in m between the middles of a capsule's two ends.
-        hollow: Whether the device is inside the shape, as in a tube.
-        file, unit: An STL file, and the unit of its lengths.
-        rounding: Length in m over which an STL file's edges are rounded; 0 for 0.4 of a stopped facet's.
-        stiffness: Contact pressure per penetration, in shear moduli over `Actuator.size`.
-        guide: Direction along which it gives way, as `softmodels.mechanics.component.direction` reads it; empty for none.
-        spring: Stiffness in N/m of a spring that holds it there.
-        mass: In kg; where gravity pulls it against the guide, a stand holds it where it is until it is lifted, and where it
-            pulls the other way the spring does.
-        friction: Coefficient of Coulomb friction of the faces on a shape that stands still.
-        slip: Way in m over which friction sets in; 0 for a thousandth of `Actuator.size`.
-        seal: Whether the faces close the first cavity where they press on this plane, see `SealingTerm`.
+    A guide is read by `softmodels.mechanics.component.direction`. A mass rests on a stand until it is lifted where gravity
+    pulls it against the guide; where it pulls the other way the spring holds it. For a seal see `SealingTerm`.
     """
 
     shape: str = schema.choice_field(
@@ -350,13 +333,8 @@ class RigidShape(ContactPart):
 @component.register_component
 @dataclasses.dataclass(frozen=True)
 class Obstacle(ContactPart):
-    """A rigid plane without friction, and the faces that it stops: ``[contact]``, without a name.
-
-    Attributes:
-        faces: Roles of the facets that it stops, such as ``"top"`` or ``"bottom, outer"``; others pass through it.
-        plane: ``"z = 9 mm"``, ``"normal 0.6, 0, 0.8 at 9 mm"``, or a cut plane's name. The device keeps to the side
-            on which the faces lie at rest.
-        stiffness: Contact pressure per penetration, in shear moduli over `Actuator.size`; see `CONTACT_STIFFNESS`.
+    """A rigid plane without friction, and the faces that it stops: ``[contact]``, without a name. The device keeps to the side
+    on which these faces lie at rest; others pass through it.
 
     Raises:
         ComponentError: No such plane, or a stiffness out of `MIN_STIFFNESS` to `MAX_STIFFNESS`.
@@ -477,14 +455,8 @@ FOREIGN_WALL_STIFFNESS = 200.0
 @component.register_component
 @dataclasses.dataclass(frozen=True)
 class Walls(ContactPart):
-    """Frictionless self-contact of walls.
-
-    Attributes:
-        faces: Roles of the facets, such as ``"cavity"`` or ``"left, right"``: all of them may meet each other and themselves.
-            ``"auto"`` are those that the device itself names (`geometries.Actuator.meeting`), of a part from a file all of its
-            outside that faces itself; names beside it are one more group. ``"none"`` lets walls pass through each other.
-        stiffness: Contact pressure per overlap, in shear moduli over `Actuator.size`; see `stiffness_on`.
-    """
+    """Frictionless self-contact of walls. ``"auto"`` are those that the device itself names (`geometries.Actuator.meeting`), of
+    a part from a file all of its outside that faces itself; names beside it are one more group."""
 
     faces: str = schema.field_of(
         schema.Words(),
@@ -683,14 +655,7 @@ class WallTerm(assembly.AssembledTerm[pressing.Pressed]):
 @component.register_component
 @dataclasses.dataclass(frozen=True)
 class BodyContact(ContactPart):
-    """Contact of two bodies, or of two faces that are not of one wall.
-
-    Attributes:
-        between: Two regions, whose whole outsides may touch, or faces.
-        stiffness: Contact pressure per overlap, in shear moduli over `Actuator.size`.
-        friction: Coefficient of Coulomb friction.
-        slip: Way in m over which friction sets in; 0 for a thousandth of `Actuator.size`.
-    """
+    """Contact of two bodies, or of two faces that are not of one wall."""
 
     between: tuple[str, ...] = schema.list_field((), "the two bodies (regions) or faces that touch, such as inner, outer")
     stiffness: float = schema.field_of(

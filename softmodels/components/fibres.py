@@ -65,12 +65,7 @@ STIFF_SHEET = 50e3
 @component.register_component
 @dataclasses.dataclass(frozen=True)
 class Sheet(component.EnergyComponent):
-    """A sheet on a face.
-
-    Attributes:
-        face: Faces or pieces of faces it is bonded to, such as ``"top"`` or ``"top, side within z > 2 mm"``; see
-            `softmodels.mechanics.body`.
-        stiffness: Young's modulus times thickness in N/m.
+    """A sheet on faces or pieces of faces, such as ``"top, side within z > 2 mm"``; see `softmodels.mechanics.body`.
 
     Raises:
         ComponentError: A stiffness that no sheet has.
@@ -576,19 +571,7 @@ def taut(x: Expr) -> Expr:
 @component.register_component
 @dataclasses.dataclass(frozen=True)
 class Fibres(component.EnergyComponent):
-    """One family of fibres, or two that cross.
-
-    Attributes:
-        on: Names of regions or of faces, with commas between; the whole body if empty.
-        angle: Between the fibres and the axis, degrees.
-        axis: Through the origin.
-        helices: 1: at the angle; 2: at this angle and at its opposite.
-        stiffness: On faces: force per width and strain at rest of each family, N/m.
-        modulus: In regions: force per undeformed area and strain at rest of each family, Pa.
-        law: One of `FIBRE_LAWS`.
-        exponent: b of the exponential law.
-        slack: Whether they bear no compression.
-    """
+    """One family of fibres, or two that cross."""
 
     on: str = schema.field_of(
         schema.Words(),
@@ -759,18 +742,7 @@ class FibreTerm(StrainTerm):
 @component.register_component
 @dataclasses.dataclass(frozen=True)
 class Fabric(component.EnergyComponent):
-    """An orthotropic sheet.
-
-    Attributes:
-        on: Names of faces, with commas between.
-        along: Force per width over strain along the direction, N/m.
-        across: The same across it.
-        shear: Force per width over shear angle, N/m.
-        poisson: Contraction across over extension along, pulled along.
-        angle: Between the direction and the axis, degrees.
-        axis: Through the origin.
-        slack: Whether its yarns bear no compression.
-    """
+    """An orthotropic sheet."""
 
     on: str = schema.field_of(schema.Words(), "faces to which it is bonded, such as 'outer' or 'outer, strip'")
     along: float = schema.field_of(schema.Quantity("N/m"), "force per width over strain along its direction, such as '50 kN/m'")

@@ -371,7 +371,7 @@ def _key(kind: type[Component]) -> str:
     return f"{kind.table}.{kind.distinct}" if kind.always_named else kind.table
 
 
-COMPONENTS: names.Registry[type[Component]] = names.Registry("component", _key)
+COMPONENTS: names.Registry[type[Component]] = names.Registry("component", _key, made_known=schema.describe_fields)
 """Every kind by its table; those that always have a name by ``table.`` and what they are known by: ``[contact.ball]`` is none
 of ``[contact]``, and one with ``between`` is of two bodies."""
 register_component = COMPONENTS.register
