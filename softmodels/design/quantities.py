@@ -21,7 +21,6 @@ from softmodels.common import names, units
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import Expr, PETSc, fem, ufl
 from softmodels.components import contact
-from softmodels.components.contact import Obstacle, RigidShape
 from softmodels.design import trials
 from softmodels.materials import laws
 from softmodels.mechanics import assembly, compiling, mpi, sensitivity
@@ -662,7 +661,7 @@ class ForceOn(DesignQuantity, name="force_on", unit="N"):
 
     @staticmethod
     def named(device: Actuator, components: Sequence[Component]) -> tuple[str, list[str]]:
-        return "rigid shape", [part.label for part in components if isinstance(part, RigidShape | Obstacle)]
+        return "rigid shape", [part.label for part in components if isinstance(part, contact.RigidShape | contact.Obstacle)]
 
     def measure(self, design: DesignedBody) -> Measure:
         system, terms = design.system, design.system.potential.terms
@@ -672,7 +671,7 @@ class ForceOn(DesignQuantity, name="force_on", unit="N"):
             raise ValueError(f"the case has no rigid shape {self.of!r}; it has {', '.join(shapes) or 'none'}")
         term, actuator = shapes[self.of], system.body.actuator
         way = _direction(self.along, "force_on: along") if self.along else np.asarray(actuator.lift)
-        assert isinstance(term.shape, RigidShape)
+        assert isinstance(term.shape, contact.RigidShape)
         crossed, axes = term.shape.crossed(actuator), np.eye(actuator.dimension)
         shares = [float(contact.force_of_all(actuator, crossed, in_space(axis)) @ way) for axis in axes]
         weights = system.length_unit**2 * np.array(shares)

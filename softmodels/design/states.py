@@ -16,10 +16,8 @@ from softmodels.common.arrays import Array
 from softmodels.common.lazy import fem, ufl
 from softmodels.design import quantities, trials
 from softmodels.mechanics import assembly, component, controls, mpi, newton, sensitivity
-from softmodels.mechanics.sensitivity import Sensitivity
 from softmodels.path import continuation, schedule, stability
 from softmodels.path.continuation import Continuation, trace
-from softmodels.path.stability import Stability
 from softmodels.runs import state_values
 
 if TYPE_CHECKING:
@@ -54,7 +52,7 @@ class WorkingStates:
 
     # -- along the path -------------------------------------------------------------------------------------------------
 
-    def trace(self, rates: Sensitivity, names: Sequence[str]) -> None:
+    def trace(self, rates: sensitivity.Sensitivity, names: Sequence[str]) -> None:
         """Solve all states along paths from the undeformed state; DesignFailure if a load is not met. Where they depend on
         that path, their rates come from it, by lengths and parameters of `Sensitivity.force`."""
         self.states, self.limit, self.bifurcation = {}, None, None
@@ -69,7 +67,7 @@ class WorkingStates:
         if by_volume:
             self._trace_volumes(by_volume, start)
 
-    def _follow(self, rates: Sensitivity, names: Sequence[str]) -> None:
+    def _follow(self, rates: sensitivity.Sensitivity, names: Sequence[str]) -> None:
         """Solve the states in fixed steps of the pressure, with their rates."""
         while True:
             try:
@@ -450,7 +448,7 @@ class Adjoint:
         self._forces = [compiled(ufl.action(force, self._lambda)) for force in potential.forces]
         self._loads = [[compiled(ufl.action(form, self._lambda)) for form in forms] for forms in system.dead.integrals]
         self._volume = compiled(potential.cavity_volume - design.rest_volume)
-        self.sensitivity = Sensitivity(self.solver, design.motion)
+        self.sensitivity = sensitivity.Sensitivity(self.solver, design.motion)
 
     def prepare(self, state: State) -> None:
         """Factorise the tangent at a state, for the following gradients."""
@@ -664,9 +662,9 @@ class Bifurcations:
                 fork_state = self.solver.solve(controls.volume_control(V + spread * added), state.w, state.P)
                 quantities.check_apart(self.design, "bifurcation")
                 state = fork_state
-                value, shape = Stability.of(self.solver).like(fork_state, mode)
+                value, shape = stability.Stability.of(self.solver).like(fork_state, mode)
                 states.append(fork_state)
-                modes.append(shape / stability.Mode(Stability.of(self.solver).mass, shape).length)
+                modes.append(shape / stability.Mode(stability.Stability.of(self.solver).mass, shape).length)
                 values.append(value)
             cubic = Cubic([fork_state.V for fork_state in states])
             root = cubic.root(np.array(values), V)

@@ -37,7 +37,6 @@ from softmodels.common import errors, names, schema, units
 from softmodels.common.arrays import Array
 from softmodels.common.errors import ComponentError
 from softmodels.common.lazy import MPI, Expr, fem, ufl
-from softmodels.common.schema import settle
 from softmodels.materials.laws import Material
 from softmodels.mechanics import body
 from softmodels.mechanics.body import Body
@@ -70,7 +69,7 @@ class Component(abc.ABC):
     optional: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        settle(self, ComponentError)
+        schema.settle(self, ComponentError)
         if not isinstance(self.name, str):
             raise ComponentError(f"[{self.table}]: name is {units.brief(self.name)}; it must be a text, such as 'tip'")
         if not re.fullmatch(r"([a-z]\w*)?", self.name):
