@@ -355,6 +355,7 @@ class Obstacle(ContactPart):
     )
 
     table: ClassVar[str] = "contact"
+    differentiable: ClassVar[bool] = True
     optional: ClassVar[bool] = True
     needs: ClassVar[str] = "contact needs faces and a plane (--contact top --contact-plane 'z = 9mm')"
     figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
@@ -374,9 +375,6 @@ class Obstacle(ContactPart):
     def check_on(self, actuator: Actuator) -> None:
         component.check_on_mesh("contact", actuator, self.roles)
         self.place(actuator)
-
-    def undesigned(self, actuator: Actuator) -> str:
-        return ""
 
     @property
     def in_model(self) -> str:
@@ -472,6 +470,7 @@ class Walls(ContactPart):
     )
 
     table: ClassVar[str] = "walls"
+    differentiable: ClassVar[bool] = True
     softest: ClassVar[float] = 10.0
     usual: ClassVar[float] = WALL_STIFFNESS
     optional: ClassVar[bool] = True
@@ -532,9 +531,6 @@ class Walls(ContactPart):
     def check_on(self, actuator: Actuator) -> None:
         for group in self.groups(actuator) or ():
             component.check_on_mesh(self.where, actuator, group)
-
-    def undesigned(self, actuator: Actuator) -> str:
-        return ""
 
     def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
         depth, force = (figure(f"{self.label}_{what}") for what in ("overlap", "contact"))
@@ -807,11 +803,11 @@ class RubbingBodyTerm(_BodyTerm[touching.RubbedTouching], assembly.RememberingTe
     def __init__(self, part: BodyContact, body: Body, nodes: assembly.FaceNodes):
         super().__init__(part, body, nodes)
         self.rubbing = pressing.Rubbing(part.friction, part.slip / body.actuator.size or ONSET_DEPTH)
-        self.anchors = touching.Anchors.of_free(self.plain(nodes.places))
+        self.history = touching.Anchors.of_free(self.plain(nodes.places))
         self._balanced = np.empty(0), np.empty(0)  # values of the nodes, and the force that was in balance there
 
     def pressed(self, places: Array) -> touching.RubbedTouching:
-        return touching.RubbedTouching(self.plain(places), self.rubbing, self.anchors)
+        return touching.RubbedTouching(self.plain(places), self.rubbing, self.history)
 
     def plain_here(self) -> touching.Touching:
         return self._pressed.plain
@@ -819,28 +815,19 @@ class RubbingBodyTerm(_BodyTerm[touching.RubbedTouching], assembly.RememberingTe
     def whole_stiffness_here(self) -> scipy.sparse.csr_array:
         return self._pressed.whole_stiffness
 
-    def commit(self, w: Array, reset: bool = False) -> None:
-        self._take(w)
+    def kept(self, reset: bool) -> touching.Anchors:
         self._balanced = self._state, self._pressed.force  # with the new anchors, in turned tangent planes, it differs a little
-        self.anchors = touching.Anchors.of_free(self._pressed.plain) if reset else self._pressed.kept()
-        self.forget_state()  # the following calls use the current history
-
-    def save(self) -> touching.Anchors:
-        return self.anchors
-
-    def restore(self, saved: touching.Anchors) -> None:
-        self.anchors = saved
-        self.forget_state()
+        return touching.Anchors.of_free(self._pressed.plain) if reset else self._pressed.kept()
 
     def figures(self, equations: component.Equations) -> dict[str, float]:
         self._take(equations.w.x.array)
         pressed, size, label = self._pressed, equations.length_unit, self.part.label
         values, balanced = self._balanced
         force = balanced if np.array_equal(self._state, values) else pressed.force
-        lost = self.anchors.lost * equations.stress_unit * size**3 * self.actuator.copies
+        lost = self.history.lost * equations.stress_unit * size**3 * self.actuator.copies
         return self.body_figures(equations, pressed.plain, force) | {
             f"{label}_sliding": pressed.sliding,
-            f"{label}_slip_mm": float(self.anchors.slid.max(initial=0.0)) * size * 1e3,
+            f"{label}_slip_mm": float(self.history.slid.max(initial=0.0)) * size * 1e3,
             f"{label}_friction_mJ": lost * 1e3,
         }
 
@@ -1275,39 +1262,24 @@ class RubbingShapeTerm(assembly.HistoryTerm[pressing.Rubbed]):
         super().__init__(standing.nodes)
         self.shape, self.standing, self.actuator = shape, standing, setting.body.actuator
         self.rubbing = pressing.Rubbing(shape.friction, shape.slip / self.actuator.size or ONSET_DEPTH)
-        self._begin(standing.nodes.places)
-
-    def _begin(self, places: Array) -> None:
-        self.grip = pressing.FrictionHistory.of_free(self.standing.pressed(places))
+        self.history = pressing.FrictionHistory.of_free(standing.pressed(standing.nodes.places))
 
     def take(self, part: Component) -> None:
         """Where the shape moves, what sticks to it moves with it."""
         assert isinstance(part, RigidShape)
         moved = in_section(np.asarray(part.at) - np.asarray(self.shape.at), self.actuator.dimension) / self.actuator.size
-        self.shape, self.grip = part, dataclasses.replace(self.grip, held=self.grip.held + moved)
+        self.shape, self.history = part, dataclasses.replace(self.history, held=self.history.held + moved)
         self.standing.take(part)
         self.forget_state()
 
     def pressed(self, places: Array) -> pressing.Rubbed:
-        return pressing.Rubbed(self.standing.pressed(places), self.rubbing, self.grip)
+        return pressing.Rubbed(self.standing.pressed(places), self.rubbing, self.history)
 
     def whole_stiffness_here(self) -> scipy.sparse.csr_array:
         return self._pressed.whole_stiffness
 
-    def commit(self, w: Array, reset: bool = False) -> None:
-        if reset:
-            self._begin(self.nodes.moved(w))
-        else:
-            self._take(w)
-            self.grip = self._pressed.kept()
-        self.forget_state()  # the following calls use the current history
-
-    def save(self) -> pressing.FrictionHistory:
-        return self.grip
-
-    def restore(self, saved: pressing.FrictionHistory) -> None:
-        self.grip = saved
-        self.forget_state()
+    def kept(self, reset: bool) -> pressing.FrictionHistory:
+        return pressing.FrictionHistory.of_free(self._pressed.pressed) if reset else self._pressed.kept()
 
     def rest_rates(self, places: Array) -> Array:
         samples = self.standing.surface.places(places)

@@ -78,6 +78,7 @@ class Sheet(component.EnergyComponent):
     )
 
     table: ClassVar[str] = "sheet"
+    differentiable: ClassVar[bool] = True
     optional: ClassVar[bool] = True
     needs: ClassVar[str] = "a sheet needs both its face and its stiffness (--sheet top --sheet-stiffness 50kN/m)"
 
@@ -94,9 +95,6 @@ class Sheet(component.EnergyComponent):
     def check_on(self, actuator: Actuator) -> None:
         """Raise `ComponentError` if a device has no such face."""
         component.check_faces(self.where, actuator, [self.face])
-
-    def undesigned(self, actuator: Actuator) -> str:
-        return ""
 
     @property
     def variable(self) -> Mapping[str, str]:
@@ -594,6 +592,7 @@ class Fibres(component.EnergyComponent):
     slack: bool = schema.field_of(schema.Flag(), "whether they go slack in compression", False)
 
     table: ClassVar[str] = "fibres"
+    differentiable: ClassVar[bool] = True
     figure_texts: ClassVar = {
         r"(\w+)_mean_stretch": ("stretch of {0}", "of those fibres, mean over their faces or regions"),
         r"(\w+)_mean_tension_kPa": ("tension of {0}", "force per undeformed area of each family, its mean"),
@@ -612,9 +611,6 @@ class Fibres(component.EnergyComponent):
             if value and not least <= value <= most:
                 name = "stiffness" if unit == "N/m" else "modulus"
                 raise self.error(f"{name} is {value:g} {unit}; {least:g} to {most:g} {unit} are accepted")
-
-    def undesigned(self, actuator: Actuator) -> str:
-        return ""
 
     def inside(self, actuator: Actuator) -> tuple[str, ...]:
         return tuple(component.names_in(self.on)) if self.modulus else ()
@@ -754,6 +750,7 @@ class Fabric(component.EnergyComponent):
     slack: bool = schema.field_of(schema.Flag(), "whether its yarns go slack in compression", False)
 
     table: ClassVar[str] = "fabric"
+    differentiable: ClassVar[bool] = True
     needs: ClassVar[str] = "a fabric needs its faces (on) and its stiffnesses along and across"
     figure_texts: ClassVar = {
         r"(\w+)_stretch_(along|across)": ("stretch of {0} {1}", "of that fabric's yarns, the mean over its face"),
@@ -775,9 +772,6 @@ class Fabric(component.EnergyComponent):
             )
         if self.slack and self.poisson:
             raise self.error("yarns that go slack do not contract each other; leave out poisson or slack")
-
-    def undesigned(self, actuator: Actuator) -> str:
-        return ""
 
     @property
     def variable(self) -> Mapping[str, str]:

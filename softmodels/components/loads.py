@@ -55,6 +55,7 @@ class Gravity(DirectedLoad):
     magnitude: float = schema.field_of(schema.Quantity("m/s^2"), "acceleration of gravity", STANDARD_GRAVITY)
 
     table: ClassVar[str] = "gravity"
+    differentiable: ClassVar[bool] = True
     optional: ClassVar[bool] = True
     needs: ClassVar[str] = 'gravity needs its direction (direction = "-z", or --gravity -z)'
     figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
@@ -87,9 +88,6 @@ class Gravity(DirectedLoad):
     def acceleration(self) -> npt.NDArray[np.float64]:
         """Acceleration in m/s2, shape (3,), in device coordinates."""
         return self.magnitude * np.asarray(self.vector)
-
-    def undesigned(self, actuator: Actuator) -> str:
-        return ""
 
     @property
     def variable(self) -> Mapping[str, str]:

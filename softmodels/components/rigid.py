@@ -197,6 +197,7 @@ class Clamp(regions.HoldingPart):
     slip: str = schema.field_of(schema.Words(), "direction in which they slip, such as x: they are held across it", "")
 
     table: ClassVar[str] = "hold"
+    differentiable: ClassVar[bool] = True
     needs: ClassVar[str] = "[hold] needs a face, such as face = 'top'"
 
     def check(self) -> None:
@@ -218,9 +219,6 @@ class Clamp(regions.HoldingPart):
             if role not in known:
                 raise self.error(f"{type(actuator).__name__} has no {role!r}; {errors.known_are(role, known)}")
         self.holds(actuator)
-
-    def undesigned(self, actuator: Actuator) -> str:
-        return ""
 
     def inside(self, actuator: Actuator) -> tuple[str, ...]:
         return tuple(role for role in self.roles if role in actuator.regions)

@@ -54,6 +54,7 @@ class Component(abc.ABC):
         distinct: Of kinds that share a table of named ones, the field by which those of this one are known; empty for one.
         optional: Whether command lines have options for one of it: ``--table`` for its first field, ``--table-field`` for the
             others.
+        differentiable: Whether design gradients support it on every device; see `undesigned`.
         figure_texts: Short name and meaning of its columns of ``path.csv`` by a pattern of `re`; ``{0}`` is its first group.
 
     Raises:
@@ -67,6 +68,7 @@ class Component(abc.ABC):
     distinct: ClassVar[str] = ""
     figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {}
     optional: ClassVar[bool] = False
+    differentiable: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         schema.settle(self, ComponentError)
@@ -127,7 +129,7 @@ class Component(abc.ABC):
 
     def undesigned(self, actuator: Actuator) -> str:
         """Return why design gradients do not support it, as a clause after its name; empty if they do."""
-        return "whose gradients are not available"
+        return "" if self.differentiable else "whose gradients are not available"
 
     def inside(self, actuator: Actuator) -> tuple[str, ...]:
         """Return the regions that it belongs to: where lengths vary, the mesh has to follow their interfaces."""

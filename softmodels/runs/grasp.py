@@ -62,7 +62,7 @@ class Grasp:
     def rest(self) -> Held:
         """Return the fingers without pressure."""
         none, n, away = np.zeros(len(self.angles)), len(self.angles), np.zeros((0, 2))
-        states, grips = [self.system.rest()] * n, [self.term.grip] * n
+        states, grips = [self.system.rest()] * n, [self.term.history] * n
         return Held(0.0, 0.0, np.zeros(2), 0.0, np.zeros((n, 2)), none, none, none, away, away, states, grips)
 
     def _put(self, pose: Array, finger: int, grip: FrictionHistory) -> None:
@@ -126,7 +126,7 @@ class Grasp:
         for finger, state in enumerate(held.states):
             self._put(self._pose(held), finger, held.grips[finger])
             self.term.commit(state.w)
-            grips.append(self.term.grip)
+            grips.append(self.term.history)
         return dataclasses.replace(held, grips=grips)
 
     def follow(self, start: Held, P: float, load: float) -> Iterator[Held]:
@@ -178,7 +178,7 @@ class HeldTerm(contact.RubbingShapeTerm):
 
     def place(self, moved: Array, turn: Array, grip: FrictionHistory) -> None:
         """Set where the shape is, and the friction's history."""
-        self.moved, self.turn, self.grip = moved, turn, grip
+        self.moved, self.turn, self.history = moved, turn, grip
         self.forget_state()
 
     def _back(self, places: Array) -> Array:

@@ -641,7 +641,7 @@ class Model(cards.ResultCard):
         """Return the relaxed stiffness over the space of `Stability.with_responses`, and that of each silicone with branches of
         share 1 with its memory, in 1/s2."""
         unit = self.system.stress_unit / self.system.length_unit**2 / self._densities[0]
-        matrices = [assembly.sparse_matrix(form, self.system.bcs, 0.0) for form, *_ in self._creeping]
+        matrices = [assembly.sparse_matrix(form, self.system.bcs) for form, *_ in self._creeping]
         relaxed, products = self._stability.with_responses(shapes, matrices, springs)
         for matrix in matrices:
             matrix.destroy()
