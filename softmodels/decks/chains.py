@@ -756,7 +756,7 @@ def columns(model: ReducedModel) -> dict[str, Callable[[reduction.TipState], flo
             columns[f"pressure_cavity{k}_Pa"] = lambda state, ratio=ratio: ratio * state.pressure  # type: ignore[misc]
     columns |= {f"tip_{axis}_m": lambda state, i=i: state.position[i] for i, axis in enumerate(actuator.AXES)}  # type: ignore[misc]
     for i, axis in enumerate("wxyz"):
-        columns[f"tip_q{axis}_1"] = lambda state, i=i: reduction.quaternion(state.rotation)[i]  # type: ignore[misc]
+        columns[f"tip_q{axis}_1"] = lambda state, i=i: float(reduction.quaternion(state.rotation)[i])  # type: ignore[misc]
     columns |= {"added_volume_m3": lambda state: state.volume, "volume_rate_m3_per_Pa": lambda state: state.volume_rate}
     for i, motion in enumerate(MOTIONS):
         unit = "m" if i < 3 else "rad"
