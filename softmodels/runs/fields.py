@@ -382,7 +382,10 @@ def _surface(system: System, grid: state_values.Grid) -> Nodes:
 def _nearest(system: System, name: str, wanted: Array, facets: Nodes, places: Array) -> TrackedPoint:
     """Return the nearest place of facets whose nodes are at places (m, k, 3)."""
     comm, unit = system.comm, system.length_unit
-    share = _weights(_barycentric(places, wanted)) if len(places) else np.empty((0, 1))
+    share = np.empty((0, 1))
+    if len(places):  # facets have the nodes on their edges in the order of the corners opposite to them
+        at = _barycentric(places, wanted)
+        share = state_values.quadratic(at, ((1, 2), (0, 2), (0, 1)) if at.shape[1] == 3 else None)[0]
     closest = np.einsum("mk,mki->mi", share, places)
     distance = np.linalg.norm(closest - wanted, axis=1)
     away = -mpi.largest(comm, -float(distance.min()) if len(distance) else -math.inf)
@@ -404,15 +407,6 @@ def _nearest(system: System, name: str, wanted: Array, facets: Nodes, places: Ar
         )
     first = near[:1]
     return TrackedPoint(facets[first].ravel(), share[first].ravel() / holders, (place[0], place[1], place[2]), away)
-
-
-def _weights(barycentric: Array) -> Array:
-    """Return the second-order shape functions at barycentric coordinates (m, c): corners, then the edges opposite to them."""
-    corners = barycentric * (2 * barycentric - 1)
-    if barycentric.shape[1] == 2:
-        return np.column_stack([corners, 4 * barycentric.prod(axis=1)])
-    a, b, c = barycentric.T
-    return np.column_stack([corners, 4 * b * c, 4 * a * c, 4 * a * b])
 
 
 def _barycentric(places: Array, wanted: Array) -> Array:
