@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from geometries import actuator
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import MPI, basix, fem, la, plot, ufl
 from softmodels.components import creases
@@ -493,7 +494,9 @@ class FacingWalls:
         middle, normal = self._middles(points)
         self._turn = np.where(np.einsum("fi,fi->f", middle - inside, normal) > 0.0, 1.0, -1.0)
         self._rest = self._middles(points)
-        self._air = _joined(self.facets)
+        # The closed surface of each facet, around the device or in a cavity: a place that has gone through a wall into a cavity
+        # still faces that wall's outside, and not the cavity's other side, which may be nearer.
+        self._air = actuator.joined_by(self.facets)
         corner = points[self.facets[:, :2]]
         edge = float(np.median(np.linalg.norm(corner[:, 1] - corner[:, 0], axis=1))) if len(corner) else 0.0
         self.reach = max(GAP_REACH * size, 0.5 * edge)
@@ -767,19 +770,6 @@ def _neighbours(number: npt.NDArray[np.intp], parts: int, surface: npt.NDArray[n
     a, b = order[twice], order[twice + 1]
     beyond[a], beyond[b] = b // parts, a // parts
     return beyond.reshape(-1, parts)
-
-
-def _joined(facets: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """Return the number of the closed surface of each facet, shape (f,): what is around the device, or in a cavity of it. A
-    place that has gone through a wall into a cavity still faces that wall's outside, and not the cavity's other side, which
-    may be nearer."""
-    number, of = np.arange(facets.max(initial=-1) + 1), np.arange(0)
-    while True:
-        before, of = of, number[facets].min(axis=1, initial=len(number))
-        if np.array_equal(before, of):
-            return np.asarray(of)
-        np.minimum.at(number, facets, of[:, None])
-        number = number[number]
 
 
 def _through(
