@@ -797,7 +797,7 @@ class BodyContactTerm(_BodyTerm[touching.Touching]):
         return self.body_figures(equations, self._pressed, self._pressed.force)
 
 
-class RubbingBodyTerm(_BodyTerm[touching.RubbedTouching], assembly.RememberingTerm[touching.RubbedTouching]):
+class RubbingBodyTerm(_BodyTerm[touching.RubbedTouching], assembly.RememberingTerm[touching.RubbedTouching, touching.Anchors]):
     """The energy and its friction."""
 
     def __init__(self, part: BodyContact, body: Body, nodes: assembly.FaceNodes):
@@ -1255,7 +1255,7 @@ class GuidedShapeTerm(assembly.AssembledTerm[pressing.GivingWay]):
         return self.standing.figures_of(equations, self._pressed.here) | {f"{self.shape.label}_travel_mm": travel}
 
 
-class RubbingShapeTerm(assembly.HistoryTerm[pressing.Rubbed]):
+class RubbingShapeTerm(assembly.HistoryTerm[pressing.Rubbed, pressing.FrictionHistory]):
     """The energy of contact with such a shape, and its friction; ``standing`` is its term without."""
 
     def __init__(self, shape: RigidShape, standing: StandingTerm, setting: component.FormContext):

@@ -213,31 +213,31 @@ class AssembledTerm[P: Pressing](component.EnergyTerm):
         return scipy.sparse.kron(self._known, np.ones((d, d), dtype=np.bool_), format="csr")
 
 
-class RememberingTerm[P: Pressing](AssembledTerm[P]):
+class RememberingTerm[P: Pressing, H](AssembledTerm[P]):
     """A term whose forces depend on its ``history``, what it remembers of the last accepted state."""
 
     remembers: ClassVar[bool] = True
-    history: Any
+    history: H
 
     @abc.abstractmethod
-    def kept(self, reset: bool) -> Any:
+    def kept(self, reset: bool) -> H:
         """Return the history once the present state is accepted; with ``reset`` as if nothing had touched before."""
 
     def commit(self, w: Array, reset: bool = False) -> None:
         self._take(w)
         self.restore(self.kept(reset))
 
-    def save(self) -> Any:
+    def save(self) -> H:
         """Return the history; see `component.Checkpoint`."""
         return self.history
 
-    def restore(self, saved: Any) -> None:
+    def restore(self, saved: H) -> None:
         """Return to what `save` has given."""
         self.history = saved
         self.forget_state()  # the following calls use this history
 
 
-class HistoryTerm[P: Pressing](RememberingTerm[P]):
+class HistoryTerm[P: Pressing, H](RememberingTerm[P, H]):
     """One with the derivatives of what it remembers: flat arrays, by places of the faces' nodes against what they press on."""
 
     @abc.abstractmethod
