@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 
 
 def _list_variant_fields(device: type[Actuator]) -> None:
-    """Give the device's `Actuator.variant` a signature with its fields, which an editor's Tab completes."""
+    """Give the device's `Actuator.variant` a signature with its fields, which an editor's Tab completes, and ``help`` their
+    meaning."""
+    schema.describe_fields(device)
     plain = inspect.unwrap(device.variant.__func__)  # type: ignore[attr-defined]
 
     @functools.wraps(plain)

@@ -34,7 +34,6 @@ from softmodels.runs import analyses, columns, formats, labels, notes, outcomes,
 from softmodels.runs.analyses import Limit
 from softmodels.runs.budget import Budget
 from softmodels.runs.fields import OUTPUTS, OutputField, requestable
-from softmodels.runs.outcomes import RunError
 from softmodels.runs.simulation import MemoryStates, Simulation
 from softmodels.runs.states import Line, StoredStates
 from softmodels.runs.table import PathTable, Row, band_of
@@ -221,7 +220,7 @@ class Run(cards.ResultCard):
             asked = [k for k in near if self.table[k]["requested"]]
             return self[asked[0] if asked else near[0]]
         if not there.min() < wanted < there.max() or quantity == "step":
-            raise RunError(self._not_there(value, quantity, there))
+            raise outcomes.RunError(self._not_there(value, quantity, there))
         if (quantity, wanted) not in self._solved:
             self._solved[quantity, wanted] = solve_between(self._source, quantity, wanted, there)
         return dataclasses.replace(self._solved[quantity, wanted])  # with a grid of its own
@@ -246,10 +245,10 @@ class Run(cards.ResultCard):
         if near := np.flatnonzero(np.abs(there - wanted) <= SAME_VALUE_TOLERANCE * np.abs(there).max()).tolist():
             return self[near[0]]
         if self.case.program:
-            raise RunError("states of a program are not interpolated; request one by its step number")
+            raise outcomes.RunError("states of a program are not interpolated; request one by its step number")
         if not (low := np.nanmin(there)) < wanted < (high := np.nanmax(there)):
             why = f"; {self.limit.why}" if self.limit else ""
-            raise RunError(f"the run has no state with {column} {wanted:g}: it goes from {low:.4g} to {high:.4g}{why}")
+            raise outcomes.RunError(f"the run has no state with {column} {wanted:g}: it goes from {low:.4g} to {high:.4g}{why}")
         if (column, wanted) not in self._solved:
             self._solved[column, wanted] = solve_between(self._source, column, wanted, there)
         return dataclasses.replace(self._solved[column, wanted])
@@ -707,7 +706,7 @@ class SolvedState(cards.ResultCard):
     def _tensor(self, name: str) -> Array:
         """Return a field that may have to be computed; `RunError` if it depends on the states before, and was not stored."""
         if name not in self.fields and name not in self._computed_fields:
-            raise RunError(
+            raise outcomes.RunError(
                 f"{name} of a silicone with a memory depends on the states before and is not stored; run again with "
                 f"fields=[{name!r}]"
             )
@@ -845,7 +844,7 @@ def solve_between(source: StoredStates, quantity: str, wanted: float, values: Ar
     """
     comm, ends = mpi.start(), _bracket(source, values, wanted)
     if ends is None and quantity in source.rows.columns:
-        raise RunError(f"no two neighbouring states on one continuous piece of the path bracket {quantity} {wanted:g}")
+        raise outcomes.RunError(f"no two neighbouring states on one continuous piece of the path bracket {quantity} {wanted:g}")
     case = source.case if ends else _to_one(source.case, quantity, wanted)
     simulation = Simulation(case, comm)
     try:
@@ -868,7 +867,7 @@ def _bracket(source: StoredStates, values: Array, wanted: float) -> tuple[int, i
         if low < wanted < high and not source.rows[after]["jump"]:
             return before, after
     if not source.rows["jump"].any():  # as on a branch
-        raise RunError("no two neighbouring states of the branch bracket this value")
+        raise outcomes.RunError("no two neighbouring states of the branch bracket this value")
     return None
 
 
@@ -896,7 +895,7 @@ def _between(
             reached = path.between(before, after, wanted / simulation.model.unit_of(quantity))
         path.commit(reached)
     except newton.NoConvergence as failure:
-        raise RunError(f"no converged state between steps {ends[0]} and {ends[1]} ({failure})") from failure
+        raise outcomes.RunError(f"no converged state between steps {ends[0]} and {ends[1]} ({failure})") from failure
     return simulation.step_of(reached, ends[0])
 
 

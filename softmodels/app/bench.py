@@ -22,9 +22,7 @@ from nicegui import Event
 
 from geometries import HollowDisk
 from measurement.series import photo_list
-from measurement.series.photo_list import Column, ColumnError, PhotoListError
 from softmodels.app import history, jobs, replies
-from softmodels.app.jobs import Jobs
 from softmodels.case import entries, load
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
@@ -41,7 +39,7 @@ class Bench:
         self.project, self.address = project, address
         self.solver, self.slower = jobs.WarmWorker("softmodels.app.answers"), jobs.WarmWorker("softmodels.app.answers")
         self.tracer = jobs.WarmWorker("softmodels.app.tracing")
-        self.jobs, self.photographs = Jobs(project.folder), Photographs(project, self.tracer)
+        self.jobs, self.photographs = jobs.Jobs(project.folder), Photographs(project, self.tracer)
         for changed in (project.changed, self.photographs.changed):
             changed.subscribe(lambda _: project.record())
 
@@ -344,7 +342,7 @@ class Photographs:
         if (listing := self.project / PHOTOS).exists():
             try:
                 self.take_list(listing)
-            except PhotoListError as error:
+            except photo_list.PhotoListError as error:
                 self.error = str(error)
 
     async def read_again(self) -> None:
@@ -414,7 +412,7 @@ class Photographs:
                 photograph.row = {**photograph.row, **given}
                 self.pressure_of(photograph)
             self.write_list()
-        except (ColumnError, OSError):
+        except (photo_list.ColumnError, OSError):
             for photograph, row in zip(changed, before, strict=True):
                 photograph.row = row
             raise
@@ -438,9 +436,9 @@ class Photographs:
         return self.column.read(photograph.pressure)[0] if photograph.pressure else math.nan
 
     @property
-    def column(self) -> Column:
+    def column(self) -> photo_list.Column:
         """The column that pressures in cm are read from; its liquid is the case's."""
-        return Column(self.project.case.water_density)
+        return photo_list.Column(self.project.case.water_density)
 
     # -- work ---------------------------------------------------------------------------------------------------------
 
@@ -466,7 +464,7 @@ class Photographs:
             listing.write_bytes(data)
             try:
                 self.take_list(listing)
-            except PhotoListError as error:
+            except photo_list.PhotoListError as error:
                 raise jobs.AnswerError(f"{name}: {str(error).replace(str(listing), name)}") from None
         self.write_list()
         self.changed.emit("")
@@ -520,7 +518,7 @@ class Photographs:
             if question != photograph.question:
                 photograph.traced = await self.tracer.ask("trace", str(photograph.file), *question)
                 photograph.question, photograph.why = question, ""
-        except (jobs.AnswerError, ColumnError) as error:
+        except (jobs.AnswerError, photo_list.ColumnError) as error:
             photograph.traced, photograph.why, photograph.question = None, str(error), None
         self.changed.emit(photograph.file.name)
 

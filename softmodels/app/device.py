@@ -18,11 +18,9 @@ from nicegui import ui
 from geometries import ACTUATORS, Actuator, actuator, registry
 from softmodels.app import bench, forms, jobs
 from softmodels.app.bench import Bench
-from softmodels.app.jobs import Job
 from softmodels.case import load
 from softmodels.case.case import Case
 from softmodels.common import errors, files, units
-from softmodels.common.errors import GeometryError
 from softmodels.materials import silicones
 from softmodels.path import steps
 from softmodels.runs import table
@@ -123,7 +121,7 @@ class DevicePage(forms.TabPage):
         """Show the linear answer of a solid while a slider moves."""
         device = self.project.case.actuator
         if self.linear is not None and name in device.movable:
-            with contextlib.suppress(GeometryError):
+            with contextlib.suppress(errors.GeometryError):
                 self._show_linear(actuator.changed(device, {name: value}))
 
     def _take_pressures(self, text: str) -> None:
@@ -153,7 +151,7 @@ class DevicePage(forms.TabPage):
         self._show_case()
         await self._solve()
 
-    async def _ended(self, job: Job) -> None:
+    async def _ended(self, job: jobs.Job) -> None:
         if job.output == OUTPUT and not job.active and not is_section(self.project.case.actuator):
             await self._solve()
 

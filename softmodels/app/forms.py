@@ -21,7 +21,6 @@ from softmodels.case import entries
 from softmodels.case.case import Case
 from softmodels.common import errors, files, schema, units
 from softmodels.common.arrays import Array
-from softmodels.common.errors import GeometryError
 from softmodels.materials import silicones
 from softmodels.path import steps
 
@@ -39,7 +38,7 @@ ERRORS = (
     jobs.AnswerError,
     ColumnError,
     errors.FieldError,
-    GeometryError,
+    errors.GeometryError,
     PhotoListError,
     units.UnitError,
     OSError,

@@ -16,7 +16,6 @@ from nicegui import ui
 from geometries import actuator
 from softmodels.app import forms, jobs
 from softmodels.app.bench import CASE, CURVES, DESIGN_CASE, FIT_CASE, FITTED, MOULD_CASE, OUTLINES, RESULTS, Bench, FileKind
-from softmodels.app.jobs import Job
 from softmodels.case import materials
 from softmodels.case.case import Case
 from softmodels.casting import settings
@@ -123,7 +122,7 @@ class MaterialPage(forms.TabPage):
             words += ["--fix", text.strip()] if text.strip() else []
         return forms.Command([*words, "-o", FIT], FIT, written=self.project.case_for(FIT_CASE))
 
-    async def _ended(self, job: Job) -> None:
+    async def _ended(self, job: jobs.Job) -> None:
         if job.output == OUTLINES and not job.active:
             self.with_outlines.set_value((self.project / OUTLINES).is_dir())
         elif job.output == FIT and job.state == jobs.DONE:
@@ -225,7 +224,7 @@ class MouldPage(forms.TabPage):
                 words += [f"--{name.replace('_', '-')}", text]
         return forms.Command(words, MOULD, written=self.project.case_for(MOULD_CASE))
 
-    async def _ended(self, job: Job) -> None:
+    async def _ended(self, job: jobs.Job) -> None:
         if job.output == MOULD and job.state == jobs.DONE:
             self._show()
 

@@ -16,7 +16,6 @@ import numpy.typing as npt
 from nicegui import ui
 
 from measurement.series import photo_list
-from measurement.series.photo_list import PhotoListError
 from softmodels.app import device, forms, jobs, replies
 from softmodels.app.bench import (
     AUTO,
@@ -31,7 +30,6 @@ from softmodels.app.bench import (
     Bench,
     ListedPhotograph,
 )  # fmt: skip
-from softmodels.app.jobs import Job
 from softmodels.common import units
 from softmodels.common.arrays import Array
 
@@ -233,7 +231,7 @@ class PhotographsPage(forms.TabPage):
         self.shown = self.shown or next(iter(self.photos.listed), "")
         await self._show()
 
-    async def _job_changed(self, job: Job) -> None:
+    async def _job_changed(self, job: jobs.Job) -> None:
         if job.output == LENS:
             self._update()
         elif job.output == OUTLINES:
@@ -406,7 +404,7 @@ class PhotographsPage(forms.TabPage):
         try:
             self.photos.write_list()
             listed = photo_list.read_photos(self.photos.project / PHOTOS, self.photos.column)
-        except (PhotoListError, OSError) as error:
+        except (photo_list.PhotoListError, OSError) as error:
             return f"{error}; type the pressures beside the photographs"
         if not any(photo.is_zero for photo in listed) and self.handles.zero is None:
             return "none of the photographs is at zero pressure: type 0 cm beside it, or drag the zero line"

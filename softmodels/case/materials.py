@@ -16,7 +16,7 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from geometries import Actuator
+from geometries import Actuator, registry
 from geometries.actuator import cavity_roles
 from softmodels.case import entries
 from softmodels.case.entries import Entry
@@ -60,10 +60,6 @@ def material_options_of() -> dict[str, tuple[str, list[str]]]:
     return entries
 
 
-def _flag(name: str) -> str:
-    return f"--{name.replace('_', '-')}"
-
-
 def material_from(name: str | None, values: Mapping[str, object]) -> Material:
     """Return the material of a command line, from a law, perhaps with its numbers (``"yeoh:c1=8kPa,c2=90Pa"``), a silicone, a
     TOML file or None for the default law, and parameters as texts with units; `MaterialError` for an unknown name, or a
@@ -73,7 +69,7 @@ def material_from(name: str | None, values: Mapping[str, object]) -> Material:
         return DEFAULT
     law, own = (DEFAULT.name, {}) if name is None else _with_numbers(name)
     if twice := own.keys() & given.keys():
-        raise MaterialError(f"material {name!r} has {min(twice)} already; leave out {_flag(min(twice))}")
+        raise MaterialError(f"material {name!r} has {min(twice)} already; leave out {registry.flag(min(twice))}")
     given = {**own, **given}
     if named := laws.law_called(law):
         if named[0] is type(DEFAULT) and not {*DEFAULT.parameters, *DEFAULT.alternatives} & set(given):
@@ -82,7 +78,7 @@ def material_from(name: str | None, values: Mapping[str, object]) -> Material:
     if silicone := silicones.silicone_called(law):
         table = to_table(silicone.material)
         if mixed := _mixed(given):
-            flags = " and ".join(map(_flag, mixed))
+            flags = " and ".join(map(registry.flag, mixed))
             raise MaterialError(
                 f"the silicone {law} already defines its law and parameters, which {flags} would mix; leave "
                 f"out {flags}, or name a law instead of the silicone, such as --material yeoh"
@@ -206,7 +202,7 @@ def from_table(table: Mapping[str, object]) -> Material:
     if not parameters.keys() & law.alternatives.keys():
         for key, field in fields.items():
             if key not in parameters and field.default is dataclasses.MISSING:
-                raise MaterialError(f"{name} needs {key} ({field.metadata['help']}); give it with {_flag(key)}")
+                raise MaterialError(f"{name} needs {key} ({field.metadata['help']}); give it with {registry.flag(key)}")
     made = law.from_values(parameters, convention)
     if terms and made.terms != terms:
         raise MaterialError(f"law {text!r} has {made.terms} terms here; give {terms} values of each of its parameters")

@@ -18,7 +18,6 @@ from geometries import Actuator, actuator, meshing
 from geometries.actuator import Vector
 from geometries.imported import face_names, named_surfaces
 from softmodels.casting import grooves, settings
-from softmodels.casting.settings import MouldError
 from softmodels.common import schema
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError, MeshingError
@@ -124,7 +123,7 @@ def recipe_of(device: Actuator, workshop: settings.Workshop) -> actuator.Recipe:
     try:
         recipe = device.cast_along(workshop.direction, workshop.level)
     except GeometryError as error:
-        raise MouldError(str(error)) from None
+        raise settings.MouldError(str(error)) from None
     if workshop.core != "as needed":
         lost = workshop.core != "rigid"
         recipe = (lost and recipe.seamless) or recipe
@@ -238,7 +237,7 @@ class _Maker:
         device.build_whole()
         solids = gmsh.model.getEntities(3)
         if len(solids) != 1:
-            raise MouldError(f"the whole device consists of {len(solids)} solids; a mould needs a single one")
+            raise settings.MouldError(f"the whole device consists of {len(solids)} solids; a mould needs a single one")
         self.frame = Frame(rotation_up(pour.up), workshop.scale)
         turned(solids, self.frame.turn)
         scaled(workshop.scale)
@@ -275,14 +274,14 @@ class _Maker:
         low, high = boxes[outer, :, 2]
         cavities = np.delete(boxes[:, :, 2], outer, axis=0)
         if pour.level is None and not len(cavities):
-            raise MouldError("the part has no closed cavity, so it needs no mould with a core")
+            raise settings.MouldError("the part has no closed cavity, so it needs no mould with a core")
         level = 0.5 * float(cavities.min() + cavities.max()) if pour.level is None else metre * pour.level
         top = float(high) if pour.end is None else metre * pour.end
         if not low - FLUSH_TOLERANCE < level < high - FLUSH_TOLERANCE:
             asked = self.workshop.level
             value = schema.shown(level / metre if asked is None else asked, "m")
             low, high = (low, high) if asked is None or level == metre * asked else (-high, -low)
-            raise MouldError(
+            raise settings.MouldError(
                 f"split is {value}; along the pull the part extends from {schema.shown(low / metre, 'm')} to "
                 f"{schema.shown(high / metre, 'm')}"
             )
@@ -341,7 +340,7 @@ class _Maker:
                 recesses.append(part)
             else:
                 place = self.frame.drawn(np.array(self.occ.getCenterOfMass(*part))).round(3)
-                raise MouldError(
+                raise settings.MouldError(
                     f"the cavity around {', '.join(f'{value + 0.0:.4g}' for value in place)} mm is entirely in the "
                     f"{self.pour.name} half and does not reach the parting plane, so its core would float; choose another "
                     f"plane (--split) or direction (--pull)"
@@ -437,7 +436,7 @@ class _Maker:
         if len(carrier) > 1:
             loose = min(carrier, key=lambda solid: float(self.occ.getMass(*solid)))
             place = self.frame.drawn(np.array(self.occ.getCenterOfMass(*loose))).round(3)
-            raise MouldError(
+            raise settings.MouldError(
                 f"a core of the {self.pour.name} around {', '.join(f'{value + 0.0:.4g}' for value in place)} mm does not "
                 f"stand on the lid; choose another plane (--split)"
             )
@@ -546,7 +545,7 @@ class _Maker:
         inner = radius
         if upright:
             if workshop.inlet == "luer":
-                raise MouldError(
+                raise settings.MouldError(
                     "inlet is 'luer', a cone that is wide outside; this device's inlet is cast on the core, which leaves "
                     "inwards: use inlet = tube or barb"
                 )
@@ -587,7 +586,7 @@ class _Maker:
         inside = occ.intersect(occ.copy([around]), [self.envelope], removeTool=False)[0]
         volume = sum(occ.getMass(*solid) for solid in inside)
         if volume < (1.0 - POINT_TOLERANCE) * occ.getMass(*around):
-            raise MouldError(
+            raise settings.MouldError(
                 f"tube is {schema.shown(workshop.tube, 'm')}; it would leave less than {schema.shown(LEAST_SILICONE, 'm')} of "
                 f"silicone around it"
             )
@@ -598,7 +597,7 @@ class _Maker:
         workshop = self.workshop
         tip = radius - length * workshop.slope
         if 2.0 * tip < MM_PER_M * workshop.least_wall:
-            raise MouldError(
+            raise settings.MouldError(
                 f"draft is {schema.shown(workshop.draft, 'degree')}; over {schema.shown(length / MM_PER_M, 'm')} it closes the "
                 f"inlet: of its core of {schema.shown(workshop.tube, 'm')} {schema.shown(max(2.0 * tip, 0.0) / MM_PER_M, 'm')} "
                 f"are left, but the printer's smallest rib is {schema.shown(workshop.least_wall, 'm')}"
@@ -678,12 +677,12 @@ def hole_places(
     needed = 0.5 * MM_PER_M * workshop.least_gap if fewer else 0.5 * MM_PER_M * workshop.pour + MM_PER_M * workshop.least_gap
     best = float(room.max(initial=0.0))
     if best < needed and fewer:
-        raise MouldError(
+        raise settings.MouldError(
             f"a core's peg is {schema.shown(round(2.0 * best / MM_PER_M, 6), 'm')} wide, too narrow to cast the core of wax "
             "through it; print the core (--core lost)"
         )
     if best < needed:
-        raise MouldError(
+        raise settings.MouldError(
             f"pour is {schema.shown(workshop.pour, 'm')}; the bonding face has room for "
             f"{schema.shown(round(max(2.0 * (best / MM_PER_M - workshop.least_gap), 0.0), 6), 'm')} beside the cores"
         )
@@ -699,7 +698,7 @@ def hole_places(
         if not len(free) or distance.max() < apart:
             if fewer:
                 break
-            raise MouldError(
+            raise settings.MouldError(
                 f"vents is {workshop.vents}; the bonding face has room for {len(hole_places) - 1} beside the cores"
             )
         hole_places.append(free[distance.argmax()])
@@ -718,7 +717,7 @@ def _edge(cast: list[Solid], level: float) -> Array:
             at = np.reshape(gmsh.model.getValue(1, curve, np.linspace(low, high, EDGE_POINTS + 1)), (-1, 3))[:, :2]
             pieces.append(np.stack([at[:-1], at[1:]], axis=1))
     if not pieces:
-        raise MouldError("the parting plane leaves no face to bond; choose another (--split)")
+        raise settings.MouldError("the parting plane leaves no face to bond; choose another (--split)")
     return np.concatenate(pieces)
 
 

@@ -21,8 +21,6 @@ from softmodels.casting.bodies import MM_PER_M
 from softmodels.casting.pictures import DRAWING, EXPLODED, PLATES, STEPS, draw_all, drawing, plates_picture
 from softmodels.common import commands, names, pages, schema
 from softmodels.common.files import image_uri, json_number, render, write_bytes, write_text
-from softmodels.common.names import checked
-from softmodels.common.pages import Page
 from softmodels.common.processes import one_at_a_time
 from softmodels.materials import silicones
 from softmodels.pictures import offscreen
@@ -149,7 +147,7 @@ def _of_body(body: make.MouldBody) -> dict[str, object]:
 # The Python call that makes the mould of a device.
 
 
-@checked
+@names.checked
 @one_at_a_time
 def mould(
     device: Actuator | Case | str | Path,
@@ -559,7 +557,7 @@ def sheet_page(sheet: BenchSheet, pictures: Mapping[str, pages.Picture], made: m
     first, steps, plates = ([pictures[name]] if name in pictures else [] for name in (EXPLODED, STEPS, PLATES))
     others = [picture for name, picture in pictures.items() if name not in (EXPLODED, STEPS, PLATES)]
     of_casts = [pages.Table(table.rows, table.head) for table in (sheet.amounts, sheet.walls, sheet.checks, sheet.prints)]
-    return Page(
+    return pages.Page(
         sheet.title, " ".join(sheet.about[:2]),
         [
             ("", [pages.Bullets(sheet.about[2:]), *first]),

@@ -30,7 +30,6 @@ from softmodels.casting.bodies import (
     turned,
 )
 from softmodels.casting.facets import Facets
-from softmodels.casting.settings import MouldError
 from softmodels.common import cards, schema
 from softmodels.common.arrays import Array, triple
 from softmodels.common.errors import MeshingError
@@ -225,7 +224,7 @@ def _draw_wax(drawn: _DrawnPiece, workshop: settings.Workshop, folder: Path) -> 
     peg = float(core.points[:, 2].min())
     parting = next((axis for axis in (along, 2, 1, 0) if axis is not None and _parts_sideways(core, axis, middle[axis])), None)
     if parting is None:
-        raise MouldError(f"the {name} does not leave a mould in two halves in any direction; print it (--core lost)")
+        raise settings.MouldError(f"the {name} does not leave a mould in two halves in any direction; print it (--core lost)")
     pour = actuator.Pour(
         name=name, up=(0.0, 0.0, 1.0), level=peg / MM_PER_M, lid=False, wax=True, vented=tools.level / MM_PER_M,
         floor=tools.level / MM_PER_M if parting == 2 else None,
@@ -523,7 +522,7 @@ def check_body(name: str, surfaces: Surfaces, workshop: settings.Workshop, named
         ("thin", wall, workshop.least_wall, "least_wall"), ("wide", gap, workshop.least_gap, "least_gap"),
     ):  # fmt: skip
         if value + allowed < MM_PER_M * limit:
-            raise MouldError(
+            raise settings.MouldError(
                 f"the {name} is {settings.length_text(value / MM_PER_M)} {what} {named(place)}; the printer's "
                 f"smallest {'wall' if what == 'thin' else 'gap'} is {schema.shown(limit, 'm')} ({field})"
             )
@@ -644,7 +643,7 @@ def check_core(facets: Facets, foot: float, workshop: settings.Workshop, named: 
     the height in mm of the plane in which it stands on a lid: that face is inside of a body."""
     (width, place), _ = thicknesses(facets, np.abs(facets.corners[:, :, 2] - foot).max(axis=1) < 1e-4)
     if width + 2.0 * facets.chord < MM_PER_M * workshop.least_wall:
-        raise MouldError(
+        raise settings.MouldError(
             f"a channel is {settings.length_text(width / MM_PER_M)} wide {named(place)}; the "
             f"printer's smallest rib is {schema.shown(workshop.least_wall, 'm')} (least_wall)"
         )
@@ -673,7 +672,7 @@ def _least_draft(name: str, surfaces: Surfaces, workshop: settings.Workshop, nam
     if worst < -UNDERCUT_TOLERANCE:
         at = facets.corners[formed][np.unravel_index(lean[formed].argmin(), lean[formed].shape)[0]].mean(axis=0)
         lost = ", let its core be lost (--core lost)" if name.endswith("lid") else ""
-        raise MouldError(
+        raise settings.MouldError(
             f"the {name} cannot be demoulded: it is undercut by {math.degrees(math.asin(min(1.0, -worst))):.3g} deg "
             f"{named(at)}; choose another direction (--pull) or plane (--split){lost}, or change the part"
         )
@@ -800,7 +799,7 @@ def overlaps(surfaces: Surfaces) -> dict[str, float]:
         ways = (0.0, *(way * height for way in COLLISION_DISTANCES)) if body.pull.any() else (0.0,)
         worst[body.name] = max(common_thickness(solids[body.name].translate(tuple(way * body.pull)), rest) for way in ways)
         if worst[body.name] > allowed:
-            raise MouldError(
+            raise settings.MouldError(
                 f"the {body.name} cannot be demoulded: on its way out it is {schema.shown(worst[body.name] / MM_PER_M, 'm')} "
                 "deep in the part or another body; choose another direction (--pull), or change the part"
             )

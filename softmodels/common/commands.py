@@ -201,16 +201,7 @@ class DrawingOptions:
 
 @dataclasses.dataclass(frozen=True)
 class SolvingOptions:
-    """How a run is solved.
-
-    Attributes:
-        output: Folder for the results; None for the default.
-        resume: Resume an interrupted run of the same case in the folder.
-        quiet: Print only errors.
-        branch: Also follow the branch at the first bifurcation, into the folder ``branch``.
-        ranks: Number of processes; None to choose by the model's size.
-        petsc: Words for PETSc's option database.
-    """
+    """How a run is solved; ``output`` and ``ranks`` are None where they are chosen, ``petsc`` are words for PETSc's options."""
 
     output: Path | None = output_option(  # noqa: RUF009
         "Folder for the results: new, empty, or of an earlier run, whose files are replaced.  [default: results/NAME; "
@@ -592,8 +583,6 @@ def commit() -> str:
 
 def command_line() -> str:
     """Return the command that runs, as it can be pasted; empty in a Python program."""
-    import click
-
     context = click.get_current_context(silent=True)
     name = context.find_root().info_name if context else None
     return shlex.join([*name.split(), *sys.argv[1:]]) if name else ""

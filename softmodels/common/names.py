@@ -198,22 +198,21 @@ def read_only[Kind: np.generic](array: npt.NDArray[Kind]) -> npt.NDArray[Kind]:
     return view
 
 
-def keep_arrays(value: object, *, copy: bool = False) -> None:
-    """Make every array that an object holds, of a frozen dataclass too, read-only at the end of its making; copies where the
-    caller may change them."""
+def keep_arrays(value: object) -> None:
+    """Make every array that an object holds, of a frozen dataclass too, read-only at the end of its making."""
     import numpy as np
 
     for name, array in list(vars(value).items()):
         if isinstance(array, np.ndarray):
-            object.__setattr__(value, name, read_only(array.copy() if copy else array))
+            object.__setattr__(value, name, read_only(array))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # What users add to by name: laws, devices, components, supplies, quantities of designs, outputs of runs, checks.
 #
-# Entries are classes, and objects of `softmodels.runs.table.Output`. Each registry has a function that registers, such as
-# ``register_law = LAWS.register``; for classes it is a decorator. An entry of the same module and name, as a notebook defines
-# it anew, takes the place of the one before.
+# Entries are classes, and objects of `softmodels.runs.table.Output`. A registry has a function that registers, such as
+# ``register_law = LAWS.register``, for classes a decorator; a quantity is registered by the name in its class statement. An
+# entry of the same module and name, as a notebook defines it anew, takes the place of the one before.
 
 
 class Registry[T](MutableMapping[str, T]):

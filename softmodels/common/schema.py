@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import abc
 import dataclasses
+import inspect
 import math
 import numbers
 from collections.abc import Callable, Mapping
@@ -70,6 +71,13 @@ def about(thing: Any) -> Mapping[str, About]:
     """Return the metadata of the fields of a dataclass or its instance, by name."""
     abouts = {field.name: field.metadata["about"] for field in dataclasses.fields(thing) if "about" in field.metadata}
     return dict(sorted(abouts.items(), key=lambda item: item[1].last))
+
+
+def describe_fields(kind: type) -> None:
+    """Add to a dataclass's docstring what its fields are and their units."""
+    described = about(kind).items()
+    lines = [f"    {name}: {field.text}{f' ({field.kind.unit})' if field.kind.unit else ''}." for name, field in described]
+    kind.__doc__ = "\n".join([inspect.getdoc(kind) or "", "", "Attributes:", *lines])
 
 
 def doubt_of(thing: Any) -> str:

@@ -102,27 +102,10 @@ MAX_FRICTION = 3.0
 @component.register_component
 @dataclasses.dataclass(frozen=True)
 class RigidShape(ContactPart):
-    """A rigid shape, and the faces in contact with it.
+    """A rigid shape, and the faces in contact with it; others pass through it.
 
-    Attributes:
-        shape: One of `shapes.SHAPES`.
-        faces: Roles of the facets that it stops, such as ``"outer"`` or ``"top, outer"``; others pass through it.
-        at: A point in m: the middle of a sphere or capsule, a point on a cylinder's axis or in a plane, where the origin of an
-            STL file goes.
-        radius: Radius in m; a plane has none.
-        along: Direction of a cylinder's or capsule's axis, or of a plane's normal, which points to the device.
-        length: Distance in m between the middles of a capsule's two ends.
-        hollow: Whether the device is inside the shape, as in a tube.
-        file, unit: An STL file, and the unit of its lengths.
-        rounding: Length in m over which an STL file's edges are rounded; 0 for 0.4 of a stopped facet's.
-        stiffness: Contact pressure per penetration, in shear moduli over `Actuator.size`.
-        guide: Direction along which it gives way, as `softmodels.mechanics.component.direction` reads it; empty for none.
-        spring: Stiffness in N/m of a spring that holds it there.
-        mass: In kg; where gravity pulls it against the guide, a stand holds it where it is until it is lifted, and where it
-            pulls the other way the spring does.
-        friction: Coefficient of Coulomb friction of the faces on a shape that stands still.
-        slip: Way in m over which friction sets in; 0 for a thousandth of `Actuator.size`.
-        seal: Whether the faces close the first cavity where they press on this plane, see `SealingTerm`.
+    A guide is read by `softmodels.mechanics.component.direction`. A mass rests on a stand until it is lifted where gravity
+    pulls it against the guide; where it pulls the other way the spring holds it. For a seal see `SealingTerm`.
     """
 
     shape: str = schema.choice_field(
@@ -350,13 +333,8 @@ class RigidShape(ContactPart):
 @component.register_component
 @dataclasses.dataclass(frozen=True)
 class Obstacle(ContactPart):
-    """A rigid plane without friction, and the faces that it stops: ``[contact]``, without a name.
-
-    Attributes:
-        faces: Roles of the facets that it stops, such as ``"top"`` or ``"bottom, outer"``; others pass through it.
-        plane: ``"z = 9 mm"``, ``"normal 0.6, 0, 0.8 at 9 mm"``, or a cut plane's name. The device keeps to the side
-            on which the faces lie at rest.
-        stiffness: Contact pressure per penetration, in shear moduli over `Actuator.size`; see `CONTACT_STIFFNESS`.
+    """A rigid plane without friction, and the faces that it stops: ``[contact]``, without a name. The device keeps to the side
+    on which these faces lie at rest; others pass through it.
 
     Raises:
         ComponentError: No such plane, or a stiffness out of `MIN_STIFFNESS` to `MAX_STIFFNESS`.
@@ -377,6 +355,7 @@ class Obstacle(ContactPart):
     )
 
     table: ClassVar[str] = "contact"
+    differentiable: ClassVar[bool] = True
     optional: ClassVar[bool] = True
     needs: ClassVar[str] = "contact needs faces and a plane (--contact top --contact-plane 'z = 9mm')"
     figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
@@ -396,9 +375,6 @@ class Obstacle(ContactPart):
     def check_on(self, actuator: Actuator) -> None:
         component.check_on_mesh("contact", actuator, self.roles)
         self.place(actuator)
-
-    def undesigned(self, actuator: Actuator) -> str:
-        return ""
 
     @property
     def in_model(self) -> str:
@@ -477,14 +453,8 @@ FOREIGN_WALL_STIFFNESS = 200.0
 @component.register_component
 @dataclasses.dataclass(frozen=True)
 class Walls(ContactPart):
-    """Frictionless self-contact of walls.
-
-    Attributes:
-        faces: Roles of the facets, such as ``"cavity"`` or ``"left, right"``: all of them may meet each other and themselves.
-            ``"auto"`` are those that the device itself names (`geometries.Actuator.meeting`), of a part from a file all of its
-            outside that faces itself; names beside it are one more group. ``"none"`` lets walls pass through each other.
-        stiffness: Contact pressure per overlap, in shear moduli over `Actuator.size`; see `stiffness_on`.
-    """
+    """Frictionless self-contact of walls. ``"auto"`` are those that the device itself names (`geometries.Actuator.meeting`), of
+    a part from a file all of its outside that faces itself; names beside it are one more group."""
 
     faces: str = schema.field_of(
         schema.Words(),
@@ -500,6 +470,7 @@ class Walls(ContactPart):
     )
 
     table: ClassVar[str] = "walls"
+    differentiable: ClassVar[bool] = True
     softest: ClassVar[float] = 10.0
     usual: ClassVar[float] = WALL_STIFFNESS
     optional: ClassVar[bool] = True
@@ -560,9 +531,6 @@ class Walls(ContactPart):
     def check_on(self, actuator: Actuator) -> None:
         for group in self.groups(actuator) or ():
             component.check_on_mesh(self.where, actuator, group)
-
-    def undesigned(self, actuator: Actuator) -> str:
-        return ""
 
     def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
         depth, force = (figure(f"{self.label}_{what}") for what in ("overlap", "contact"))
@@ -683,14 +651,7 @@ class WallTerm(assembly.AssembledTerm[pressing.Pressed]):
 @component.register_component
 @dataclasses.dataclass(frozen=True)
 class BodyContact(ContactPart):
-    """Contact of two bodies, or of two faces that are not of one wall.
-
-    Attributes:
-        between: Two regions, whose whole outsides may touch, or faces.
-        stiffness: Contact pressure per overlap, in shear moduli over `Actuator.size`.
-        friction: Coefficient of Coulomb friction.
-        slip: Way in m over which friction sets in; 0 for a thousandth of `Actuator.size`.
-    """
+    """Contact of two bodies, or of two faces that are not of one wall."""
 
     between: tuple[str, ...] = schema.list_field((), "the two bodies (regions) or faces that touch, such as inner, outer")
     stiffness: float = schema.field_of(
@@ -836,17 +797,17 @@ class BodyContactTerm(_BodyTerm[touching.Touching]):
         return self.body_figures(equations, self._pressed, self._pressed.force)
 
 
-class RubbingBodyTerm(_BodyTerm[touching.RubbedTouching], assembly.RememberingTerm[touching.RubbedTouching]):
+class RubbingBodyTerm(_BodyTerm[touching.RubbedTouching], assembly.RememberingTerm[touching.RubbedTouching, touching.Anchors]):
     """The energy and its friction."""
 
     def __init__(self, part: BodyContact, body: Body, nodes: assembly.FaceNodes):
         super().__init__(part, body, nodes)
         self.rubbing = pressing.Rubbing(part.friction, part.slip / body.actuator.size or ONSET_DEPTH)
-        self.anchors = touching.Anchors.of_free(self.plain(nodes.places))
+        self.history = touching.Anchors.of_free(self.plain(nodes.places))
         self._balanced = np.empty(0), np.empty(0)  # values of the nodes, and the force that was in balance there
 
     def pressed(self, places: Array) -> touching.RubbedTouching:
-        return touching.RubbedTouching(self.plain(places), self.rubbing, self.anchors)
+        return touching.RubbedTouching(self.plain(places), self.rubbing, self.history)
 
     def plain_here(self) -> touching.Touching:
         return self._pressed.plain
@@ -854,28 +815,19 @@ class RubbingBodyTerm(_BodyTerm[touching.RubbedTouching], assembly.RememberingTe
     def whole_stiffness_here(self) -> scipy.sparse.csr_array:
         return self._pressed.whole_stiffness
 
-    def commit(self, w: Array, reset: bool = False) -> None:
-        self._take(w)
+    def kept(self, reset: bool) -> touching.Anchors:
         self._balanced = self._state, self._pressed.force  # with the new anchors, in turned tangent planes, it differs a little
-        self.anchors = touching.Anchors.of_free(self._pressed.plain) if reset else self._pressed.kept()
-        self.forget_state()  # the following calls use the current history
-
-    def save(self) -> touching.Anchors:
-        return self.anchors
-
-    def restore(self, saved: touching.Anchors) -> None:
-        self.anchors = saved
-        self.forget_state()
+        return touching.Anchors.of_free(self._pressed.plain) if reset else self._pressed.kept()
 
     def figures(self, equations: component.Equations) -> dict[str, float]:
         self._take(equations.w.x.array)
         pressed, size, label = self._pressed, equations.length_unit, self.part.label
         values, balanced = self._balanced
         force = balanced if np.array_equal(self._state, values) else pressed.force
-        lost = self.anchors.lost * equations.stress_unit * size**3 * self.actuator.copies
+        lost = self.history.lost * equations.stress_unit * size**3 * self.actuator.copies
         return self.body_figures(equations, pressed.plain, force) | {
             f"{label}_sliding": pressed.sliding,
-            f"{label}_slip_mm": float(self.anchors.slid.max(initial=0.0)) * size * 1e3,
+            f"{label}_slip_mm": float(self.history.slid.max(initial=0.0)) * size * 1e3,
             f"{label}_friction_mJ": lost * 1e3,
         }
 
@@ -1303,46 +1255,31 @@ class GuidedShapeTerm(assembly.AssembledTerm[pressing.GivingWay]):
         return self.standing.figures_of(equations, self._pressed.here) | {f"{self.shape.label}_travel_mm": travel}
 
 
-class RubbingShapeTerm(assembly.HistoryTerm[pressing.Rubbed]):
+class RubbingShapeTerm(assembly.HistoryTerm[pressing.Rubbed, pressing.FrictionHistory]):
     """The energy of contact with such a shape, and its friction; ``standing`` is its term without."""
 
     def __init__(self, shape: RigidShape, standing: StandingTerm, setting: component.FormContext):
         super().__init__(standing.nodes)
         self.shape, self.standing, self.actuator = shape, standing, setting.body.actuator
         self.rubbing = pressing.Rubbing(shape.friction, shape.slip / self.actuator.size or ONSET_DEPTH)
-        self._begin(standing.nodes.places)
-
-    def _begin(self, places: Array) -> None:
-        self.grip = pressing.FrictionHistory.of_free(self.standing.pressed(places))
+        self.history = pressing.FrictionHistory.of_free(standing.pressed(standing.nodes.places))
 
     def take(self, part: Component) -> None:
         """Where the shape moves, what sticks to it moves with it."""
         assert isinstance(part, RigidShape)
         moved = in_section(np.asarray(part.at) - np.asarray(self.shape.at), self.actuator.dimension) / self.actuator.size
-        self.shape, self.grip = part, dataclasses.replace(self.grip, held=self.grip.held + moved)
+        self.shape, self.history = part, dataclasses.replace(self.history, held=self.history.held + moved)
         self.standing.take(part)
         self.forget_state()
 
     def pressed(self, places: Array) -> pressing.Rubbed:
-        return pressing.Rubbed(self.standing.pressed(places), self.rubbing, self.grip)
+        return pressing.Rubbed(self.standing.pressed(places), self.rubbing, self.history)
 
     def whole_stiffness_here(self) -> scipy.sparse.csr_array:
         return self._pressed.whole_stiffness
 
-    def commit(self, w: Array, reset: bool = False) -> None:
-        if reset:
-            self._begin(self.nodes.moved(w))
-        else:
-            self._take(w)
-            self.grip = self._pressed.kept()
-        self.forget_state()  # the following calls use the current history
-
-    def save(self) -> pressing.FrictionHistory:
-        return self.grip
-
-    def restore(self, saved: pressing.FrictionHistory) -> None:
-        self.grip = saved
-        self.forget_state()
+    def kept(self, reset: bool) -> pressing.FrictionHistory:
+        return pressing.FrictionHistory.of_free(self._pressed.pressed) if reset else self._pressed.kept()
 
     def rest_rates(self, places: Array) -> Array:
         samples = self.standing.surface.places(places)

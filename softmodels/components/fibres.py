@@ -65,12 +65,7 @@ STIFF_SHEET = 50e3
 @component.register_component
 @dataclasses.dataclass(frozen=True)
 class Sheet(component.EnergyComponent):
-    """A sheet on a face.
-
-    Attributes:
-        face: Faces or pieces of faces it is bonded to, such as ``"top"`` or ``"top, side within z > 2 mm"``; see
-            `softmodels.mechanics.body`.
-        stiffness: Young's modulus times thickness in N/m.
+    """A sheet on faces or pieces of faces, such as ``"top, side within z > 2 mm"``; see `softmodels.mechanics.body`.
 
     Raises:
         ComponentError: A stiffness that no sheet has.
@@ -83,6 +78,7 @@ class Sheet(component.EnergyComponent):
     )
 
     table: ClassVar[str] = "sheet"
+    differentiable: ClassVar[bool] = True
     optional: ClassVar[bool] = True
     needs: ClassVar[str] = "a sheet needs both its face and its stiffness (--sheet top --sheet-stiffness 50kN/m)"
 
@@ -99,9 +95,6 @@ class Sheet(component.EnergyComponent):
     def check_on(self, actuator: Actuator) -> None:
         """Raise `ComponentError` if a device has no such face."""
         component.check_faces(self.where, actuator, [self.face])
-
-    def undesigned(self, actuator: Actuator) -> str:
-        return ""
 
     @property
     def variable(self) -> Mapping[str, str]:
@@ -576,19 +569,7 @@ def taut(x: Expr) -> Expr:
 @component.register_component
 @dataclasses.dataclass(frozen=True)
 class Fibres(component.EnergyComponent):
-    """One family of fibres, or two that cross.
-
-    Attributes:
-        on: Names of regions or of faces, with commas between; the whole body if empty.
-        angle: Between the fibres and the axis, degrees.
-        axis: Through the origin.
-        helices: 1: at the angle; 2: at this angle and at its opposite.
-        stiffness: On faces: force per width and strain at rest of each family, N/m.
-        modulus: In regions: force per undeformed area and strain at rest of each family, Pa.
-        law: One of `FIBRE_LAWS`.
-        exponent: b of the exponential law.
-        slack: Whether they bear no compression.
-    """
+    """One family of fibres, or two that cross."""
 
     on: str = schema.field_of(
         schema.Words(),
@@ -611,6 +592,7 @@ class Fibres(component.EnergyComponent):
     slack: bool = schema.field_of(schema.Flag(), "whether they go slack in compression", False)
 
     table: ClassVar[str] = "fibres"
+    differentiable: ClassVar[bool] = True
     figure_texts: ClassVar = {
         r"(\w+)_mean_stretch": ("stretch of {0}", "of those fibres, mean over their faces or regions"),
         r"(\w+)_mean_tension_kPa": ("tension of {0}", "force per undeformed area of each family, its mean"),
@@ -629,9 +611,6 @@ class Fibres(component.EnergyComponent):
             if value and not least <= value <= most:
                 name = "stiffness" if unit == "N/m" else "modulus"
                 raise self.error(f"{name} is {value:g} {unit}; {least:g} to {most:g} {unit} are accepted")
-
-    def undesigned(self, actuator: Actuator) -> str:
-        return ""
 
     def inside(self, actuator: Actuator) -> tuple[str, ...]:
         return tuple(component.names_in(self.on)) if self.modulus else ()
@@ -759,18 +738,7 @@ class FibreTerm(StrainTerm):
 @component.register_component
 @dataclasses.dataclass(frozen=True)
 class Fabric(component.EnergyComponent):
-    """An orthotropic sheet.
-
-    Attributes:
-        on: Names of faces, with commas between.
-        along: Force per width over strain along the direction, N/m.
-        across: The same across it.
-        shear: Force per width over shear angle, N/m.
-        poisson: Contraction across over extension along, pulled along.
-        angle: Between the direction and the axis, degrees.
-        axis: Through the origin.
-        slack: Whether its yarns bear no compression.
-    """
+    """An orthotropic sheet."""
 
     on: str = schema.field_of(schema.Words(), "faces to which it is bonded, such as 'outer' or 'outer, strip'")
     along: float = schema.field_of(schema.Quantity("N/m"), "force per width over strain along its direction, such as '50 kN/m'")
@@ -782,6 +750,7 @@ class Fabric(component.EnergyComponent):
     slack: bool = schema.field_of(schema.Flag(), "whether its yarns go slack in compression", False)
 
     table: ClassVar[str] = "fabric"
+    differentiable: ClassVar[bool] = True
     needs: ClassVar[str] = "a fabric needs its faces (on) and its stiffnesses along and across"
     figure_texts: ClassVar = {
         r"(\w+)_stretch_(along|across)": ("stretch of {0} {1}", "of that fabric's yarns, the mean over its face"),
@@ -803,9 +772,6 @@ class Fabric(component.EnergyComponent):
             )
         if self.slack and self.poisson:
             raise self.error("yarns that go slack do not contract each other; leave out poisson or slack")
-
-    def undesigned(self, actuator: Actuator) -> str:
-        return ""
 
     @property
     def variable(self) -> Mapping[str, str]:

@@ -44,14 +44,7 @@ class DirectedLoad(controls.LoadPart):
 @component.register_component
 @dataclasses.dataclass(frozen=True)
 class Gravity(DirectedLoad):
-    """The weight of the device and of all masses on it.
-
-    Attributes:
-        direction: Where to, in device coordinates.
-        density: Of the silicone, and of regions without one of their own; None for that of the named silicone's data sheet, see
-            `softmodels.materials.silicones.density_of`.
-        magnitude: Acceleration.
-    """
+    """The weight of the device and of all masses on it; a region may have a density of its own."""
 
     direction: str = schema.field_of(schema.Words(), "direction of gravity, such as -z or 0.6, 0, -0.8")
     density: float | None = schema.field_of(
@@ -62,6 +55,7 @@ class Gravity(DirectedLoad):
     magnitude: float = schema.field_of(schema.Quantity("m/s^2"), "acceleration of gravity", STANDARD_GRAVITY)
 
     table: ClassVar[str] = "gravity"
+    differentiable: ClassVar[bool] = True
     optional: ClassVar[bool] = True
     needs: ClassVar[str] = 'gravity needs its direction (direction = "-z", or --gravity -z)'
     figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
@@ -94,9 +88,6 @@ class Gravity(DirectedLoad):
     def acceleration(self) -> npt.NDArray[np.float64]:
         """Acceleration in m/s2, shape (3,), in device coordinates."""
         return self.magnitude * np.asarray(self.vector)
-
-    def undesigned(self, actuator: Actuator) -> str:
-        return ""
 
     @property
     def variable(self) -> Mapping[str, str]:
@@ -171,12 +162,7 @@ class FaceLoad(DirectedLoad):
 @component.register_component
 @dataclasses.dataclass(frozen=True)
 class Mass(controls.HeavyPart):
-    """A mass that hangs on a face or an edge, spread evenly over it, undeformed.
-
-    Attributes:
-        face: Role of the facets, or an edge.
-        amount: The mass on the whole device.
-    """
+    """A mass that hangs on a face or an edge, spread evenly over it, undeformed."""
 
     face: str = schema.field_of(schema.Words(), "face or edge that carries the mass, such as tip or 'edge of tip and top'")
     amount: float = schema.field_of(schema.Quantity("kg"), "mass on the face, of the whole device", usual=20.0)
@@ -210,15 +196,7 @@ class Mass(controls.HeavyPart):
 @component.register_component
 @dataclasses.dataclass(frozen=True)
 class Force(FaceLoad):
-    """A force of fixed direction, spread evenly over an undeformed face.
-
-    Attributes:
-        face: Role of the facets.
-        direction: In device coordinates.
-        amount: Its size on the whole device; 0 where a request or a program sets it.
-        traction: Instead, the force per undeformed area of the face.
-        line_load: Instead, the force per undeformed length of an edge.
-    """
+    """A force of fixed direction, spread evenly over an undeformed face."""
 
     face: str = schema.field_of(
         schema.Words(), "loaded face, piece of one or edge, such as tip, 'tip within z > 4 mm', 'edge of tip and top'"
@@ -287,11 +265,6 @@ class Moment(FaceLoad):
     On the undeformed face the force per area at X is M n x (X - c) / I, with c the centre and I the integral of
     |n x (X - c)|^2. The forces keep their directions and sizes, which is what makes them conservative: on a face that has
     turned by an angle t about n, what is left of the moment is M cos t. They work on the rotation to first order.
-
-    Attributes:
-        face: Role of the facets.
-        axis: Direction of the axis through the face's centre, in device coordinates; right-handed.
-        amount: Its size on the whole device; 0 where a request or a program sets it.
     """
 
     face: str = schema.field_of(schema.Words(), "loaded face, such as tip")

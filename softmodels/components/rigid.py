@@ -28,15 +28,7 @@ KINDS = ("free", "guided", "held")
 @component.register_component
 @dataclasses.dataclass(frozen=True)
 class Rigid(regions.RigidPart, controls.HeavyPart):
-    """A rigid part bonded to a face, or a region that is rigid.
-
-    Attributes:
-        face: Role of the facets that it is bonded to, such as ``"top"``; empty for a region.
-        region: Physical group of cells that is rigid; empty for a face.
-        kind: ``"free"`` in all motions that the device's symmetry allows, ``"guided"`` along a direction, or ``"held"``.
-        direction: That direction in device coordinates; the device's lift if empty.
-        mass: Of the part, of the whole device; it weighs where the case has gravity, in the middle of the undeformed face.
-    """
+    """A rigid part bonded to a face, in whose undeformed middle its mass is, or a region that is rigid."""
 
     face: str = schema.field_of(schema.Words(), "face of the device that the rigid part is bonded to, such as top", "")
     kind: str = schema.field_of(schema.Choice(KINDS), "whether it is free, guided along a direction, or held", "free")
@@ -198,19 +190,14 @@ def _allowed(directions: Array) -> str:
 @component.register_component
 @dataclasses.dataclass(frozen=True)
 class Clamp(regions.HoldingPart):
-    """A support of faces, edges or regions.
-
-    Attributes:
-        face: Roles of faces, edges or points, or names of regions, with commas between: ``"clamp, clamp_top"``.
-        along: Direction along which they are held, such as ``"z"``; all directions if empty.
-        slip: The only direction in which they slip; none if empty.
-    """
+    """A support of faces, edges, points or regions, with commas between: ``"clamp, clamp_top"``."""
 
     face: str = schema.field_of(schema.Words(), "faces, edges or regions that are held, such as top")
     along: str = schema.field_of(schema.Words(), "direction along which they are held, such as z: they slip across it", "")
     slip: str = schema.field_of(schema.Words(), "direction in which they slip, such as x: they are held across it", "")
 
     table: ClassVar[str] = "hold"
+    differentiable: ClassVar[bool] = True
     needs: ClassVar[str] = "[hold] needs a face, such as face = 'top'"
 
     def check(self) -> None:
@@ -232,9 +219,6 @@ class Clamp(regions.HoldingPart):
             if role not in known:
                 raise self.error(f"{type(actuator).__name__} has no {role!r}; {errors.known_are(role, known)}")
         self.holds(actuator)
-
-    def undesigned(self, actuator: Actuator) -> str:
-        return ""
 
     def inside(self, actuator: Actuator) -> tuple[str, ...]:
         return tuple(role for role in self.roles if role in actuator.regions)
@@ -284,12 +268,7 @@ def _across(way: Vector, actuator: Actuator) -> list[Vector | None]:
 @component.register_component
 @dataclasses.dataclass(frozen=True)
 class Spring(component.EnergyComponent):
-    """A region or a face on springs, evenly spread, which pull each of its points back to where it was.
-
-    Attributes:
-        on: A region, or faces.
-        stiffness: In N/m, of all together: force per displacement in any direction.
-    """
+    """A region or a face on springs, evenly spread, which pull each of its points back to where it was."""
 
     on: str = schema.field_of(schema.Words(), "region, or faces, on evenly spread springs, such as ball")
     stiffness: float = schema.field_of(schema.Quantity("N/m"), "force per displacement of all springs together")

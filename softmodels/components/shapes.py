@@ -16,7 +16,6 @@ from geometries.actuator import CutPlane
 from geometries.faces import UNITS
 from softmodels.common import errors
 from softmodels.common.arrays import Array
-from softmodels.common.errors import ComponentError
 from softmodels.common.lazy import scipy
 from softmodels.mechanics.body import in_space
 
@@ -46,9 +45,9 @@ class Shape(abc.ABC):
     where: str
     at: tuple[float, ...]
 
-    def error(self, text: str) -> ComponentError:
+    def error(self, text: str) -> errors.ComponentError:
         """Return the error of a sentence on it."""
-        return ComponentError(f"{self.where}: {text}")
+        return errors.ComponentError(f"{self.where}: {text}")
 
     @abc.abstractmethod
     def check(self) -> None:

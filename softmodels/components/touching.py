@@ -26,7 +26,6 @@ import numpy.typing as npt
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import basix, scipy
 from softmodels.components import pressing
-from softmodels.components.pressing import Numbers
 
 MAX_OUTSIDE = 0.05
 """Distance in facet edges up to which the nearest place may lie outside of a facet: it bridges the kinks between facets."""
@@ -66,7 +65,7 @@ class Nearest:
     """The nearest places on facets of some points: numbers of the facets (-1 where none is near), places in their reference
     cells, shape (s, d - 1), and gaps, infinite where there is none, shape (s,)."""
 
-    facet: Numbers
+    facet: pressing.Numbers
     xi: Array
     gap: Array
 
@@ -83,7 +82,7 @@ class TwoSurfaces:
     """
 
     surface: pressing.Surface
-    owner: Numbers
+    owner: pressing.Numbers
     points: Array
     weights: Array
 
@@ -115,7 +114,7 @@ class TwoSurfaces:
         return self.surface.edges.reshape(len(self.surface.facets), -1)[:, 0]
 
     @functools.cached_property
-    def side(self) -> Numbers:
+    def side(self) -> pressing.Numbers:
         """Which surface each sample is on, 0 or 1."""
         return np.asarray(self.surface.walls[self.owner])
 
@@ -154,7 +153,7 @@ class TwoSurfaces:
                 facet[mine], xi[mine], gap[mine] = candidate[best], at[best], height[chosen]
         return Nearest(facet, xi, gap)
 
-    def _projected(self, nodes: Array, places: Array, facet: Numbers, xi: Array) -> Array:
+    def _projected(self, nodes: Array, places: Array, facet: pressing.Numbers, xi: Array) -> Array:
         """Return the nearest places on facets, perhaps outside of them, by Newton's method from guesses."""
         xi, left = xi.copy(), np.arange(len(facet))
         for _ in range(MAX_PROJECTION_STEPS):
@@ -173,7 +172,7 @@ class TwoSurfaces:
                 break
         return xi
 
-    def _frames(self, nodes: Array, facet: Numbers, xi: Array) -> tuple[Array, Array, Array]:
+    def _frames(self, nodes: Array, facet: pressing.Numbers, xi: Array) -> tuple[Array, Array, Array]:
         """Return the places, unit normals out of the solid, shape (p, d), and tangents, shape (p, d - 1, d), on facets."""
         N, N1, _ = shape_functions(xi)
         corners = nodes[self.surface.facets[facet]]
@@ -208,7 +207,7 @@ def _rule_points(dimension: int) -> Array:
 # Rules on the intersections of facets that lie on each other at rest.
 
 
-def _cut(plain: TwoSurfaces) -> tuple[Numbers, Array, Array]:
+def _cut(plain: TwoSurfaces) -> tuple[pressing.Numbers, Array, Array]:
     """Return owners, places and weights of the samples of facets, those that lie on the other surface cut by its facets."""
     surface, nodes, t = plain.surface, plain.surface.nodes, plain.surface.dimension - 1
     near = plain.nearest(nodes, plain.places(nodes))
@@ -302,7 +301,7 @@ class Touching:
         """Derivative of the energy by the nodes' places, shape (n, d)."""
         return self.summed(self.of, self.between, -self.phi1[:, None] * self.normal)
 
-    def summed(self, of: Numbers, factors: Array, forces: Array) -> Array:
+    def summed(self, of: pressing.Numbers, factors: Array, forces: Array) -> Array:
         """Return forces on samples, shape (p, d), at nodes ``of`` by their factors, shape (p, 2k)."""
         at_nodes = np.zeros_like(self.nodes)
         np.add.at(at_nodes, of, factors[:, :, None] * forces[:, None, :])
@@ -457,7 +456,7 @@ class RubbedTouching:
         drawn = across[:, None, None] * (self.flat - along) + self.grip_rate[:, None, None] * along
         return np.asarray(self.limits[:, None, None] * drawn)
 
-    def _scattered(self, blocks: Array, columns: Numbers) -> scipy.sparse.csr_array:
+    def _scattered(self, blocks: Array, columns: pressing.Numbers) -> scipy.sparse.csr_array:
         """Return the sum of the derivatives of the pulls, shape (p, d, columns), as those of the forces."""
         p, d, width = blocks.shape
         whole = (self.held[:, :, None, None] * blocks[:, None]).reshape(p, self.of.shape[1] * d, width)

@@ -460,7 +460,7 @@ def mjcf(model: ReducedModel) -> str:
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="true")
     ElementTree.SubElement(root, "option", timestep="0.001", integrator="implicitfast", gravity="0 0 0")
     world = ElementTree.SubElement(root, "worldbody")
-    quaternion = Rotation.from_matrix(chain.axes).as_quat(canonical=True, scalar_first=True)
+    quaternion = reduction.quaternion(chain.axes)
     body = ElementTree.SubElement(world, "body", links, name="base", pos=_words(chain.base), quat=_words(quaternion))
     _drivers(body, model, chain)
     _link(body, model, motion.masses[0], link / 2, 0.0)
@@ -474,7 +474,7 @@ def mjcf(model: ReducedModel) -> str:
                 body, "joint", name=f"{kind}{k}", type=sort, axis=axis, damping=f"{damping:.9g}", armature=f"{armature:.9g}"
             )
         _link(body, model, mass, link * (0.5 if k == DEFAULT_SEGMENTS - 1 else 1.0), -chain.springs.offset)
-    at_rest = Rotation.from_matrix(chain.axes.T).as_quat(canonical=True, scalar_first=True)
+    at_rest = reduction.quaternion(chain.axes.T)
     ElementTree.SubElement(
         body, "site", name="tip", pos=_words([link / 2, -chain.springs.offset, 0]), quat=_words(at_rest),
         size=f"{LINK_RADIUS * model.length / 3:.6g}",
@@ -755,7 +755,8 @@ def columns(model: ReducedModel) -> dict[str, Callable[[reduction.TipState], flo
         if len(device.ratios) > 1:
             columns[f"pressure_cavity{k}_Pa"] = lambda state, ratio=ratio: ratio * state.pressure  # type: ignore[misc]
     columns |= {f"tip_{axis}_m": lambda state, i=i: state.position[i] for i, axis in enumerate(actuator.AXES)}  # type: ignore[misc]
-    columns |= {f"tip_q{axis}_1": lambda state, i=i: float(_quaternion(state)[i]) for i, axis in enumerate("wxyz")}  # type: ignore[misc]
+    for i, axis in enumerate("wxyz"):
+        columns[f"tip_q{axis}_1"] = lambda state, i=i: float(reduction.quaternion(state.rotation)[i])  # type: ignore[misc]
     columns |= {"added_volume_m3": lambda state: state.volume, "volume_rate_m3_per_Pa": lambda state: state.volume_rate}
     for i, motion in enumerate(MOTIONS):
         unit = "m" if i < 3 else "rad"
@@ -781,10 +782,6 @@ def columns(model: ReducedModel) -> dict[str, Callable[[reduction.TipState], flo
         ]
         columns |= {head: lambda state, i=i: state.spread[i] for i, head in enumerate(heads)}  # type: ignore[misc]
     return columns
-
-
-def _quaternion(state: reduction.TipState) -> Array:
-    return np.asarray(Rotation.from_matrix(state.rotation).as_quat(canonical=True, scalar_first=True))
 
 
 def table_csv(model: ReducedModel) -> str:

@@ -15,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import actuator, mesh_arrays
-from geometries.mesh_arrays import MeshArrays
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.materials import Region
@@ -42,7 +41,7 @@ class Deck:
     """
 
     case: Case
-    mesh: MeshArrays
+    mesh: mesh_arrays.MeshArrays
     pressures: Array
     supports: Supports
     silicones: tuple[DeckSilicone, ...]
@@ -137,7 +136,7 @@ def needs_equations(case: Case) -> bool:
     return bool(acting(case)) or any(isinstance(part, Clamp | Rigid) for part in case.components)
 
 
-def _by_node(mesh: MeshArrays, places: Array, forces: Array) -> Array:
+def _by_node(mesh: mesh_arrays.MeshArrays, places: Array, forces: Array) -> Array:
     away, nodes = scipy.spatial.cKDTree(places).query(mesh.points)
     if away.max() > NODE_TOLERANCE * np.ptp(mesh.points, axis=0).max():
         raise CaseError("the mesh and the equations have different nodes: the dead loads cannot be written")
@@ -301,7 +300,7 @@ class Supports:
     added: Array
 
 
-def supports_of(case: Case, mesh: MeshArrays, freedoms: Mapping[str, regions.Freedom]) -> Supports:
+def supports_of(case: Case, mesh: mesh_arrays.MeshArrays, freedoms: Mapping[str, regions.Freedom]) -> Supports:
     """Return the supports of a case's mesh; ``freedoms`` are the motions left to each rigid part by its label, its centre in
     m."""
     rows, ties = _held_directions(case, mesh), list[Tie]()
@@ -333,11 +332,11 @@ def supports_of(case: Case, mesh: MeshArrays, freedoms: Mapping[str, regions.Fre
     )
 
 
-def _region_nodes(mesh: MeshArrays, region: str) -> mesh_arrays.Ints:
+def _region_nodes(mesh: mesh_arrays.MeshArrays, region: str) -> mesh_arrays.Ints:
     return np.unique(mesh.cells[mesh.regions[region]])
 
 
-def _held_directions(case: Case, mesh: MeshArrays) -> Array:
+def _held_directions(case: Case, mesh: mesh_arrays.MeshArrays) -> Array:
     """Return the directions that cut planes, the device's own supports and clamps hold at each node, shape (n, k, 3), k at
     least 3."""
     device, rows = case.actuator, np.zeros((len(mesh.points), 3, 3))

@@ -288,7 +288,7 @@ def _axis(turn: Array) -> Array:
 
 def inverse_left_jacobian(turn: Array) -> Array:
     """Return the matrix that turns an angular rate in space into the rate of the rotation vector."""
-    angle, K = float(np.linalg.norm(turn)), hat(turn)
+    angle, K = float(np.linalg.norm(turn)), regions.cross(turn)
     c = 1 / 12 + angle**2 / 720 if angle < 1e-3 else (1 - angle / 2 / math.tan(angle / 2)) / angle**2
     return np.eye(3) - K / 2 + c * K @ K
 
@@ -303,11 +303,6 @@ ZERO_LOAD_TOLERANCE = 1e-9
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The pose of a face, and its derivatives.
-
-
-def hat(a: Array) -> Array:
-    """Return the matrix of the cross product with a vector."""
-    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
 
 
 def axial(W: Array) -> Array:
@@ -719,5 +714,10 @@ class TipPose:
 
     @property
     def quaternion(self) -> Array:
-        """Of the rotation: w, x, y, z, with w at least 0."""
-        return np.asarray(Rotation.from_matrix(self.rotation).as_quat(canonical=True, scalar_first=True))
+        """Of the rotation; see `quaternion`."""
+        return quaternion(self.rotation)
+
+
+def quaternion(R: Array) -> Array:
+    """Return w, x, y, z of a rotation, with w at least 0."""
+    return np.asarray(Rotation.from_matrix(R).as_quat(canonical=True, scalar_first=True))

@@ -193,13 +193,8 @@ def over_parts(
     return forms, summed
 
 
-@quantities.register_quantity
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class PeakStretch(quantities.DesignQuantity):
+class PeakStretch(quantities.DesignQuantity, name="peak_stretch", unit="1"):
     """Peak of the largest principal stretch: its mean over the 0.5 % of the silicone where it is largest."""
-
-    name: ClassVar = "peak_stretch"
-    unit: ClassVar = "1"
 
     def measure(self, design: quantities.DesignedBody) -> quantities.Measure:
         return PeakMeasure(
@@ -207,13 +202,8 @@ class PeakStretch(quantities.DesignQuantity):
         )
 
 
-@quantities.register_quantity
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class PeakVonMises(quantities.DesignQuantity):
+class PeakVonMises(quantities.DesignQuantity, name="peak_von_mises", unit="Pa"):
     """Peak of the von Mises stress: its mean over the 0.5 % of the silicone where it is largest."""
-
-    name: ClassVar = "peak_von_mises"
-    unit: ClassVar = "Pa"
 
     @property
     def title(self) -> str:
@@ -231,7 +221,6 @@ quantities.QUANTITIES.update({"max_stretch": PeakStretch, "von_mises": PeakVonMi
 # Even stress: the standard deviation of the von Mises stress over the silicone or a region, and its power mean, a robust peak.
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
 class OfRegion(quantities.DesignQuantity):
     """A quantity of the stress or stretch over a region (the whole device if empty), in cells above a least height along the
     lift and within a largest distance from the axis along it, in m or texts with a unit; 0 for any."""
@@ -254,13 +243,9 @@ class OfRegion(quantities.DesignQuantity):
         return self.name.replace("_", " ").replace("von mises", "von Mises") + self.cells.words
 
 
-@quantities.register_quantity
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class StressDeviation(OfRegion):
+class StressDeviation(OfRegion, name="stress_deviation", unit="Pa"):
     """Standard deviation of the von Mises stress over a region, by volume."""
 
-    name: ClassVar = "stress_deviation"
-    unit: ClassVar = "Pa"
     relative: ClassVar = False
 
     def measure(self, design: quantities.DesignedBody) -> quantities.Measure:
@@ -278,13 +263,9 @@ class StressDeviation(OfRegion):
         return quantities.FormMeasure(design, forms, combine, counted_in_stress=not self.relative)
 
 
-@quantities.register_quantity
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class StressUnevenness(StressDeviation):
+class StressUnevenness(StressDeviation, name="stress_unevenness", unit="1"):
     """The same over the mean: 0 of a silicone that is stressed evenly."""
 
-    name: ClassVar = "stress_unevenness"
-    unit: ClassVar = "1"
     relative: ClassVar = True
 
 
@@ -322,7 +303,6 @@ class PowerMeasure(quantities.FormMeasure):
         return f"(mean of {what} to the power {self._p:g} over the volume) to the power 1/{self._p:g}{more}"
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
 class PowerMean(OfRegion):
     """A power mean of an exponent from 2 to 40, between the mean (1) and the largest value (infinity)."""
 
@@ -334,25 +314,15 @@ class PowerMean(OfRegion):
             raise ValueError(f"exponent is {self.exponent:g}; it must be from 2 to 40")
 
 
-@quantities.register_quantity
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class StressNorm(PowerMean):
+class StressNorm(PowerMean, name="von_mises_norm", unit="Pa"):
     """Power mean of the von Mises stress over the silicone or a region."""
-
-    name: ClassVar = "von_mises_norm"
-    unit: ClassVar = "Pa"
 
     def measure(self, design: quantities.DesignedBody) -> quantities.Measure:
         return PowerMeasure(design, mises_field(design, self.cells), self.exponent, 0.0, counted_in_stress=True)
 
 
-@quantities.register_quantity
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class StretchNorm(PowerMean):
+class StretchNorm(PowerMean, name="stretch_norm", unit="1"):
     """Power mean of the largest principal stretch over the silicone or a region, counted from 1."""
-
-    name: ClassVar = "stretch_norm"
-    unit: ClassVar = "1"
 
     def measure(self, design: quantities.DesignedBody) -> quantities.Measure:
         return PowerMeasure(design, stretch_field(design, self.cells), self.exponent, 1.0, counted_in_stress=False)
@@ -482,13 +452,8 @@ def _interpolation(grid: state_values.Grid, design: quantities.DesignedBody) -> 
     return scipy.sparse.csr_matrix((shapes[local].ravel(), (rows, own[cell].ravel())), shape=size)
 
 
-@quantities.register_quantity
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class LeastGap(quantities.DesignQuantity):
+class LeastGap(quantities.DesignQuantity, name="least_gap", unit="m"):
     """Smallest gap between facing walls, as a smooth minimum; negative if they overlap."""
-
-    name: ClassVar = "least_gap"
-    unit: ClassVar = "m"
 
     def measure(self, design: quantities.DesignedBody) -> quantities.Measure:
         return GapMeasure(design)
@@ -516,13 +481,8 @@ class _TopMeasure(NodesMeasure):
         return value, f"the highest node is at {1e3 * highest:.5g} mm", np.outer(weights / weights.sum(), lift)
 
 
-@quantities.register_quantity
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class TopHeight(quantities.DesignQuantity):
+class TopHeight(quantities.DesignQuantity, name="top_height", unit="m"):
     """Height of the highest point of the deformed device, as a smooth maximum."""
-
-    name: ClassVar = "top_height"
-    unit: ClassVar = "m"
 
     def measure(self, design: quantities.DesignedBody) -> quantities.Measure:
         return _TopMeasure(design)

@@ -20,7 +20,6 @@ from softmodels.case.case import Case, in_equations, of_shape, value_of, varied
 from softmodels.common import errors, folders
 from softmodels.common.arrays import Array
 from softmodels.common.files import read_text, write_bytes, write_text
-from softmodels.common.folders import InUseError, OwnFolderError
 from softmodels.common.lazy import MPI
 from softmodels.components.loads import weighed
 from softmodels.design import result, targets
@@ -623,7 +622,7 @@ class Evaluator:
         if self.folder is not None:
             try:
                 self.folder.add(self.trials.all, self.form)
-            except (OwnFolderError, OSError) as error:
+            except (folders.OwnFolderError, OSError) as error:
                 why = getattr(error, "strerror", None) or error
                 raise RunError(f"the designs cannot be written into {self.folder.path} ({why})") from None
         self.tell(line(self.problem, self.trials.all[-1], self.form, self._left()))
@@ -686,7 +685,7 @@ class DesignFolder:
             default = Path("results") / problem.name
             self.own = folders.take_default(default, KIND, self.identity) if output is None else folders.OwnFolder(output, KIND)
             self.own.take()
-        except (InUseError, OwnFolderError) as error:
+        except (folders.InUseError, folders.OwnFolderError) as error:
             raise DesignError(str(error)) from None
         except OSError as error:
             raise DesignError(f"the folder {output or default} cannot be written ({errors.reason(error)})") from None
@@ -694,7 +693,7 @@ class DesignFolder:
         try:
             self._new = not (resume and self._take_up())
             self.own.check_inputs(inputs)
-        except OwnFolderError as error:
+        except folders.OwnFolderError as error:
             self.leave()
             raise DesignError(str(error)) from None
         except BaseException:

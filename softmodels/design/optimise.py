@@ -18,7 +18,6 @@ from softmodels.case import case, entries
 from softmodels.common import commands, files, names, units
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import MPI, scipy
-from softmodels.common.names import checked
 from softmodels.common.processes import one_at_a_time
 from softmodels.design import model, trials
 from softmodels.design.problem import (
@@ -33,12 +32,11 @@ from softmodels.design.problem import (
     label,
 )
 from softmodels.design.result import ACTIVE_TOLERANCE, DesignResult, StartEnd, case_text, holding
-from softmodels.design.trials import Trial
 from softmodels.mechanics import mpi
 from softmodels.runs.outcomes import RunError
 
 
-@checked
+@names.checked
 @one_at_a_time
 def optimise(
     problem: DesignProblem | str | Path,
@@ -424,18 +422,18 @@ MAX_MESHES = 3
 """Maximum number of meshes; it restarts on each, because values of two meshes differ."""
 
 
-def can_follow(form: Formulation, trial: Trial) -> bool:
+def can_follow(form: Formulation, trial: trials.Trial) -> bool:
     """Return whether the problem is a least-squares one: a target, and no limits other than bounds."""
     keys = [term.quantity.key for term in form.problem.terms]
     return form.problem.objective == "follow" and not form.rows and all(key in trial.squares for key in keys)
 
 
-def followed(judged: Callable[[Array], Trial], form: Formulation, start: Array) -> Array:
+def followed(judged: Callable[[Array], trials.Trial], form: Formulation, start: Array) -> Array:
     """Return the end of the search in scaled parameters, from a start that does not fail; to judge a trial may raise to end
     it."""
-    x, known = start, dict[bytes, Trial]()
+    x, known = start, dict[bytes, trials.Trial]()
 
-    def trial(point: Array) -> Trial:
+    def trial(point: Array) -> trials.Trial:
         key = point.tobytes()
         if key not in known:
             known[key] = judged(point)
@@ -458,17 +456,17 @@ def followed(judged: Callable[[Array], Trial], form: Formulation, start: Array) 
     return np.asarray(x)
 
 
-def distances(form: Formulation, trial: Trial) -> Array:
+def distances(form: Formulation, trial: trials.Trial) -> Array:
     """Return the residuals of all targets of a trial, relative to the first trial's distance, weighted in a mean."""
     return _stacked_rows(form, trial)[:, -1]
 
 
-def slopes(form: Formulation, trial: Trial) -> Array:
+def slopes(form: Formulation, trial: trials.Trial) -> Array:
     """Return their derivatives by the scaled parameters."""
     return _stacked_rows(form, trial)[:, : len(form.problem.free)] * form.width
 
 
-def _stacked_rows(form: Formulation, trial: Trial) -> Array:
+def _stacked_rows(form: Formulation, trial: trials.Trial) -> Array:
     return np.vstack(
         [
             np.sqrt(term.weight / trial.squares[term.quantity.key].count) / form.size
@@ -496,7 +494,7 @@ def follow(under_way: model.Evaluator, theta: Array) -> StartEnd:
     """Search from a design, values of the problem's `names`, and confirm the result; a design was judged before."""
     form = under_way.form
     assert form is not None
-    seen: list[Trial] = []
+    seen: list[trials.Trial] = []
     ends: list[StartEnd] = []
     try:
         why = _robust_search(under_way, form, theta, seen)
@@ -541,11 +539,11 @@ def _must_continue(end: StartEnd, rounds: int) -> bool:
     return unused or not end.feasible
 
 
-def _robust_search(under_way: model.Evaluator, form: Formulation, theta: Array, seen: list[Trial]) -> str:
+def _robust_search(under_way: model.Evaluator, form: Formulation, theta: Array, seen: list[trials.Trial]) -> str:
     """Search repeatedly until the standard deviations converge; return why it ended early. ``seen`` gets every trial."""
     start = form.x(theta)
 
-    def judged(point: Array) -> Trial:
+    def judged(point: Array) -> trials.Trial:
         # Reproduce the start exactly, so that it is not evaluated twice.
         seen.append(under_way.trial(theta if np.array_equal(point, start) else form.theta(point)))
         return seen[-1]

@@ -1,6 +1,6 @@
 """Quantities of designs: a name, a unit, and the evaluation on a meshed device; `QUANTITIES` lists them by name.
 
-Add a quantity as a class with `@register_quantity`, also in other modules.
+A subclass of `DesignQuantity` with a name is a quantity that problem files may name, also in other modules.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import dataclasses
 import functools
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, dataclass_transform
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +21,6 @@ from softmodels.common import names, units
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import Expr, PETSc, fem, ufl
 from softmodels.components import contact
-from softmodels.components.contact import Obstacle, RigidShape
 from softmodels.design import trials
 from softmodels.materials import laws
 from softmodels.mechanics import assembly, compiling, mpi, sensitivity
@@ -89,15 +88,28 @@ PROBE = "probe or figure"
 """What a quantity's ``of`` names unless it says otherwise."""
 
 
+@dataclass_transform(frozen_default=True, kw_only_default=True)
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DesignQuantity(abc.ABC):
-    """A quantity of a design, at the state of a `Load` or a pressure in Pa."""
+    """A quantity of a design, at the state of a `Load` or a pressure in Pa.
+
+    Every subclass is a dataclass of this kind; ``class Rise(DesignQuantity, name="rise", unit="m")`` registers it by its name.
+    """
 
     name: ClassVar[str]
     unit: ClassVar[str]
     """SI unit of its values; "1" for a pure number."""
     of_state: ClassVar[bool] = True
     """Whether it belongs to a state, so that ``at`` is required."""
+
+    def __init_subclass__(cls, *, name: str = "", unit: str = "") -> None:
+        super().__init_subclass__()
+        dataclasses.dataclass(frozen=True, kw_only=True)(cls)
+        if unit:
+            cls.unit = unit
+        if name:
+            cls.name = name
+            QUANTITIES.register(cls)
 
     at: trials.EvaluatedLoad | float | None = None
 
@@ -247,7 +259,6 @@ QUANTITIES: names.Registry[type[DesignQuantity]] = names.Registry(
     },
 )
 """Every known quantity by its name in problem files."""
-register_quantity = QUANTITIES.register
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -258,7 +269,6 @@ LENGTH_STEP = 1e-6
 """Step of the central differences, relative to the device's size, or to 1."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
 class DeviceQuantity(DesignQuantity):
     """A quantity that depends only on the device's parameters."""
 
@@ -288,13 +298,8 @@ class DeviceQuantity(DesignQuantity):
         raise TypeError("a quantity of only the device needs no mesh")
 
 
-@register_quantity
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Clearances(DeviceQuantity):
+class Clearances(DeviceQuantity, name="clearances", unit="m"):
     """Width of every wall and channel with a minimum."""
-
-    name: ClassVar = "clearances"
-    unit: ClassVar = "m"
 
     def values(self, device: Actuator) -> dict[str, float]:
         return {f"clearance: {name}": value for name, value in device.clearances.items()}
@@ -304,13 +309,8 @@ class Clearances(DeviceQuantity):
 # Volumes, energies and masses.
 
 
-@register_quantity
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class AddedVolume(DesignQuantity):
+class AddedVolume(DesignQuantity, name="added_volume", unit="m3"):
     """Volume that the whole device's cavity has gained."""
-
-    name: ClassVar = "added_volume"
-    unit: ClassVar = "m3"
 
     def measure(self, design: DesignedBody) -> Measure:
         system = design.system
@@ -322,29 +322,20 @@ class AddedVolume(DesignQuantity):
         )
 
 
-@register_quantity
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class StoredEnergy(DesignQuantity):
+class StoredEnergy(DesignQuantity, name="stored_energy", unit="J"):
     """Energy stored in the whole device."""
-
-    name: ClassVar = "stored_energy"
-    unit: ClassVar = "J"
 
     def measure(self, design: DesignedBody) -> Measure:
         return energy_measure(design)
 
 
-@register_quantity
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Mass(DesignQuantity):
+class Mass(DesignQuantity, name="mass", unit="kg"):
     """Mass of the silicone of the whole device.
 
     Attributes:
         density: kg/m3; common silicones have 1040 to 1130.
     """
 
-    name: ClassVar = "mass"
-    unit: ClassVar = "kg"
     of_state: ClassVar = False
 
     density: float = 1070.0
@@ -415,11 +406,9 @@ def _probe(design: DesignedBody, name: str) -> str:
     return name
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class OfProbe(DesignQuantity):
+class OfProbe(DesignQuantity, unit="m"):
     """A coordinate of a probe (the device's first one if empty), or of its displacement."""
 
-    unit: ClassVar = "m"
     from_rest: ClassVar = False
     """Whether only the displacement counts."""
 
@@ -439,32 +428,21 @@ class OfProbe(DesignQuantity):
         return PlacesMeasure(design, (name,), lambda rest, moved: float((share * rest[name] + moved[name]) @ way))
 
 
-@register_quantity
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Rise(OfProbe):
+class Rise(OfProbe, name="rise"):
     """Displacement of a probe along the lift."""
 
-    name: ClassVar = "rise"
     from_rest: ClassVar = True
 
 
-@register_quantity
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Height(OfProbe):
+class Height(OfProbe, name="height"):
     """Height of a probe under pressure: undeformed height plus rise.
 
     A design changes both, so the device whose top is highest is not the one whose top rises most.
     """
 
-    name: ClassVar = "height"
 
-
-@register_quantity
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Place(OfProbe):
+class Place(OfProbe, name="place"):
     """Coordinate of a probe along an axis, "x", "y" or "z" of the device."""
-
-    name: ClassVar = "place"
 
     axis: str = "z"
 
@@ -481,14 +459,9 @@ class Place(OfProbe):
         return np.eye(3)[actuator.AXES.index(self.axis)]
 
 
-@register_quantity
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class DeviceFigure(DesignQuantity):
+class DeviceFigure(DesignQuantity, name="figure", unit="1"):
     """A figure of this kind of device derived from its probes, such as a slab's lift angle, by its column with its unit, such
     as ``lift_angle_deg``."""
-
-    name: ClassVar = "figure"
-    unit: ClassVar = "1"
 
     of: str = ""
 
@@ -517,13 +490,8 @@ class DeviceFigure(DesignQuantity):
 # Forces and stiffnesses of the whole device.
 
 
-@register_quantity
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class BlockedForce(DesignQuantity):
+class BlockedForce(DesignQuantity, name="blocked_force", unit="N"):
     """Blocked force along the lift at the device's held tip."""
-
-    name: ClassVar = "blocked_force"
-    unit: ClassVar = "N"
 
     def measure(self, design: DesignedBody) -> Measure:
         system = design.system
@@ -551,13 +519,8 @@ def _moved_role(design: DesignedBody, role: str) -> fem.Function:
     return along
 
 
-@register_quantity
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Stiffness(DesignQuantity):
+class Stiffness(DesignQuantity, name="stiffness", unit="N/m"):
     """Force along the lift, spread over the loaded face, per rise of it at a given pressure."""
-
-    name: ClassVar = "stiffness"
-    unit: ClassVar = "N/m"
 
     def measure(self, design: DesignedBody) -> Measure:
         if design.system.body.actuator.pushed is None:
@@ -616,7 +579,6 @@ def check_apart(design: DesignedBody, what: str) -> None:
 # Limit and bifurcation pressures, and their margins to the working pressure.
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
 class OfLimit(DesignQuantity):
     """A quantity of the limit point."""
 
@@ -632,46 +594,27 @@ class OfLimit(DesignQuantity):
         raise TypeError("a quantity of the limit point needs only that point")
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
 class OfBifurcation(OfLimit):
     """A quantity of the first bifurcation."""
 
 
-@register_quantity
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class BifurcationPressure(OfBifurcation):
+class BifurcationPressure(OfBifurcation, name="bifurcation_pressure", unit="Pa"):
     """Pressure at the first bifurcation."""
 
-    name: ClassVar = "bifurcation_pressure"
-    unit: ClassVar = "Pa"
 
-
-@register_quantity
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class BifurcationMargin(OfBifurcation):
+class BifurcationMargin(OfBifurcation, name="bifurcation_margin", unit="1"):
     """Bifurcation pressure over the highest working pressure."""
 
-    name: ClassVar = "bifurcation_margin"
-    unit: ClassVar = "1"
     margin: ClassVar = True
 
 
-@register_quantity
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class LimitPressure(OfLimit):
+class LimitPressure(OfLimit, name="limit_pressure", unit="Pa"):
     """Pressure at the first limit point."""
 
-    name: ClassVar = "limit_pressure"
-    unit: ClassVar = "Pa"
 
-
-@register_quantity
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class LimitMargin(OfLimit):
+class LimitMargin(OfLimit, name="limit_margin", unit="1"):
     """Limit pressure over the highest working pressure."""
 
-    name: ClassVar = "limit_margin"
-    unit: ClassVar = "1"
     margin: ClassVar = True
 
 
@@ -705,14 +648,9 @@ class PressedMeasure(Measure):
         return 0.0 if own is None else self.design.system.stress_unit * float(own.at_nodes().sum(axis=0) @ self.along)
 
 
-@register_quantity
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class ForceOn(DesignQuantity):
+class ForceOn(DesignQuantity, name="force_on", unit="N"):
     """Force of the whole device on a rigid shape, as in ``[contact.ball]``, or "contact", the plane of ``[contact]``, along a
     direction in device coordinates, such as "z" or "0.6, 0, 0.8"; the device's lift if empty."""
-
-    name: ClassVar = "force_on"
-    unit: ClassVar = "N"
 
     of: str = ""
     along: str = ""
@@ -723,7 +661,7 @@ class ForceOn(DesignQuantity):
 
     @staticmethod
     def named(device: Actuator, components: Sequence[Component]) -> tuple[str, list[str]]:
-        return "rigid shape", [part.label for part in components if isinstance(part, RigidShape | Obstacle)]
+        return "rigid shape", [part.label for part in components if isinstance(part, contact.RigidShape | contact.Obstacle)]
 
     def measure(self, design: DesignedBody) -> Measure:
         system, terms = design.system, design.system.potential.terms
@@ -733,7 +671,7 @@ class ForceOn(DesignQuantity):
             raise ValueError(f"the case has no rigid shape {self.of!r}; it has {', '.join(shapes) or 'none'}")
         term, actuator = shapes[self.of], system.body.actuator
         way = _direction(self.along, "force_on: along") if self.along else np.asarray(actuator.lift)
-        assert isinstance(term.shape, RigidShape)
+        assert isinstance(term.shape, contact.RigidShape)
         crossed, axes = term.shape.crossed(actuator), np.eye(actuator.dimension)
         shares = [float(contact.force_of_all(actuator, crossed, in_space(axis)) @ way) for axis in axes]
         weights = system.length_unit**2 * np.array(shares)
@@ -749,16 +687,11 @@ class ForceOn(DesignQuantity):
 # The air's work: by the conservation of energy what is stored, as nothing is lost on the way.
 
 
-@register_quantity
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class InflationWork(DesignQuantity):
+class InflationWork(DesignQuantity, name="inflation_work", unit="J"):
     """Work of the air on the device from no pressure up to a state, the integral of p dV.
 
     Per cycle it is what the supply has to give each time; the same is what an ideal engine would get back.
     """
-
-    name: ClassVar = "inflation_work"
-    unit: ClassVar = "J"
 
     def measure(self, design: DesignedBody) -> Measure:
         if design.system.dead.loads:
@@ -774,7 +707,6 @@ class InflationWork(DesignQuantity):
 # both counted from their means: tan t = (int a . (X x x) dA) / (int X . x - (a . X) (a . x) dA).
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
 class OfFace(DesignQuantity):
     """A quantity of a face, such as "tip", along an axis in device coordinates, such as "z" or "0.6, 0, 0.8"."""
 
@@ -811,13 +743,8 @@ def _places(design: DesignedBody) -> tuple[Expr, Expr]:
     return X, x
 
 
-@register_quantity
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class FacePlace(OfFace):
+class FacePlace(OfFace, name="face_place", unit="m"):
     """Mean place of a face in a direction, deformed."""
-
-    name: ClassVar = "face_place"
-    unit: ClassVar = "m"
 
     @property
     def title(self) -> str:
@@ -841,13 +768,8 @@ class FacePlace(OfFace):
         return [ufl.dot(along, x), unit]
 
 
-@register_quantity
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Turn(OfFace):
+class Turn(OfFace, name="turn", unit="deg"):
     """Angle by which a face has turned about an axis, from -180 to 180 degrees, right-handed."""
-
-    name: ClassVar = "turn"
-    unit: ClassVar = "deg"
 
     axis: str = "y"
 

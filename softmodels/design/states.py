@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -16,10 +15,8 @@ from softmodels.common.arrays import Array
 from softmodels.common.lazy import fem, ufl
 from softmodels.design import quantities, trials
 from softmodels.mechanics import assembly, component, controls, mpi, newton, sensitivity
-from softmodels.mechanics.sensitivity import Sensitivity
 from softmodels.path import continuation, schedule, stability
 from softmodels.path.continuation import Continuation, trace
-from softmodels.path.stability import Stability
 from softmodels.runs import state_values
 
 if TYPE_CHECKING:
@@ -54,7 +51,7 @@ class WorkingStates:
 
     # -- along the path -------------------------------------------------------------------------------------------------
 
-    def trace(self, rates: Sensitivity, names: Sequence[str]) -> None:
+    def trace(self, rates: sensitivity.Sensitivity, names: Sequence[str]) -> None:
         """Solve all states along paths from the undeformed state; DesignFailure if a load is not met. Where they depend on
         that path, their rates come from it, by lengths and parameters of `Sensitivity.force`."""
         self.states, self.limit, self.bifurcation = {}, None, None
@@ -69,7 +66,7 @@ class WorkingStates:
         if by_volume:
             self._trace_volumes(by_volume, start)
 
-    def _follow(self, rates: Sensitivity, names: Sequence[str]) -> None:
+    def _follow(self, rates: sensitivity.Sensitivity, names: Sequence[str]) -> None:
         """Solve the states in fixed steps of the pressure, with their rates."""
         while True:
             try:
@@ -227,8 +224,6 @@ class WorkingStates:
 
 Numbers = npt.NDArray[np.int64]
 
-EDGES = {2: ((0, 1), (1, 2), (0, 2)), 3: ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))}
-"""Corners of each mid-edge node, in VTK's order, by dimension."""
 NEAREST_CELLS = 24
 MAX_NEWTON_STEPS = 6
 """Iterations of Newton's method for the position in a curved cell."""
@@ -242,7 +237,6 @@ class Places:
 
     def __init__(self, nodes: Array, cells: Numbers, points: Array):
         self.cells, d = cells, nodes.shape[1]
-        self.edges = EDGES[d]
         corners = nodes[cells[:, : d + 1]]
         count = min(NEAREST_CELLS, len(cells))
         _, near = scipy.spatial.cKDTree(corners.mean(axis=1)).query(points, count)
@@ -269,8 +263,9 @@ class Places:
         coordinates = coordinates / coordinates.sum(axis=1, keepdims=True)
         start = coordinates
         for _ in range(MAX_NEWTON_STEPS):
-            gap = points - np.einsum("mn,mni->mi", self._shapes(coordinates), nodes)
-            slopes = np.einsum("mnk,mni->mik", self._slopes(coordinates), nodes)  # by each coordinate as if independent
+            shapes, by_coordinate = state_values.quadratic(coordinates)
+            gap = points - np.einsum("mn,mni->mi", shapes, nodes)
+            slopes = np.einsum("mnk,mni->mik", by_coordinate, nodes)
             jacobian = slopes[:, :, 1:] - slopes[:, :, :1]
             regular = np.abs(np.linalg.det(jacobian)) > 1e-12 * np.abs(jacobian).max(axis=(1, 2)) ** jacobian.shape[1]
             jacobian[~regular] = np.eye(jacobian.shape[1])
@@ -279,25 +274,10 @@ class Places:
         astray = ~(np.abs(coordinates - start).max(axis=1) < 1.0)
         return np.where(astray[:, None], start, coordinates)
 
-    def _shapes(self, share: Array) -> Array:
-        """Return the nodes' shape functions, shape (m, nodes)."""
-        edges = np.array(self.edges)
-        return np.concatenate([share * (2.0 * share - 1.0), 4.0 * share[:, edges[:, 0]] * share[:, edges[:, 1]]], axis=1)
-
-    def _slopes(self, share: Array) -> Array:
-        """Return their slopes by the barycentric coordinates, shape (m, nodes, d + 1)."""
-        corners = share.shape[1]
-        slopes = np.zeros((len(share), corners + len(self.edges), corners))
-        for k in range(corners):
-            slopes[:, k, k] = 4.0 * share[:, k] - 1.0
-        for number, (first, other) in zip(itertools.count(corners), self.edges, strict=False):
-            slopes[:, number, first], slopes[:, number, other] = 4.0 * share[:, other], 4.0 * share[:, first]
-        return slopes
-
     def interpolated(self, values: Array, linear: bool = False) -> Array:
         """Return the values at the points, shape (m, k), of those at the nodes, shape (n, k); ``linear`` takes the corners'
         alone."""
-        weights = self.share if linear else self._shapes(self.share)
+        weights = self.share if linear else state_values.quadratic(self.share)[0]
         return np.einsum("mn,mnk->mk", weights, values[self.cells[self.cell][:, : weights.shape[1]]])
 
 
@@ -450,7 +430,7 @@ class Adjoint:
         self._forces = [compiled(ufl.action(force, self._lambda)) for force in potential.forces]
         self._loads = [[compiled(ufl.action(form, self._lambda)) for form in forms] for forms in system.dead.integrals]
         self._volume = compiled(potential.cavity_volume - design.rest_volume)
-        self.sensitivity = Sensitivity(self.solver, design.motion)
+        self.sensitivity = sensitivity.Sensitivity(self.solver, design.motion)
 
     def prepare(self, state: State) -> None:
         """Factorise the tangent at a state, for the following gradients."""
@@ -664,9 +644,9 @@ class Bifurcations:
                 fork_state = self.solver.solve(controls.volume_control(V + spread * added), state.w, state.P)
                 quantities.check_apart(self.design, "bifurcation")
                 state = fork_state
-                value, shape = Stability.of(self.solver).like(fork_state, mode)
+                value, shape = stability.Stability.of(self.solver).like(fork_state, mode)
                 states.append(fork_state)
-                modes.append(shape / stability.Mode(Stability.of(self.solver).mass, shape).length)
+                modes.append(shape / stability.Mode(stability.Stability.of(self.solver).mass, shape).length)
                 values.append(value)
             cubic = Cubic([fork_state.V for fork_state in states])
             root = cubic.root(np.array(values), V)

@@ -31,15 +31,12 @@ from softmodels.case.case import Case, with_changes
 from softmodels.case.entries import CaseError
 from softmodels.common import cards, errors, files, folders, names, processes, tables, units
 from softmodels.common.arrays import Array
-from softmodels.common.folders import InUseError, OwnFolderError
 from softmodels.common.lazy import scipy
-from softmodels.common.names import checked
 from softmodels.design import trials
 from softmodels.materials import specimens
 from softmodels.materials.laws import Material
 from softmodels.mechanics import mpi
 from softmodels.runs import analyses, notes, outcomes, table
-from softmodels.runs.outcomes import RunError
 from softmodels.runs.simulation import Simulation, temporary_folder
 
 if TYPE_CHECKING:
@@ -466,7 +463,7 @@ def solved(task: tuple[Case, str]) -> dict[str, object]:
                 rows.append(step.row)
     except outcomes.PathEnded as end:
         ended = errors.written(end)
-    except RunError as error:
+    except outcomes.RunError as error:
         if not rows:
             raise
         ended = errors.written(error)
@@ -540,7 +537,7 @@ class StudyFolder:
             except BaseException:
                 output.leave()
                 raise
-        except (InUseError, OwnFolderError) as error:
+        except (folders.InUseError, folders.OwnFolderError) as error:
             raise StudyError(str(error)) from None
         except OSError as error:
             raise StudyError(f"the folder {output.path} cannot be written ({errors.reason(error)})") from None
@@ -597,7 +594,7 @@ def _read(file: Path) -> dict[int, dict[str, object]]:
 # The call.
 
 
-@checked
+@names.checked
 def study(
     file: StudyPlan | str | Path,
     folder: str | Path | None = None,
@@ -647,7 +644,7 @@ def open_folder(plan: StudyPlan, output: Path | None, resume: bool, inputs: Sequ
     try:
         default = Path("results") / plan.name
         own = folders.OwnFolder(output, KIND) if output else folders.take_default(default, KIND, plan.inputs_of_results)
-    except (InUseError, OwnFolderError) as error:
+    except (folders.InUseError, folders.OwnFolderError) as error:
         raise StudyError(str(error)) from None
     except OSError as error:
         raise StudyError(f"the folder {output or default} cannot be written ({errors.reason(error)})") from None

@@ -134,9 +134,7 @@ class OutlineMeasure(quantities.TargetMeasure):
         return -np.einsum("kb,kbi,ki->k", weights, self.silhouette.moved(w, X)[piece], distances.normal)
 
 
-@quantities.register_quantity
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Outline(quantities.DesignQuantity):
+class Outline(quantities.DesignQuantity, name="outline", unit="m"):
     """Root mean square distance between points and the deformed outline: of a disk its shadow; of a half slab its top's edge
     in the mirror plane, from the clamped base to the tip.
 
@@ -145,9 +143,6 @@ class Outline(quantities.DesignQuantity):
     undeformed apex. ``sigma`` is a point's standard error across the outline in m, or a text with a unit, 0 to estimate it
     from what is left; ``run`` the correlation length of the errors, in points.
     """
-
-    name: ClassVar = "outline"
-    unit: ClassVar = "m"
 
     file: str = ""
     points: tuple[tuple[float, float], ...] = ()
@@ -206,7 +201,6 @@ def _middle(points: Array) -> float:
 # Quantities composed of others, also at several states: the distance from a target path, or from a pose.
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
 class CompositeQuantity(quantities.DesignQuantity):
     """A function of other quantities."""
 
@@ -233,16 +227,11 @@ class CompositeQuantity(quantities.DesignQuantity):
         raise TypeError("a composite quantity is evaluated from its parts")
 
 
-@quantities.register_quantity
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class TipPath(CompositeQuantity):
+class TipPath(CompositeQuantity, name="tip_path", unit="m"):
     """Root mean square distance of a probe (the device's first one if empty) from a target path: rows of pressure in Pa and
     coordinates in m, nan where one is not asked for, or a file that `read_tip_path` reads. ``sigma`` is a coordinate's
     standard error in m, or a text with a unit, 0 to estimate it from what is left; ``cm`` Pa of one centimetre of the case's
     column, for pressures in cm."""
-
-    name: ClassVar = "tip_path"
-    unit: ClassVar = "m"
 
     of: str = ""
     target: tuple[tuple[float, float, float, float], ...] = ()
@@ -295,9 +284,7 @@ class TipPath(CompositeQuantity):
         return trials.Squares.of(self.residuals(values), slopes, 1.0, self.sigma)
 
 
-@quantities.register_quantity
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Pose(CompositeQuantity):
+class Pose(CompositeQuantity, name="pose", unit="tolerances"):
     """Distance of a face, such as "tip", from a target pose in tolerances: the root mean square of how far each coordinate of
     its mean place, and its turn about an axis, are from the wanted ones, each over its tolerance.
 
@@ -310,8 +297,6 @@ class Pose(CompositeQuantity):
             followed they are the standard errors.
     """
 
-    name: ClassVar = "pose"
-    unit: ClassVar = "tolerances"
     of_state: ClassVar = True
 
     of: str = ""

@@ -15,6 +15,7 @@ from scipy.special import chdtri
 
 from geometries import Actuator
 from measurement.outline.outline import Outline
+from softmodels.case import tolerances
 from softmodels.case.case import Case
 from softmodels.case.materials import MaterialErrors
 from softmodels.common import cards, names, units
@@ -37,8 +38,6 @@ from softmodels.materials import silicones, specimens
 from softmodels.materials.laws import Material
 from softmodels.mechanics import mpi
 
-BAND_ERRORS = 1.959964
-"""Half of the 95 % band of a normal error, in standard errors."""
 COLUMNS = [
     "material", "data", "values", "rms", "unit", "chi2_per_value", "chi2_measurement", "chi2_material", "coverage_95", "worst",
 ]  # fmt: skip
@@ -254,7 +253,7 @@ def _mean_square(values: Array) -> float:
 
 
 def _covered_shares(sizes: Array) -> float:
-    return float(np.mean(np.abs(sizes) <= BAND_ERRORS))
+    return float(np.mean(np.abs(sizes) <= tolerances.HALF_WIDTH_95))
 
 
 def write_scores(path: Path, scores: Sequence[Score]) -> None:
@@ -293,7 +292,7 @@ def write_readings(
                 ends = [[""] * len(predicted)] * 2
                 if (known := errors.get(name)) is not None:
                     moves = residuals.slopes_of(material, curve, known.names) @ known.roots
-                    half = BAND_ERRORS * np.linalg.norm(moves, axis=1)
+                    half = tolerances.HALF_WIDTH_95 * np.linalg.norm(moves, axis=1)
                     ends = [[f"{v:.9g}" for v in predicted + side * half] for side in (-1, 1)]
                 numbers = np.column_stack([curve.stress, error.of(curve), predicted])
                 for stretch, time, row, low, high in zip(curve.stretch, times, numbers, *ends, strict=True):

@@ -213,21 +213,31 @@ class AssembledTerm[P: Pressing](component.EnergyTerm):
         return scipy.sparse.kron(self._known, np.ones((d, d), dtype=np.bool_), format="csr")
 
 
-class RememberingTerm[P: Pressing](AssembledTerm[P]):
-    """A term whose forces depend on what it remembers of the states before."""
+class RememberingTerm[P: Pressing, H](AssembledTerm[P]):
+    """A term whose forces depend on its ``history``, what it remembers of the last accepted state."""
 
     remembers: ClassVar[bool] = True
+    history: H
 
     @abc.abstractmethod
-    def save(self) -> Any:
-        """Return what it remembers of the last accepted state; see `component.Checkpoint`."""
+    def kept(self, reset: bool) -> H:
+        """Return the history once the present state is accepted; with ``reset`` as if nothing had touched before."""
 
-    @abc.abstractmethod
-    def restore(self, saved: Any) -> None:
+    def commit(self, w: Array, reset: bool = False) -> None:
+        self._take(w)
+        self.restore(self.kept(reset))
+
+    def save(self) -> H:
+        """Return the history; see `component.Checkpoint`."""
+        return self.history
+
+    def restore(self, saved: H) -> None:
         """Return to what `save` has given."""
+        self.history = saved
+        self.forget_state()  # the following calls use this history
 
 
-class HistoryTerm[P: Pressing](RememberingTerm[P]):
+class HistoryTerm[P: Pressing, H](RememberingTerm[P, H]):
     """One with the derivatives of what it remembers: flat arrays, by places of the faces' nodes against what they press on."""
 
     @abc.abstractmethod
@@ -337,16 +347,17 @@ def assemble_into(matrix: PETSc.Mat, form: fem.Form, bcs: Sequence[fem.Dirichlet
     cpp.fem.petsc.insert_diagonal(matrix, form.function_spaces[0], held, diagonal)
 
 
-def assembled_matrix(form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagonal: float = 1.0) -> PETSc.Mat:
+def assembled_matrix(form: fem.Form, bcs: Sequence[fem.DirichletBC] = ()) -> PETSc.Mat:
     """Return a form's matrix; see `assemble_into`."""
     matrix = create_matrix(form)
-    assemble_into(matrix, form, bcs, diagonal)
+    assemble_into(matrix, form, bcs)
     matrix.assemble()
     return matrix
 
 
-def sparse_matrix(form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagonal: float = 1.0) -> PETSc.Mat:
-    """Return a form's matrix without stored zeros, which would take several times the memory; see `assemble_into`."""
+def sparse_matrix(form: fem.Form, bcs: Sequence[fem.DirichletBC] = ()) -> PETSc.Mat:
+    """Return a form's matrix without stored zeros, which would take several times the memory; nothing is on the diagonal of
+    conditions' dofs."""
     dofmap, comm = form.function_spaces[0].dofmap, form.mesh.comm
     numbers, block = dofmap.index_map, dofmap.index_map_bs
     size = (numbers.size_local * block, PETSc.DETERMINE)
@@ -355,7 +366,7 @@ def sparse_matrix(form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagonal:
     local = PETSc.LGMap().create(places.astype(np.int32), block, comm)  # type: ignore[arg-type]
     made.setLGMap(local, local)
     made.setOption(PETSc.Mat.Option.IGNORE_ZERO_ENTRIES, True)  # type: ignore[arg-type]
-    assemble_into(made, form, bcs, diagonal)
+    assemble_into(made, form, bcs, 0.0)
     made.assemble()
     local.destroy()
     return made
@@ -717,12 +728,12 @@ def mass_matrix(
             density.x.array[region.cells] = value
         density.x.scatter_forward()
         form = density * work * ufl.Measure("dx", mesh, metadata={"quadrature_degree": 4})
-    matrix = sparse_matrix(fem.form(form, jit_options=compiling.JIT), bcs, 0.0)
+    matrix = sparse_matrix(fem.form(form, jit_options=compiling.JIT), bcs)
     for face, mass in inertia.faces if inertia else ():
         measure, constant = system.body.measure(face), fem.Constant(mesh, 1.0)
         area = system.integral(fem.form(constant * system.body.hoop * measure, jit_options=compiling.JIT))
         spread = fem.form(fem.Constant(mesh, mass / area) * work * measure, jit_options=compiling.JIT)
-        plate = sparse_matrix(spread, bcs, 0.0)
+        plate = sparse_matrix(spread, bcs)
         matrix.axpy(1.0, plate, matrix.Structure.DIFFERENT)  # type: ignore[arg-type]
         plate.destroy()
     return matrix

@@ -37,7 +37,6 @@ from softmodels.common import errors, names, schema, units
 from softmodels.common.arrays import Array
 from softmodels.common.errors import ComponentError
 from softmodels.common.lazy import MPI, Expr, fem, ufl
-from softmodels.common.schema import settle
 from softmodels.materials.laws import Material
 from softmodels.mechanics import body
 from softmodels.mechanics.body import Body
@@ -55,6 +54,7 @@ class Component(abc.ABC):
         distinct: Of kinds that share a table of named ones, the field by which those of this one are known; empty for one.
         optional: Whether command lines have options for one of it: ``--table`` for its first field, ``--table-field`` for the
             others.
+        differentiable: Whether design gradients support it on every device; see `undesigned`.
         figure_texts: Short name and meaning of its columns of ``path.csv`` by a pattern of `re`; ``{0}`` is its first group.
 
     Raises:
@@ -68,9 +68,10 @@ class Component(abc.ABC):
     distinct: ClassVar[str] = ""
     figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {}
     optional: ClassVar[bool] = False
+    differentiable: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        settle(self, ComponentError)
+        schema.settle(self, ComponentError)
         if not isinstance(self.name, str):
             raise ComponentError(f"[{self.table}]: name is {units.brief(self.name)}; it must be a text, such as 'tip'")
         if not re.fullmatch(r"([a-z]\w*)?", self.name):
@@ -128,7 +129,7 @@ class Component(abc.ABC):
 
     def undesigned(self, actuator: Actuator) -> str:
         """Return why design gradients do not support it, as a clause after its name; empty if they do."""
-        return "whose gradients are not available"
+        return "" if self.differentiable else "whose gradients are not available"
 
     def inside(self, actuator: Actuator) -> tuple[str, ...]:
         """Return the regions that it belongs to: where lengths vary, the mesh has to follow their interfaces."""
@@ -371,7 +372,7 @@ def _key(kind: type[Component]) -> str:
     return f"{kind.table}.{kind.distinct}" if kind.always_named else kind.table
 
 
-COMPONENTS: names.Registry[type[Component]] = names.Registry("component", _key)
+COMPONENTS: names.Registry[type[Component]] = names.Registry("component", _key, made_known=schema.describe_fields)
 """Every kind by its table; those that always have a name by ``table.`` and what they are known by: ``[contact.ball]`` is none
 of ``[contact]``, and one with ``between`` is of two bodies."""
 register_component = COMPONENTS.register

@@ -21,7 +21,6 @@ import numpy.typing as npt
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import Expr, fem, ufl
 from softmodels.mechanics import assembly, component, mpi
-from softmodels.mechanics.component import Component, ComponentError
 
 
 @dataclasses.dataclass(frozen=True)
@@ -217,7 +216,7 @@ class RequestedValue:
     help: str = ""
 
 
-class LoadPart(Component):
+class LoadPart(component.Component):
     """A dead load.
 
     Attributes:
@@ -254,7 +253,7 @@ class LoadPart(Component):
         """Whether the part has a constant magnitude, so that none can be requested."""
         return False
 
-    def idle(self, components: Sequence[Component]) -> bool:
+    def idle(self, components: Sequence[component.Component]) -> bool:
         """Return whether it acts only on masses that the device lifts, not on the device."""
         return False
 
@@ -263,12 +262,12 @@ class LoadPart(Component):
         raise NotImplementedError(f"{self.where} says no magnitude")
 
     @abc.abstractmethod
-    def spread(self, on: DistributedLoad, components: Sequence[Component]) -> Weighed:
+    def spread(self, on: DistributedLoad, components: Sequence[component.Component]) -> Weighed:
         """Return its distribution over the body; what else is added to the device may have weight too. `ComponentError` if it
         cannot be on this mesh."""
 
 
-class HeavyPart(Component):
+class HeavyPart(component.Component):
     """A part with its own mass, on which gravity acts, spread evenly over the facets of ``face``."""
 
     face: str
@@ -349,7 +348,7 @@ class DistributedLoad:
         """Return the mean test displacement along a vector of the mesh over a face, or over one of the body's materials."""
         size = self.integral(self.constant(1.0), over)
         if not size > 0.0:
-            raise ComponentError(f"the face {over!r} has no facets on this mesh")
+            raise component.ComponentError(f"the face {over!r} has no facets on this mesh")
         way = np.asarray(along, dtype=float)
         vector = self.constant(way / size)
         if isinstance(over, str):  # a force on a face stays the same where the face grows, the weight of a region does not
@@ -376,7 +375,7 @@ class DeadLoads:
         ComponentError: A load that moves nothing, or not on this mesh.
     """
 
-    def __init__(self, system: component.Equations, components: Sequence[Component]):
+    def __init__(self, system: component.Equations, components: Sequence[component.Component]):
         self.system = system
         self.loads = [part for part in components if isinstance(part, LoadPart) and not part.idle(components)]
         on = [DistributedLoad(system) for _ in self.loads]
@@ -389,7 +388,7 @@ class DeadLoads:
         self.origins: Array | None = None
         self._vector = fem.Function(system.space) if self.forms else system.w
 
-    def magnitudes(self, components: Sequence[Component]) -> list[tuple[complex, Sequence[complex]]]:
+    def magnitudes(self, components: Sequence[component.Component]) -> list[tuple[complex, Sequence[complex]]]:
         """Return for each load its magnitude in SI units and the shares of its masses, of parts like those it was made of,
         whose numbers may be complex."""
         known = {part.key: part for part in components}
@@ -402,7 +401,7 @@ class DeadLoads:
             magnitudes.append((part.magnitude_of(whole), [mass / whole for mass in masses]))
         return magnitudes
 
-    def take(self, components: Sequence[Component]) -> None:
+    def take(self, components: Sequence[component.Component]) -> None:
         """Set the numbers of other parts like those it was made of; what drives the device has to be coupled again."""
         for i, (amount, shares) in enumerate(self.magnitudes(components)):
             self.amounts[i] = amount.real
@@ -424,7 +423,7 @@ class DeadLoads:
         for load, forms in zip(self.loads, self.forms, strict=True):
             force = self.system.assemble(forms)
             if not mpi.total(self.system.comm, float(force @ force)) > 0.0:
-                raise ComponentError(f"{load.where} acts only on held dofs; use another face or direction")
+                raise component.ComponentError(f"{load.where} acts only on held dofs; use another face or direction")
 
     def moved(self) -> Array:
         """Return the work-conjugate of each load in the current state, shape (loads,); linear in w, moved held dofs
@@ -497,4 +496,4 @@ def mean_place(on: DistributedLoad, role: str) -> Array:
 def check_finite(value: float, where: str, what: str) -> None:
     """Reject an amount that is not above zero."""
     if not (value > 0.0 and math.isfinite(value)):
-        raise ComponentError(f"{where}: {what} is {value:g}; it must be above zero; use the direction for the sign")
+        raise component.ComponentError(f"{where}: {what} is {value:g}; it must be above zero; use the direction for the sign")

@@ -15,7 +15,6 @@ import numpy.typing as npt
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import PETSc
 from softmodels.mechanics import assembly, controls, mpi
-from softmodels.mechanics.controls import Control
 from softmodels.mechanics.system import State, System, rounding_of_stress
 
 
@@ -33,7 +32,7 @@ class Newton:
         self._since: Array | None = None
         self._anchor: Array | None = None
         self._force: PETSc.Vec | None = None  # whose path from the anchor on is given
-        self.control: controls.Curve = Control(0.0, 1.0, 0.0)
+        self.control: controls.Curve = controls.Control(0.0, 1.0, 0.0)
         self.x, self.f, self._y = bordered.vector(), bordered.vector(), system.K.createVecRight()
         snes = self.snes = PETSc.SNES().create(system.comm)
         snes.setType("newtonls")
@@ -74,7 +73,7 @@ class Newton:
         """Return the same where ``force . (w - anchor)`` is given; see `Solver.solve_along`."""
         self.bordered.row, self._force, self._anchor = force.copy(), force, anchor
         try:
-            return self.solve(Control(1.0, 0.0, amount), w, P)
+            return self.solve(controls.Control(1.0, 0.0, amount), w, P)
         finally:
             self.bordered.row = self._force = self._anchor = None
 
@@ -341,7 +340,7 @@ class Bordered:
         self.columns = [K.createVecRight() for _ in range(self.scalars)]
         self._lifted = [K.createVecRight() for _ in range(self.scalars)]
         self._r, self._y, self._q_lifted = K.createVecRight(), K.createVecRight(), K.createVecRight()
-        self.control = Control(0.0, 1.0, 0.0)
+        self.control = controls.Control(0.0, 1.0, 0.0)
         self.row: PETSc.Vec | None = None  # a force instead of q in the control's equation, if that does not involve the volume
         self.compliances = np.zeros((self.scalars, self.scalars))
         self.factorisations = 0

@@ -24,7 +24,6 @@ from softmodels.materials import laws
 from softmodels.materials.laws import Material
 from softmodels.mechanics import assembly, component, controls, memory
 from softmodels.mechanics.body import Body
-from softmodels.mechanics.component import Component
 from softmodels.mechanics.regions import Regions, constants
 
 
@@ -68,7 +67,7 @@ class Potential:
         body: Body,
         material: Material,
         mixed: bool,
-        components: Sequence[Component] = (),
+        components: Sequence[component.Component] = (),
     ):
         # The order in which functions and constants are made is part of a form's name in the kernel cache.
         self.body, self.mixed = body, mixed

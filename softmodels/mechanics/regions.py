@@ -377,6 +377,7 @@ class RegionPart(Component):
     """A region with its own law; its name is the region's."""
 
     material: Material
+    differentiable: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "material", silicones.material_of(f"{self.where} material", self.material))
@@ -396,9 +397,6 @@ class RegionPart(Component):
     def own_density(self) -> float | None:
         """Density in kg/m3; None for that of `softmodels.components.loads.Gravity`."""
         return None
-
-    def undesigned(self, actuator: Actuator) -> str:
-        return ""
 
     def inside(self, actuator: Actuator) -> tuple[str, ...]:
         return (self.name,)

@@ -14,7 +14,6 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import actuator, meshing
-from geometries.actuator import Hold
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import MPI, PETSc, basix, fem, la, meshes, ufl
 from softmodels.materials import laws
@@ -78,7 +77,7 @@ class System:
         self.body, self.formulation, self.comm = regions.clamped(body, components), formulation, body.mesh.comm
         self.components, self.ratios = tuple(components), tuple(body.actuator.ratios)
         if type(body).volume_integrand is Body.volume_integrand:  # a user's volume integral may close them differently
-            closing = [Hold(role, seal.normal) for seal in regions.seals(components) for role in seal.roles]
+            closing = [actuator.Hold(role, seal.normal) for seal in regions.seals(components) for role in seal.roles]
             actuator.check_closed(body.actuator, body.openings, [*self.body.holds, *closing])
         self.mixed = formulation == "mixed"
         self.potential = self.potential_class(self.body, material, self.mixed, components)

@@ -20,7 +20,6 @@ from softmodels.common.arrays import Array
 from softmodels.common.lazy import scipy
 from softmodels.components import creases
 from softmodels.mechanics import assembly, component, controls, memory, mpi, newton
-from softmodels.mechanics.controls import Control
 from softmodels.mechanics.solver import TANGENT_TOLERANCE, Solver
 from softmodels.mechanics.system import State, System
 from softmodels.path.stability import (
@@ -88,7 +87,7 @@ class Continuation:
             tangent = at_once(start)
         else:
             solver.factorise(start)
-            tangent = solver.tangent(start, Control(1 / V_scale, 1.0, 0.0), tight(solver))
+            tangent = solver.tangent(start, controls.Control(1 / V_scale, 1.0, 0.0), tight(solver))
         history.V0, history.plane = start.V, ArcLengthMetric.of(V_scale, tangent.compliance)
         history.requested = requested = self.quantity.counted(start.V, rest.V)
         known = (Pressure(), AddedVolume(rest.V), ArcLength(self.plane), requested)
@@ -265,7 +264,7 @@ class Continuation:
     def at(self, state: State) -> Point:
         """Return the point of a state that no other leads to; the tangent there is factorised."""
         self.solver.factorise(state)
-        tangent = self.solver.tangent(state, Control(1 / self.plane.V_scale, 1.0, 0.0))
+        tangent = self.solver.tangent(state, controls.Control(1 / self.plane.V_scale, 1.0, 0.0))
         if not self.requested.starts_forward(state, tangent):
             tangent = -tangent
         stiffest = min(self.last.stiffest, self.plane.felt(tangent.compliance))
@@ -682,7 +681,7 @@ class Corrector:
         """Return the tangent at a state, oriented forwards; scaled along the last direction, so it is regular at
         limit points."""
         if not self.history.points:
-            return self.solver.tangent(state, Control(1 / self.plane.V_scale, 1.0, 0.0), tolerance)
+            return self.solver.tangent(state, controls.Control(1 / self.plane.V_scale, 1.0, 0.0), tolerance)
         last = self.history.last
         line = self.plane.stiffened(last.stiffest).square_to(last.tangent, last.state)
         # If nothing moves, a guess would consist of rounding errors, so solve without one.

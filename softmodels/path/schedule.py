@@ -18,7 +18,6 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.mechanics import component, controls, mpi, newton
-from softmodels.mechanics.controls import Control
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
 from softmodels.path import continuation, stability
@@ -828,7 +827,7 @@ class Fall(stability.Pressure):
     def slopes(self, V: float, P: float) -> tuple[float, float]:
         return 0.0, -1.0
 
-    def curve(self, value: float) -> Control:
+    def curve(self, value: float) -> controls.Control:
         return controls.pressure_control(self.start - value)
 
     def exactly(self, state: State, value: float) -> State:

@@ -29,7 +29,6 @@ import numpy.typing as npt
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import PETSc, fem, scipy
 from softmodels.mechanics import assembly, component, controls, newton
-from softmodels.mechanics.controls import Control
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
 
@@ -798,7 +797,7 @@ class Point:
         """Whether the state is stable under a given cavity volume."""
         return self.stable_under(controls.volume_control(self.state.V))
 
-    def stable_under(self, control: Control) -> bool:
+    def stable_under(self, control: controls.Control) -> bool:
         """Return whether the state is stable if pressure and volume are tied by a line a V + b P = d, neither a nor b
         negative; of a gas law its tangent at this state.
 
@@ -875,11 +874,11 @@ class ArcLengthMetric:
         """Return the inner product of two changes (dV, dP)."""
         return a[0] * b[0] / self.V_scale**2 + a[1] * b[1] / self.P_scale**2
 
-    def square_to(self, tangent: controls.Tangent, state: State, step: float = 0.0) -> Control:
+    def square_to(self, tangent: controls.Tangent, state: State, step: float = 0.0) -> controls.Control:
         """Return the line perpendicular to a tangent, ``step`` away from a state."""
         a, b = tangent.V / self.V_scale, tangent.P / self.P_scale
         norm = (a * a + b * b) ** 0.5
-        line = Control(a / norm / self.V_scale, b / norm / self.P_scale, 0.0)
+        line = controls.Control(a / norm / self.V_scale, b / norm / self.P_scale, 0.0)
         return line.at(line.value(state.V, state.P) + step)
 
 
@@ -961,7 +960,7 @@ class Pressure(PathQuantity):
     def slopes(self, V: float, P: float) -> tuple[float, float]:
         return 0.0, 1.0
 
-    def curve(self, value: float) -> Control:
+    def curve(self, value: float) -> controls.Control:
         return controls.pressure_control(value)
 
     def exactly(self, state: State, value: float) -> State:
@@ -987,10 +986,10 @@ class AddedVolume(PathQuantity):
     def slopes(self, V: float, P: float) -> tuple[float, float]:
         return 1.0, 0.0
 
-    def curve(self, value: float) -> Control:
+    def curve(self, value: float) -> controls.Control:
         return controls.volume_control(value + self.V0)
 
-    def ahead(self, state: State, tangent: controls.Tangent, step: float) -> Control:
+    def ahead(self, state: State, tangent: controls.Tangent, step: float) -> controls.Control:
         return controls.volume_control(state.V + step)
 
     def largest_step(self, state: State, plane: ArcLengthMetric) -> float:
@@ -1041,10 +1040,10 @@ class Supply(PathQuantity):
     def curve(self, value: float) -> SupplyCurve:
         return SupplyCurve(self, value)
 
-    def line(self, V: float, P: float) -> Control:
+    def line(self, V: float, P: float) -> controls.Control:
         """Return the tangent of the curve through (V, P), as a direction, in units of `weight`."""
         a, b = self.slopes(V, P)
-        return Control(self.weight * a, self.weight * b, 0.0)
+        return controls.Control(self.weight * a, self.weight * b, 0.0)
 
     def limit_met(self, of_pressure: Point | None, own: Point | None) -> Point | None:
         return own
@@ -1068,7 +1067,7 @@ class SupplyCurve:
     def slopes(self, V: float, P: float) -> tuple[float, float]:
         return self.supply.slopes(V, P)
 
-    def line(self, V: float, P: float) -> Control:
+    def line(self, V: float, P: float) -> controls.Control:
         return self.supply.line(V, P)
 
     def at(self, target: float) -> SupplyCurve:
@@ -1082,7 +1081,7 @@ class ArcLength:
     plane: ArcLengthMetric
     name: ClassVar[str] = "arc-length"
 
-    def ahead(self, state: State, tangent: controls.Tangent, step: float) -> Control:
+    def ahead(self, state: State, tangent: controls.Tangent, step: float) -> controls.Control:
         return self.plane.square_to(tangent, state, step)
 
     def rate(self, state: State, tangent: controls.Tangent) -> float:

@@ -82,7 +82,8 @@ class AirSupply:
 
 
 def _name_options(supply: type[AirSupply]) -> None:
-    """Say how messages spell the options of a supply."""
+    """Say how messages spell the options of a supply, and ``help`` what its fields are."""
+    schema.describe_fields(supply)
     errors.call(f"supply {supply.name}", f"supply={supply.__name__}(...)")
     for name, field in schema.about(supply).items():
         if field.option:
@@ -101,16 +102,8 @@ AMBIENT_PRESSURE = 101.325e3
 @register_supply
 @dataclasses.dataclass(frozen=True)
 class Syringe(AirSupply):
-    """A syringe and its tubes; SI units.
-
-    Attributes:
-        syringe: Volume of the syringe in m3 when its piston is drawn back, which is the largest stroke.
-        dead_volume: Volume of tubes and T-junction in m3.
-        ambient: Absolute pressure outside in Pa, at which everything was filled.
-        gas: One of `GASES`.
-        leak: Share of the gas's mass lost per m3 of stroke, counted from the mass at rest: at the stroke S the mass is
-            1 - leak S of what it was. So it is the leak of a piston moved at a steady rate.
-    """
+    """A syringe and its tubes; SI units. At the stroke S the mass of its gas is 1 - leak S of that at rest, as with a piston
+    moved at a steady rate."""
 
     syringe: float = schema.field_of(schema.Quantity("m^3"), "volume of the syringe, the largest stroke", 20e-6, usual=0.01)
     dead_volume: float = schema.field_of(schema.Quantity("m^3"), "volume of tubes and T-junction", 5e-6, usual=0.01)
@@ -217,18 +210,7 @@ class Reservoir(AirSupply):
     """A source of pressure, and the valve, tube and leak between it and the device; SI units.
 
     Its pressure is a series of the load (``source_pressure``), and so is the opening of its valve (``valve``); or the series
-    is the flow of a pump (``flow_ml_per_min``).
-
-    Attributes:
-        tube_length, tube_bore: Of the tube in m; no tube if the length is 0.
-        conductance, critical_ratio: Of a valve or an orifice before the tube (ISO 6358): sonic conductance in m3/(s Pa), and
-            critical ratio of the pressures; none if the conductance is 0.
-        max_flow: Most that the source supplies, in m3/s at ambient pressure; no limit if 0.
-        dead_volume: Volume of the fittings in m3, beside the tube's own.
-        leak_conductance: Sonic conductance of a leak to the outside, in m3/(s Pa), with the same critical ratio.
-        leak_length, leak_bore: Of a laminar leak to the outside, in m.
-        ambient: Absolute pressure outside in Pa, at which everything was filled.
-        gas: ``"isothermal"`` or ``"adiabatic"``.
+    is the flow of a pump (``flow_ml_per_min``). Conductances are sonic conductances of ISO 6358.
     """
 
     tube_length: float = schema.field_of(

@@ -22,11 +22,9 @@ from geometries import Actuator
 from softmodels.common import commands, files, pages, processes
 from softmodels.common.arrays import Array
 from softmodels.common.errors import MissingPackageError
-from softmodels.common.pages import Page
 from softmodels.materials import silicones
 from softmodels.pictures import curves, offscreen, solid, style
 from softmodels.runs import analyses, grasp, grid, state_values, table
-from softmodels.runs.grasp import Grasp
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,7 +37,7 @@ SHOWN_UNITS = {"m": (1e3, ", mm"), "degree": (1.0, ", degrees"), "": (1.0, "")}
 
 
 @matplotlib.rc_context(style.STYLE)
-def grasp_figure(made: Grasp, held_states: Sequence[grasp.Held], outlines: Sequence[Sequence[Array]]) -> Figure:
+def grasp_figure(made: grasp.Grasp, held_states: Sequence[grasp.Held], outlines: Sequence[Sequence[Array]]) -> Figure:
     """Draw fingers and object in their plane, the load downwards: the last state without load, and the last one, each with
     the corners of the fingers' facets, see `Grasp.outlines`."""
     free = max((number for number, held in enumerate(held_states) if not held.load), default=0)
@@ -402,7 +400,7 @@ def study_page(study: Study, seconds: float) -> tuple[str, dict[str, Figure]]:
         )
 
     answer = f"{len(plan.points) - len(failures)} of {len(plan.points)} samples of {plan.case.name} have a result."
-    report = Page(
+    report = pages.Page(
         f"Study {plan.name}", answer,
         [
             ("Samples", [charts("parallel")]),

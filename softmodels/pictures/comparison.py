@@ -21,7 +21,6 @@ from softmodels.case.case import Case
 from softmodels.common import cards, commands, errors, files, pages
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import scipy
-from softmodels.common.pages import Page
 from softmodels.materials import silicones
 from softmodels.pictures import curves
 from softmodels.pictures.style import LINE_COLOURS, STYLE, WIDTH_INCHES, chart
@@ -125,7 +124,7 @@ class Comparison(cards.ResultCard):
             pages.Bullets([f"{result.name}: {', '.join(f'{a} {b}' for a, b in result.made.rows)}" for result in self.results])
         ]
         sources = dict.fromkeys(text for result in self.results for text in silicones.publications(result.case.material))
-        return Page(
+        return pages.Page(
             " and ".join(names), f"{len(self.differences)} fields of the cases differ." if rows else "The cases are the same.",
             [
                 ("Paths and outlines", [pages.Charts(drawings), pages.Text(where)]),

@@ -26,12 +26,10 @@ from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.common import commands, errors, files, folders, processes
 from softmodels.common.arrays import Array
-from softmodels.common.folders import InUseError, OwnFolderError
 from softmodels.components import contact
 from softmodels.pictures import curves, offscreen, report, solid, style
 from softmodels.runs import store
 from softmodels.runs.states import FolderStates, StoredStates, axes_of, cut_line
-from softmodels.runs.store import ResultsError
 
 
 def draw(
@@ -53,7 +51,7 @@ def draw(
     the name of a picture; InUseError if another program has been drawing them for too long; OSError if it cannot be written.
     """
     if not (folder / f"{name}.h5").exists():
-        raise ResultsError(f"{folder} holds no {name}.h5, so there is nothing to draw")
+        raise store.ResultsError(f"{folder} holds no {name}.h5, so there is nothing to draw")
     own = store.picture_folder(folder)
     own.take(folders.DRAWING_TIMEOUT)
     try:
@@ -238,7 +236,7 @@ def reported(folder: Path) -> Iterator[None]:
     try:
         materials.import_own_modules()
         yield
-    except (ResultsError, CaseError, OwnFolderError, materials.OwnModuleError, InUseError) as error:
+    except (store.ResultsError, CaseError, folders.OwnFolderError, materials.OwnModuleError, folders.InUseError) as error:
         sentence = str(error)
     except OSError as error:
         sentence = f"the pictures cannot be written into {folder} ({error.strerror or error})"
@@ -260,7 +258,7 @@ def draw_folder(
     with reported(folder):
         if name is None:
             if not (folder / "case.toml").exists():
-                raise ResultsError(f"{folder} holds no results ({errors.no_case(folder)})")
+                raise store.ResultsError(f"{folder} holds no results ({errors.no_case(folder)})")
             name = Case.from_file(folder / "case.toml").name
 
         def left_out(text: str) -> None:

@@ -19,7 +19,6 @@ from softmodels.common import commands
 from softmodels.common.arrays import Array, triple
 from softmodels.common.lazy import pyvista
 from softmodels.components import contact, shapes
-from softmodels.components.contact import RigidShape
 from softmodels.pictures.style import DPI, EDGE, INK, WARNING, WIDTH_INCHES, Caption, Scale, subject
 from softmodels.runs import grid, labels
 from softmodels.runs.fields import coloured
@@ -266,7 +265,7 @@ Image = npt.NDArray[np.uint8]
 # Rigid shapes in pictures: surfaces in rendered ones, outlines in sections.
 
 
-def shape_surface(shape: RigidShape, reach: float) -> PolyData:
+def shape_surface(shape: contact.RigidShape, reach: float) -> PolyData:
     """Return the surface of a shape, in m; see `shapes.Swept.profile`."""
     form = shape.form
     if isinstance(form, shapes.Stl):
@@ -281,11 +280,11 @@ def shape_surface(shape: RigidShape, reach: float) -> PolyData:
     return swept.triangulate().clean(polys_to_lines=False).translate(shape.at)
 
 
-def shapes_of(states: StoredStates) -> list[RigidShape]:
-    return [part for part in states.case.components if isinstance(part, RigidShape)]
+def shapes_of(states: StoredStates) -> list[contact.RigidShape]:
+    return [part for part in states.case.components if isinstance(part, contact.RigidShape)]
 
 
-def way(states: StoredStates, shape: RigidShape, step: float) -> Array:
+def way(states: StoredStates, shape: contact.RigidShape, step: float) -> Array:
     """Return the displacement of a shape at a step or between two, in m, shape (3,)."""
     if not shape.guide:
         return np.zeros(3)
@@ -311,7 +310,7 @@ def shape_layers(states: StoredStates, step: float) -> list[Layer]:
     return layers
 
 
-def below(plane: RigidShape, normal: Array, device: Array) -> tuple[RigidShape, float]:
+def below(plane: contact.RigidShape, normal: Array, device: Array) -> tuple[contact.RigidShape, float]:
     """Return a plane with its point next to the centre of a device, points of shape (n, 3), and its drawn radius."""
     middle = (device.min(axis=0) + device.max(axis=0)) / 2
     foot = np.round(middle - ((middle - np.asarray(plane.at)) @ normal) * normal, 12)  # no rounding beside the axis

@@ -25,7 +25,6 @@ from geometries import registry as geometry_table
 from softmodels.case import materials
 from softmodels.common import commands, files, pages, schema, units
 from softmodels.common.arrays import Array
-from softmodels.common.pages import Page
 from softmodels.components import contact
 from softmodels.materials import silicones
 from softmodels.materials.laws import parameter_fields
@@ -83,7 +82,7 @@ class Report:
         made = states.made
         if made.date and not made.command:  # run by a Python program
             made = dataclasses.replace(made, command=shlex.join(["softmodels", "run", f"{folder}/case.toml"]))
-        self._page = Page(
+        self._page = pages.Page(
             name, ending(states.rows, states.rows[states.main], states.words, told), (), made,
             facts(states, told), warnings if isinstance(warnings, list) else [], silicones.publications(states.case.material),
             {"path.csv": files.read_text(folder / "path.csv")} if (folder / "path.csv").exists() else {}, states.case.column,

@@ -13,18 +13,15 @@ import numpy.typing as npt
 from geometries import actuator
 from geometries.actuator import Vector
 from softmodels.case import entries
-from softmodels.case.entries import CaseError
 from softmodels.common import errors, names, units
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import fem, ufl
 from softmodels.components import rigid
 from softmodels.mechanics import body, compiling, mpi, regions, system
 from softmodels.mechanics.component import ComponentError
-from softmodels.mechanics.mpi import largest
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
 from softmodels.runs import state_values, table
-from softmodels.runs.state_values import StateValues
 
 
 class Fields:
@@ -60,17 +57,17 @@ class Fields:
         """A sentence on each named point: where it is tracked."""
         return [entries.followed_text(name, point.away, point.place) for name, point in self._followed.items()]
 
-    def values(self, state: State) -> StateValues:
+    def values(self, state: State) -> state_values.StateValues:
         """Return a state's values; the state is loaded into the equations."""
         self.system.load(state)
-        return StateValues(self.sampling, state)
+        return state_values.StateValues(self.sampling, state)
 
     def shape(self, w: Array) -> Array | None:
         """Return the displacement of dofs such as a mode's over the grid's nodes in device coordinates, (n, 3) in m, on rank
         0."""
         return self.grid.collect(self.sampling.displacement(w))
 
-    def nodal(self, state: State, values: StateValues | None = None) -> dict[str, Array] | None:
+    def nodal(self, state: State, values: state_values.StateValues | None = None) -> dict[str, Array] | None:
         """Return each wanted `OutputField` over the grid's nodes by name, SI units, shape (n,), (n, 3) or (n, 3, 3), on rank 0;
         None elsewhere. ``values`` are the state's, if they are known; see `values`."""
         values = values or self.values(state)
@@ -93,7 +90,7 @@ class Fields:
         function.x.scatter_forward()
         return State(function.x.array.copy(), P, V)
 
-    def figures(self, state: State, values: StateValues | None = None) -> Figures:
+    def figures(self, state: State, values: state_values.StateValues | None = None) -> Figures:
         """Return the key figures of a state, whose ``values`` may be known."""
         eq, values = self.system, values or self.values(state)
         actuator, u = eq.body.actuator, values.displacement
@@ -136,8 +133,8 @@ class Fields:
     def _extremes(self, values: Array) -> tuple[float, float]:
         """Return the least and the largest value over all ranks."""
         comm = self.system.comm
-        least = -largest(comm, float((-values).max()) if values.size else -math.inf)
-        return least, largest(comm, float(values.max()) if values.size else -math.inf)
+        least = -mpi.largest(comm, float((-values).max()) if values.size else -math.inf)
+        return least, mpi.largest(comm, float(values.max()) if values.size else -math.inf)
 
     def _owner(self, point: Vector) -> int:
         """Return the local owned node at a device point, or -1 on the ranks that do not own it."""
@@ -146,7 +143,7 @@ class Fields:
         distance = np.linalg.norm(eq.body.actuator.device_points(here) - np.asarray(point), axis=1)
         node = int(np.argmin(distance)) if len(distance) else -1
         near = float(distance[node]) if node >= 0 else math.inf
-        closest = -largest(eq.comm, -near)
+        closest = -mpi.largest(eq.comm, -near)
         return node if near == closest and closest < 1e-6 * eq.length_unit else -1
 
     def probes_moved(self, w: Array) -> dict[str, Array]:
@@ -189,7 +186,7 @@ class Fields:
         # Among equal values, as at rest, the first in order of x, y, z, so that neither rounding nor the rank decides.
         place = []
         for axis in range(3):
-            least = -largest(eq.comm, -float(points[:, axis].min()) if len(points) else -math.inf)
+            least = -mpi.largest(eq.comm, -float(points[:, axis].min()) if len(points) else -math.inf)
             points = points[points[:, axis] <= least + 1e-9 * eq.length_unit]
             place.append(least)
         return place[0], place[1], place[2]
@@ -385,20 +382,23 @@ def _surface(system: System, grid: state_values.Grid) -> Nodes:
 def _nearest(system: System, name: str, wanted: Array, facets: Nodes, places: Array) -> TrackedPoint:
     """Return the nearest place of facets whose nodes are at places (m, k, 3)."""
     comm, unit = system.comm, system.length_unit
-    share = _weights(_barycentric(places, wanted)) if len(places) else np.empty((0, 1))
+    share = np.empty((0, 1))
+    if len(places):  # facets have the nodes on their edges in the order of the corners opposite to them
+        at = _barycentric(places, wanted)
+        share = state_values.quadratic(at, ((1, 2), (0, 2), (0, 1)) if at.shape[1] == 3 else None)[0]
     closest = np.einsum("mk,mki->mi", share, places)
     distance = np.linalg.norm(closest - wanted, axis=1)
-    away = -largest(comm, -float(distance.min()) if len(distance) else -math.inf)
+    away = -mpi.largest(comm, -float(distance.min()) if len(distance) else -math.inf)
     # Among equally near places the first in order of x, y, z, so that the rank does not decide.
     near = np.flatnonzero(distance <= away + body.LENGTH_TOLERANCE * unit)
     place = []
     for axis in range(3):
-        least = -largest(comm, -float(closest[near, axis].min()) if len(near) else -math.inf)
+        least = -mpi.largest(comm, -float(closest[near, axis].min()) if len(near) else -math.inf)
         near = near[closest[near, axis] <= least + body.LENGTH_TOLERANCE * unit]
         place.append(least if abs(least) > body.LENGTH_TOLERANCE * unit else 0.0)
     holders = mpi.total(comm, float(bool(len(near))))  # several ranks know a place on an edge between them
     edge = places[near, 0] - places[near, 1] if len(near) else np.zeros((0, 3))
-    size = largest(comm, float(np.linalg.norm(edge, axis=1).max()) if len(near) else -math.inf)
+    size = mpi.largest(comm, float(np.linalg.norm(edge, axis=1).max()) if len(near) else -math.inf)
     if away > size:
         told = ", ".join(f"{1e3 * value:.5g}" for value in place)
         raise entries.ProbeError(
@@ -407,15 +407,6 @@ def _nearest(system: System, name: str, wanted: Array, facets: Nodes, places: Ar
         )
     first = near[:1]
     return TrackedPoint(facets[first].ravel(), share[first].ravel() / holders, (place[0], place[1], place[2]), away)
-
-
-def _weights(barycentric: Array) -> Array:
-    """Return the second-order shape functions at barycentric coordinates (m, c): corners, then the edges opposite to them."""
-    corners = barycentric * (2 * barycentric - 1)
-    if barycentric.shape[1] == 2:
-        return np.column_stack([corners, 4 * barycentric.prod(axis=1)])
-    a, b, c = barycentric.T
-    return np.column_stack([corners, 4 * b * c, 4 * a * c, 4 * a * b])
 
 
 def _barycentric(places: Array, wanted: Array) -> Array:
@@ -510,8 +501,8 @@ class OutputField(table.Output):
 
     unit: str
     title: str
-    nodal: Callable[[StateValues], Array]
-    sampled: Callable[[StateValues], Array] | None = None
+    nodal: Callable[[state_values.StateValues], Array]
+    sampled: Callable[[state_values.StateValues], Array] | None = None
     extremes: tuple[Extreme, ...] = ()
     colours: Colours | None = None
     requested: bool = False
@@ -604,7 +595,7 @@ def check_requested(names: Sequence[str]) -> None:
     """Raise `CaseError` for a name that is none of `requestable`."""
     for name in names:
         if name not in requestable():
-            raise CaseError(f"fields has {units.brief(name)}; {errors.known_are(name, requestable())}")
+            raise entries.CaseError(f"fields has {units.brief(name)}; {errors.known_are(name, requestable())}")
 
 
 def coloured() -> dict[str, tuple[OutputField, Colours]]:

@@ -24,15 +24,12 @@ from softmodels.common import commands, errors, units
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import scipy
 from softmodels.components import contact, shapes
-from softmodels.components.contact import RigidShape
 from softmodels.components.pressing import FrictionHistory, Rubbed
 from softmodels.mechanics import assembly, component, controls, mpi, newton
-from softmodels.mechanics.component import Component
 from softmodels.mechanics.system import State
 from softmodels.path.steps import PRESSURE
 from softmodels.runs import simulation
 from softmodels.runs.outcomes import RunError
-from softmodels.runs.simulation import Model
 
 DEFAULT_STEPS, MIN_STEP = 10, 1 / 64
 """Steps to a pressure or to the load, and the shortest one in theirs."""
@@ -46,8 +43,8 @@ class Grasp:
     def __init__(self, case: Case, label: str, fingers: int, direction: Array, steps: int = DEFAULT_STEPS):
         chosen = check_grasp(case, label, fingers, direction)
         self.shape = HeldShape(**{field.name: getattr(chosen, field.name) for field in dataclasses.fields(chosen)})
-        parts: tuple[Component, ...] = tuple(self.shape if part is chosen else part for part in case.components)
-        self.model = Model.of(case, simulation.meshed(case.actuator, mpi.start()), components=parts)
+        parts: tuple[component.Component, ...] = tuple(self.shape if part is chosen else part for part in case.components)
+        self.model = simulation.Model.of(case, simulation.meshed(case.actuator, mpi.start()), components=parts)
         self.solver, self.system = self.model.solver, self.model.system
         term = self.system.potential.terms[self.shape.label]
         assert isinstance(term, HeldTerm)
@@ -65,7 +62,7 @@ class Grasp:
     def rest(self) -> Held:
         """Return the fingers without pressure."""
         none, n, away = np.zeros(len(self.angles)), len(self.angles), np.zeros((0, 2))
-        states, grips = [self.system.rest()] * n, [self.term.grip] * n
+        states, grips = [self.system.rest()] * n, [self.term.history] * n
         return Held(0.0, 0.0, np.zeros(2), 0.0, np.zeros((n, 2)), none, none, none, away, away, states, grips)
 
     def _put(self, pose: Array, finger: int, grip: FrictionHistory) -> None:
@@ -129,7 +126,7 @@ class Grasp:
         for finger, state in enumerate(held.states):
             self._put(self._pose(held), finger, held.grips[finger])
             self.term.commit(state.w)
-            grips.append(self.term.grip)
+            grips.append(self.term.history)
         return dataclasses.replace(held, grips=grips)
 
     def follow(self, start: Held, P: float, load: float) -> Iterator[Held]:
@@ -174,14 +171,14 @@ class GraspError(errors.OptionMessage, ValueError):
 class HeldTerm(contact.RubbingShapeTerm):
     """The contact with a shape that has been moved in the plane, in sizes in device coordinates, and turned, shape (3, 3)."""
 
-    def __init__(self, shape: RigidShape, standing: contact.StandingTerm, setting: component.FormContext):
+    def __init__(self, shape: contact.RigidShape, standing: contact.StandingTerm, setting: component.FormContext):
         self.moved, self.turn = np.zeros(3), np.eye(3)
         self.centre = np.asarray(shape.at) / setting.body.actuator.size
         super().__init__(shape, standing, setting)
 
     def place(self, moved: Array, turn: Array, grip: FrictionHistory) -> None:
         """Set where the shape is, and the friction's history."""
-        self.moved, self.turn, self.grip = moved, turn, grip
+        self.moved, self.turn, self.history = moved, turn, grip
         self.forget_state()
 
     def _back(self, places: Array) -> Array:
@@ -232,7 +229,7 @@ class Pushes:
     sliding: float
 
 
-class HeldShape(RigidShape):
+class HeldShape(contact.RigidShape):
     """A rigid shape that is moved in the plane; the same table as `RigidShape`."""
 
     def term(self, setting: component.FormContext) -> component.EnergyTerm:
@@ -313,11 +310,11 @@ def turning(axis: Array, angle: float) -> Array:
     return np.asarray(scipy.spatial.transform.Rotation.from_rotvec(angle * axis).as_matrix())
 
 
-def check_grasp(case: Case, label: str, fingers: int, direction: Array) -> RigidShape:
+def check_grasp(case: Case, label: str, fingers: int, direction: Array) -> contact.RigidShape:
     """Return the object among a case's components; `GraspError` if there is none, or it or the finger is unfit for this."""
-    objects = [part for part in case.components if isinstance(part, RigidShape) and label in ("", part.label)]
+    objects = [part for part in case.components if isinstance(part, contact.RigidShape) and label in ("", part.label)]
     if len(objects) != 1:
-        known = ", ".join(part.label for part in case.components if isinstance(part, RigidShape)) or "none"
+        known = ", ".join(part.label for part in case.components if isinstance(part, contact.RigidShape)) or "none"
         raise GraspError(
             f"a grasp needs one object, a [contact.name] with shape = 'cylinder'; the case has {known}: name it (--object)"
         )

@@ -15,10 +15,8 @@ import numpy as np
 from geometries import Actuator
 from softmodels.case import entries, materials
 from softmodels.case.case import Case
-from softmodels.case.materials import Region
 from softmodels.common import commands
 from softmodels.components import contact
-from softmodels.components.contact import Walls
 from softmodels.components.loads import Gravity
 from softmodels.components.rigid import Clamp, Rigid
 from softmodels.materials import laws, silicones, specimens
@@ -28,7 +26,6 @@ from softmodels.path.continuation import Continuation
 from softmodels.path.supply import MAX_LAMINAR_REYNOLDS, Reservoir
 from softmodels.runs import budget, columns, labels, outcomes, table
 from softmodels.runs.fields import Fields
-from softmodels.runs.outcomes import RunError
 
 
 def notes_of(known: budget.Budget) -> list[str]:
@@ -205,7 +202,7 @@ def band_notes(rows: table.PathTable) -> Iterator[str]:
 
 def bonded_notes(case: Case) -> Iterator[str]:
     """Yield a sentence if plates or rings of a device are modelled as silicone, unlike real plates."""
-    meshed = {part.name for part in case.components if isinstance(part, Region)}
+    meshed = {part.name for part in case.components if isinstance(part, materials.Region)}
     rigid = {
         name for part in case.components if isinstance(part, Rigid) for name in (*component.names_in(part.face), part.region)
     }
@@ -288,7 +285,7 @@ def contact_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
         f"{where.place(deepest)}: {told} "
         "(least_gap_mm and walls_touch in path.csv)"
     )
-    walls = [part for part in case.components if isinstance(part, Walls) and not part.off]
+    walls = [part for part in case.components if isinstance(part, contact.Walls) and not part.off]
     if walls:
         yield (
             f"{overlap}; {', '.join(part.words for part in walls)} are in contact; use smaller cells (--cell-size), a "
@@ -329,7 +326,7 @@ def place_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
 def left_out(case: Case) -> str:
     """Return what the model of a case leaves out, as a sentence."""
     stopped = "".join(part.in_model for part in case.components)
-    pressing = [part.words for part in case.components if isinstance(part, Walls) and not part.off]
+    pressing = [part.words for part in case.components if isinstance(part, contact.Walls) and not part.off]
     meeting = f"{'; '.join(pressing)} are in frictionless contact, others" if pressing else "other walls"
     heavy = any(isinstance(part, Gravity) for part in case.components)
     weight = "viscosity is" if heavy else "weight and viscosity are"
@@ -934,10 +931,10 @@ def sentences(of_the_disk: Callable[[OSError], str] = no_mesh) -> Iterator[None]
         loaded = sys.modules.get("petsc4py.PETSc")  # not where curves are fitted
         if loaded is None or not isinstance(error, loaded.Error):
             raise
-        raise RunError(f"PETSc stopped ({mpi.petsc_reason(error)})") from error
+        raise outcomes.RunError(f"PETSc stopped ({mpi.petsc_reason(error)})") from error
     except MemoryError as error:
-        raise RunError(outcomes.no_memory(error)) from error
+        raise outcomes.RunError(outcomes.no_memory(error)) from error
     except TimeoutError as error:
-        raise RunError(compiling.LONG) from error
+        raise outcomes.RunError(compiling.LONG) from error
     except OSError as error:
         raise outcomes.UnwrittenError(of_the_disk(error)) from error

@@ -10,7 +10,6 @@ from html import escape
 from typing import TYPE_CHECKING
 
 from softmodels.common import commands, errors, processes
-from softmodels.common.errors import MeshingError
 from softmodels.common.lazy import consoles, progress
 from softmodels.mechanics import body, compiling, mpi
 
@@ -62,7 +61,7 @@ class Ended:
     @classmethod
     def by(cls, error: Exception) -> Ended:
         """The end by an error whose message is a sentence for the user; all but runs and meshers were given bad input."""
-        is_run = isinstance(error, MeshingError | body.BodyError | compiling.CompilingError)
+        is_run = isinstance(error, errors.MeshingError | body.BodyError | compiling.CompilingError)
         status = error.status if isinstance(error, RunError) else commands.EXIT_FAILED if is_run else commands.EXIT_BAD_INPUT
         return cls(status, errors.written(error), error)
 

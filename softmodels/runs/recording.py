@@ -18,7 +18,6 @@ import numpy as np
 
 from softmodels.case.case import Case, difference, identity
 from softmodels.common import commands, errors, files, folders
-from softmodels.common.folders import OwnFolderError
 from softmodels.common.lazy import MPI
 from softmodels.materials.silicones import stretch_at_break
 from softmodels.mechanics import controls, mpi
@@ -378,7 +377,7 @@ def _complete(case: Case, results: store.Results | None, ended: outcomes.Ended, 
         try:
             summary = gather(case, results, ended)
             results.own.forget_unwritten()
-        except (OSError, OwnFolderError) as error:
+        except (OSError, folders.OwnFolderError) as error:
             if ended.status == commands.EXIT_DONE:
                 failure = f"the steps could not be gathered in one file ({errors.reason(error)})"
                 ended = outcomes.Ended.by(

@@ -24,7 +24,6 @@ from softmodels.case.entries import CaseError
 from softmodels.common import cards, commands, errors, names, units
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import MPI, PETSc, fem
-from softmodels.common.names import checked
 from softmodels.common.processes import one_at_a_time
 from softmodels.components import loads
 from softmodels.materials import specimens
@@ -37,7 +36,6 @@ from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
 from softmodels.path import continuation, schedule, stability, steps, supply
 from softmodels.path.continuation import Continuation, LoadedState
-from softmodels.path.stability import Stability
 from softmodels.runs import budget, columns, formats, mesh_error, notes, outcomes, table
 from softmodels.runs.fields import Fields, Figures, check_requested
 from softmodels.runs.outcomes import RunError
@@ -383,7 +381,7 @@ class AtRest(Case):
             super()._check_load()
 
 
-@checked
+@names.checked
 class Model(cards.ResultCard):
     """A device, meshed, and the equations of its equilibrium.
 
@@ -465,7 +463,7 @@ class Model(cards.ResultCard):
 
     # -- states -------------------------------------------------------------------------------------------------------
 
-    @checked
+    @names.checked
     @one_at_a_time
     def solve(self, pressure: float | str | None = None, volume: float | str | None = None) -> Equilibrium:
         """The equilibrium at a pressure or an added volume; the path to there is followed.
@@ -485,7 +483,7 @@ class Model(cards.ResultCard):
         *_, last = self.path(None if pressure is None else [pressure], None if volume is None else [volume])
         return last
 
-    @checked
+    @names.checked
     def path(
         self, pressures: load.Values | None = None, volumes: load.Values | None = None, *, control: str = "auto"
     ) -> Iterator[Equilibrium]:
@@ -589,7 +587,7 @@ class Model(cards.ResultCard):
 
     # -- modes --------------------------------------------------------------------------------------------------------
 
-    @checked
+    @names.checked
     @one_at_a_time
     def modes(self, equilibrium: Equilibrium | None = None, count: int = 4, *, sealed: bool = False) -> list[Mode]:
         """The natural modes of a state, from the lowest frequency up; unstable ones first.
@@ -643,7 +641,7 @@ class Model(cards.ResultCard):
         """Return the relaxed stiffness over the space of `Stability.with_responses`, and that of each silicone with branches of
         share 1 with its memory, in 1/s2."""
         unit = self.system.stress_unit / self.system.length_unit**2 / self._densities[0]
-        matrices = [assembly.sparse_matrix(form, self.system.bcs, 0.0) for form, *_ in self._creeping]
+        matrices = [assembly.sparse_matrix(form, self.system.bcs) for form, *_ in self._creeping]
         relaxed, products = self._stability.with_responses(shapes, matrices, springs)
         for matrix in matrices:
             matrix.destroy()
@@ -698,9 +696,9 @@ class Model(cards.ResultCard):
         return densities
 
     @functools.cached_property
-    def _stability(self) -> Stability:
+    def _stability(self) -> stability.Stability:
         """Finds the modes with the device's masses."""
-        return Stability.of(self.solver) if self._inertia.plain else Stability(self.solver, self._inertia)
+        return stability.Stability.of(self.solver) if self._inertia.plain else stability.Stability(self.solver, self._inertia)
 
     @functools.cached_property
     def _inertia(self) -> assembly.Inertia:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from geometries import actuator
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import MPI, basix, fem, la, plot, ufl
 from softmodels.components import creases
@@ -229,6 +230,23 @@ class VolumeRatio:
 def barycentric(points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Return the linear shape functions of a simplex at points of the reference cell, shape (n, d) to (n, d + 1)."""
     return np.column_stack([1 - points.sum(axis=1), points])
+
+
+EDGES = {1: ((0, 1),), 2: ((0, 1), (1, 2), (0, 2)), 3: ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))}
+"""Corners of the edges of a simplex, in VTK's order of the nodes on them, by its dimension."""
+
+
+def quadratic(shares: Array, edges: Sequence[tuple[int, int]] | None = None) -> tuple[Array, Array]:
+    """Return the second-order shape functions of a simplex at barycentric coordinates, shape (m, c): of its corners, then of
+    the nodes on its edges, those of `EDGES` unless others are given, shape (m, n); and their slopes by each coordinate as if
+    it were independent, shape (m, n, c)."""
+    corners = shares.shape[1]
+    first, other = np.array(EDGES[corners - 1] if edges is None else edges).T
+    values = np.concatenate([shares * (2 * shares - 1), 4 * shares[:, first] * shares[:, other]], axis=1)
+    slopes, on_edges = np.zeros((*values.shape, corners)), corners + np.arange(len(first))
+    slopes[:, range(corners), range(corners)] = 4 * shares - 1
+    slopes[:, on_edges, first], slopes[:, on_edges, other] = 4 * shares[:, other], 4 * shares[:, first]
+    return values, slopes
 
 
 class Sampling:
@@ -471,11 +489,14 @@ class FacingWalls:
         self._at_plane = [on[self.facets].any(axis=1) for on in on_plane]
         inside = points[cells[owner[chosen], : 3 if self.flat else 4]].mean(axis=1)
         self._lattice, self._middle = _lattice(self.flat)
+        self._weights = quadratic(barycentric(self._lattice))[0]
         self._turn = np.ones(len(self.facets))
         middle, normal = self._middles(points)
         self._turn = np.where(np.einsum("fi,fi->f", middle - inside, normal) > 0.0, 1.0, -1.0)
         self._rest = self._middles(points)
-        self._air = _joined(self.facets)
+        # The closed surface of each facet, around the device or in a cavity: a place that has gone through a wall into a cavity
+        # still faces that wall's outside, and not the cavity's other side, which may be nearer.
+        self._air = actuator.joined_by(self.facets)
         corner = points[self.facets[:, :2]]
         edge = float(np.median(np.linalg.norm(corner[:, 1] - corner[:, 0], axis=1))) if len(corner) else 0.0
         self.reach = max(GAP_REACH * size, 0.5 * edge)
@@ -492,7 +513,7 @@ class FacingWalls:
         """Return the place of the undeformed surface that is nearest to a point, the unit normal into the solid there, and the
         thickness in m of the solid behind the facet's middle."""
         nodes = self.points[self.facets]
-        every = np.einsum("sk,fki->fsi", _weights(self._lattice, self.flat), nodes)
+        every = np.einsum("sk,fki->fsi", self._weights, nodes)
         distance = np.linalg.norm(every - point, axis=2)
         facet, at = np.unravel_index(int(np.argmin(distance)), distance.shape)
         number, own = np.array([facet]), self._lattice[[at]]
@@ -521,7 +542,7 @@ class FacingWalls:
             return None
         at = int(np.argmin(gaps.values))
         facet, other, normal = gaps.facets[at], gaps.others[at], gaps.normals[at]
-        own = _weights(self._lattice[gaps.points[at]][None], self.flat)[0]
+        own = self._weights[gaps.points[at]]
         if other < 0:
             nodes, rates = self.facets[facet], 2.0 * own[:, None] * normal
         else:
@@ -576,7 +597,7 @@ class FacingWalls:
 
     def shapes(self, points: npt.NDArray[np.int64]) -> Array:
         """Return the shape functions of a facet's nodes at some of the places that gaps are taken at, shape (p, 3 or 6)."""
-        return _weights(self._lattice, self.flat)[points]
+        return self._weights[points]
 
     def _within(self, at: Array, reach: float, bound: float | None) -> Gaps:
         """Return the gaps up to a distance; with a ``bound`` only the least one, if it is not above that, and all overlaps."""
@@ -591,7 +612,7 @@ class FacingWalls:
         order = order[np.flatnonzero(np.diff(place, prepend=-1))]  # of each place the closest one
         facets, points, others = facets[order], points[order], others[order]
         thickness = np.where(others < 0, self.thickness[facets], np.minimum(self.thickness[facets], self.thickness[others]))
-        shapes = _weights(self._lattice, self.flat)[points]
+        shapes = self._weights[points]
         places = np.einsum("pk,pki->pi", shapes, at[self.facets[facets]])
         return Gaps(values[order], places, thickness, facets, points, others, weights[order], normals[order])
 
@@ -640,7 +661,7 @@ class FacingWalls:
         apart = np.all([a[i] != b[j] for a in corner for b in corner], axis=0)
         i, j, between = i[apart], j[apart], between[apart]
         i, j, room = np.concatenate([i, j]), np.concatenate([j, i]), np.tile(self._room(at, i, j, between, radius), 2)
-        places = np.einsum("sk,fki->fsi", _weights(self._lattice, self.flat), corners)
+        places = np.einsum("sk,fki->fsi", self._weights, corners)
 
         def hits(chosen: npt.NDArray[np.int64]) -> list[tuple[np.ndarray, ...]]:
             faced, number = np.unique(j[chosen], return_inverse=True)
@@ -720,7 +741,7 @@ class FacingWalls:
         gap = np.einsum("pi,pi->p", x - y, m)
         kept = np.minimum(start.min(axis=1), 1.0 - start.sum(axis=1)) > -FACET_TOLERANCE
         kept &= (np.abs(gap) < reach) & (np.einsum("pi,pi->p", self._normal(own, i), m) < MAX_OPPOSED_PRODUCT)
-        return gap[kept], i[kept], point[kept], j[kept], _weights(start[kept], self.flat), m[kept]
+        return gap[kept], i[kept], point[kept], j[kept], quadratic(barycentric(start[kept]))[0], m[kept]
 
 
 def _lattice(flat: bool) -> tuple[Array, Array]:
@@ -733,31 +754,12 @@ def _lattice(flat: bool) -> tuple[Array, Array]:
     return np.array(places), np.array([1 / 3, 1 / 3])
 
 
-def _weights(at: Array, flat: bool) -> Array:
-    """Return the shape functions of a facet's nodes at places in its own coordinates, shape (p, 3 or 6)."""
-    if flat:
-        s = at[:, 0]
-        return np.column_stack([(1 - s) * (1 - 2 * s), s * (2 * s - 1), 4 * s * (1 - s)])
-    r, s = at.T
-    a = 1 - r - s
-    return np.column_stack([a * (2 * a - 1), r * (2 * r - 1), s * (2 * s - 1), 4 * a * r, 4 * r * s, 4 * s * a])
-
-
 def _patch(nodes: Array, at: Array) -> tuple[Array, Array]:
     """Return places and tangents of facets with nodes (p, k, 3) at one place of each (p, d): shapes (p, 3) and (p, d,
     3)."""
-    flat = nodes.shape[1] == 3
-    place = np.einsum("pk,pki->pi", _weights(at, flat), nodes)
-    if flat:
-        s = at[:, 0]
-        slopes = np.column_stack([4 * s - 3, 4 * s - 1, 4 - 8 * s])[:, None]
-    else:
-        r, s = at.T
-        a, o = 1 - r - s, np.zeros(len(at))
-        by_r = np.column_stack([1 - 4 * a, 4 * r - 1, o, 4 * (a - r), 4 * s, -4 * s])
-        by_s = np.column_stack([1 - 4 * a, o, 4 * s - 1, -4 * r, 4 * r, 4 * (a - s)])
-        slopes = np.stack([by_r, by_s], axis=1)
-    return place, np.einsum("pdk,pki->pdi", slopes, nodes)
+    values, slopes = quadratic(barycentric(at))
+    by_place = slopes[..., 1:] - slopes[..., :1]
+    return np.einsum("pk,pki->pi", values, nodes), np.einsum("pkd,pki->pdi", by_place, nodes)
 
 
 def _neighbours(number: npt.NDArray[np.intp], parts: int, surface: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
@@ -768,19 +770,6 @@ def _neighbours(number: npt.NDArray[np.intp], parts: int, surface: npt.NDArray[n
     a, b = order[twice], order[twice + 1]
     beyond[a], beyond[b] = b // parts, a // parts
     return beyond.reshape(-1, parts)
-
-
-def _joined(facets: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """Return the number of the closed surface of each facet, shape (f,): what is around the device, or in a cavity of it. A
-    place that has gone through a wall into a cavity still faces that wall's outside, and not the cavity's other side, which
-    may be nearer."""
-    number, of = np.arange(facets.max(initial=-1) + 1), np.arange(0)
-    while True:
-        before, of = of, number[facets].min(axis=1, initial=len(number))
-        if np.array_equal(before, of):
-            return np.asarray(of)
-        np.minimum.at(number, facets, of[:, None])
-        number = number[number]
 
 
 def _through(

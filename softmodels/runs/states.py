@@ -25,7 +25,6 @@ from softmodels.common.arrays import Array
 from softmodels.common.lazy import pyvista
 from softmodels.runs import columns, fields, formats, grid, labels, state_values, store, table
 from softmodels.runs.budget import Budget
-from softmodels.runs.store import ResultsError
 
 MAX_STILLS = 4
 """Maximum number of states shown side by side."""
@@ -180,17 +179,17 @@ class FolderStates(StoredStates):
         try:
             folder = folder.absolute()  # the caller may change the working directory
         except OSError:
-            raise ResultsError(
+            raise store.ResultsError(
                 f"{folder} is relative to the working directory, which no longer exists; change the working "
                 f"directory, or give an absolute path"
             ) from None
         case = Case.from_file(folder / "case.toml")
         self.folder, self.results = folder, store.Results(folder, name or case.name, cm=case.column.pascal)
         if not self.results.heavy.exists():
-            raise ResultsError(f"{folder} holds no {self.results.heavy.name}, so there is nothing to draw")
+            raise store.ResultsError(f"{folder} holds no {self.results.heavy.name}, so there is nothing to draw")
         self.results.load()
         if not self.results.stored:
-            raise ResultsError(f"the results in {folder} hold no step yet, so there is nothing to draw")
+            raise store.ResultsError(f"the results in {folder} hold no step yet, so there is nothing to draw")
         with formats.opened(self.results.heavy) as file:
             points, cells = (np.asarray(formats.read_values(file, f"mesh/{name}")) for name in ("points", "cells"))
             grid = points, cells, str(file["mesh"].attrs["cell_name"])
@@ -211,7 +210,7 @@ class FolderStates(StoredStates):
         if missing := [name for name in names or () if name not in there]:
             if self.results.format != store.FORMAT_NUMBER:
                 raise self.results.other_format(missing[0])
-            raise ResultsError(f"the states in {self.folder} hold no {missing[0]}; {store.RERUN_ADVICE}")
+            raise store.ResultsError(f"the states in {self.folder} hold no {missing[0]}; {store.RERUN_ADVICE}")
         with self._readable():
             fields = self.results.fields(step, tuple(there if names is None else names))
         return {name: values.astype(float) for name, values in fields.items()}
@@ -228,9 +227,9 @@ class FolderStates(StoredStates):
         """Raise `ResultsError` if the folder has changed since it was loaded."""
         try:
             yield
-        except (OSError, KeyError, ResultsError) as error:
+        except (OSError, KeyError, store.ResultsError) as error:
             reason = error.strerror if isinstance(error, OSError) and error.strerror else files.hdf5_reason(error)
-            raise ResultsError(
+            raise store.ResultsError(
                 f"the states in {self.folder} can no longer be read ({reason}); restore the folder, or "
                 f"load it from its new place"
             ) from None

@@ -28,7 +28,6 @@ from softmodels.common import errors, files, folders
 from softmodels.common.files import hdf5_reason, remove_steps, replace, replace_hdf5
 from softmodels.runs import columns, formats, table
 from softmodels.runs.budget import Budget
-from softmodels.runs.columns import write_sources
 from softmodels.runs.formats import write_light
 
 RUN, BRANCH = "run", "branch/"
@@ -90,7 +89,7 @@ class Results:
         """Write the paths of the silicone's other sources, and the one with smaller cells, if any."""
         if sources:
             self.own.claim([columns.FILE])
-            write_sources(self.folder, sources)
+            columns.write_sources(self.folder, sources)
         if finer:
             self.own.claim([columns.FINER_FILE])
             files.write_text(self.folder / columns.FINER_FILE, finer.csv())

@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-import dataclasses
-from typing import ClassVar
-
 import numpy as np
 import pytest
 
 from softmodels.case.case import Case
 from softmodels.case.load import steps_of
 from softmodels.design.problem import DesignProblem
-from softmodels.design.quantities import QUANTITIES, DesignQuantity, FormMeasure, register_quantity
+from softmodels.design.quantities import QUANTITIES, DesignQuantity, FormMeasure
 from softmodels.materials.laws import NeoHookean
 
 
-@register_quantity
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class MeanSquareStretch(DesignQuantity):
+class MeanSquareStretch(DesignQuantity, name="mean_square_stretch", unit="1"):
     """Mean of a third of the first invariant, 1 where nothing is stretched."""
-
-    name: ClassVar = "mean_square_stretch"
-    unit: ClassVar = "1"
 
     def measure(self, design):
         from dolfinx import fem

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import scipy.spatial
 
-from softmodels.design.states import EDGES, Places
+from softmodels.design.states import Places
+from softmodels.runs.state_values import EDGES
 
 
 def mesh(d, bend):

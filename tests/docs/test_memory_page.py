@@ -12,7 +12,7 @@ import pytest
 
 from softmodels.case.materials import material_from
 from softmodels.cli import examples
-from tests.support import pages
+from tests.support import example_files, pages
 from tests.support.forks import forks
 
 pytestmark = pytest.mark.campaign
@@ -38,18 +38,18 @@ def done(tmp_path_factory):
 
 def test_the_fit_finds_the_silicone_of_the_examples(done):
     memory = material_from(str(done / "results" / "memory" / "fitted.toml"), {}).memory
-    assert [branch.time for branch in memory.branches] == [time for _, time in examples.BRANCHES]
-    assert [branch.share for branch in memory.branches] == pytest.approx([s for s, _ in examples.BRANCHES], abs=5e-3)
+    assert [branch.time for branch in memory.branches] == [time for _, time in example_files.BRANCHES]
+    assert [branch.share for branch in memory.branches] == pytest.approx([s for s, _ in example_files.BRANCHES], abs=5e-3)
     soft = memory.softening
-    assert (soft.r, soft.m, soft.beta) == pytest.approx(examples.SOFTENING_NUMBERS, rel=0.05)
+    assert (soft.r, soft.m, soft.beta) == pytest.approx(example_files.SOFTENING_NUMBERS, rel=0.05)
 
 
 def test_photographs_show_how_the_disk_creeps(done):
     memory = material_from(str(done / "results" / "held" / "fitted.toml"), {}).memory
     assert [branch.time for branch in memory.branches] == [10.0, 100.0]
-    assert [branch.share for branch in memory.branches] == pytest.approx(list(examples.HELD.values()), abs=2e-3)
+    assert [branch.share for branch in memory.branches] == pytest.approx(list(example_files.HELD.values()), abs=2e-3)
     fitted = tomllib.loads((done / "results" / "held" / "fitted.toml").read_text())["fit"]
-    for name, value in (examples.TRUTH.values | examples.HELD).items():
+    for name, value in (examples.TRUTH.values | example_files.HELD).items():
         low, high = fitted["intervals_95"].get(name, (value, value))
         assert low <= value <= high, name
     assert (done / "results" / "held" / "creep-yeoh.png").stat().st_size > 10_000

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import subprocess
 import sys
 from typing import ClassVar
@@ -14,7 +15,10 @@ import geometries
 from geometries import ACTUATORS, GeometryError, HollowDisk, SeminarActuator, registry
 from geometries.actuator import Designable, changed, parameter, parameter_names
 from geometries.registry import PLACES, register_device
+from softmodels.common import schema
 from softmodels.common.schema import length_field, list_field, number_field
+from softmodels.mechanics.component import COMPONENTS
+from softmodels.path.supply import SUPPLIES
 
 
 def test_the_librarys_devices_are_loaded_when_they_are_looked_up():
@@ -112,3 +116,10 @@ def test_a_device_that_says_nothing_cannot_be_designed():
     assert device.movable == () and device.clearances == {}
     with pytest.raises(GeometryError, match="mesh of Plain cannot follow its parameters"):
         device.carried(device, np.zeros((1, 3)))
+
+
+def test_help_says_what_every_field_is():
+    for kind in (*ACTUATORS.values(), *COMPONENTS.values(), *SUPPLIES.values()):
+        described = inspect.getdoc(kind).partition("\nAttributes:\n")[2]
+        for name, field in schema.about(kind).items():
+            assert f"    {name}: {field.text}" in described, (kind.__name__, name)

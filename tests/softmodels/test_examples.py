@@ -31,7 +31,7 @@ from softmodels.common.folders import OwnFolderError
 from softmodels.fitting.problem import FitOptions, LawChoice
 from softmodels.materials.specimens import nominal_stress
 from softmodels.mechanics.mpi import start
-from tests.support import pages
+from tests.support import example_files, pages
 from tests.support.tables import read_curve
 
 TOP = Path(__file__).parents[2]
@@ -157,14 +157,14 @@ def test_the_tensile_curve_is_of_the_silicone_in_the_photographs(written):
     curve = read_curve(written.path / "pull.csv")
     law = LawChoice.from_text(examples.TRUTH.law).material(examples.TRUTH.values)
     off = curve.stress - nominal_stress(law, curve.stretch)
-    assert np.sqrt(np.mean(off**2)) == pytest.approx(examples.STRESS_NOISE, rel=0.15)
+    assert np.sqrt(np.mean(off**2)) == pytest.approx(example_files.STRESS_NOISE, rel=0.15)
     assert "computed, not measured" in (written.path / "pull.csv").read_text()
 
 
 def test_a_fit_takes_the_silicone_of_the_photographs_for_as_incompressible_as_it_is(written):
     """So that no command on the pages needs ``--poisson`` for the examples."""
     told = (written.path / "truth.txt").read_text()
-    assert told.startswith(examples.told_truth())
+    assert told.startswith(example_files.told_truth())
     assert float(re.search(r"Poisson's ratio ([\d.]+)", told)[1]) == FitOptions().poisson
     lines = [line for page in PAGES for line in page.read_text().splitlines() if "fit examples/disk.toml" in line]
     assert len(lines) >= 4 and not [line for line in lines if "--poisson" in line]
@@ -216,21 +216,21 @@ def test_what_comes_with_the_package_is_small_and_whole(written):
 @pytest.mark.campaign
 def test_the_photographs_are_those_that_the_code_renders(tmp_path):
     """One of the board and the one of the grid, the bytes of which depend on the version of the JPEG library only."""
-    scene = list(examples.board_scenes())[2]
+    scene = list(example_files.board_scenes())[2]
     rendered = {
-        "boards/board03.jpg": chessboard(scene, side=examples.SQUARE_SIDE, seed=3),
-        "photographs/grid.jpg": photograph(examples.bench(), None, seed=100)[0],
+        "boards/board03.jpg": chessboard(scene, side=example_files.SQUARE_SIDE, seed=3),
+        "photographs/grid.jpg": photograph(example_files.bench(), None, seed=100)[0],
     }
     for name, image in rendered.items():
-        file = examples.shipped(tmp_path / "again.jpg", image)
+        file = example_files.shipped(tmp_path / "again.jpg", image)
         again, kept = (np.asarray(Image.open(path), dtype=float) for path in (file, examples.MADE / name))
         assert again.shape == kept.shape and np.abs(again - kept).mean() < 0.05
 
 
 def test_the_tables_are_those_that_the_code_computes():
     made = {
-        "pull.csv": examples.tensile_curve(),
-        **{f"{name}.csv": examples.memory_curve(getattr(examples, name.upper()), seed)
+        "pull.csv": example_files.tensile_curve(),
+        **{f"{name}.csv": example_files.memory_curve(getattr(example_files, name.upper()), seed)
            for seed, name in enumerate(("cycles", "hold", "fast"), 31)},
     }  # fmt: skip
     for name, text in made.items():
@@ -261,7 +261,7 @@ def test_the_photographs_give_the_heights_of_the_disk_in_them(name, written, ben
     """Each one is measured and trusted, and its error is what it states."""
     found = outlines(written.path / name / "photos.csv", bench_setup)
     assert not found.refused and [outline.reasons for outline in found.outlines] == [()] * len(found.outlines)
-    halves = examples.inflated(examples.TRUTH, start())[1] if name == "photographs" else examples.creeping()[1]
+    halves = examples.inflated(examples.TRUTH, start())[1] if name == "photographs" else example_files.creeping()[1]
     true = np.array([0.0, *(half[:, 1].max() for half in halves)])
     off = np.array([outline.height for outline in found.outlines]) - true
     assert np.all(np.abs(off) < 3 * np.array([outline.height_error for outline in found.outlines]) + 2e-6)
@@ -279,6 +279,6 @@ def test_boards_and_photographs_are_there(written):
         "README.txt",
         "truth.txt",
     } <= names
-    assert len([name for name in names if name.startswith("boards/")]) == len(examples.POSES)
+    assert len([name for name in names if name.startswith("boards/")]) == len(example_files.POSES)
     listed = (written.path / "photographs" / "photos.csv").read_text().splitlines()[1:]
     assert len(listed) == 10 and all(f"photographs/{line.split(',')[0]}" in names for line in listed)

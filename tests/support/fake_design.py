@@ -42,7 +42,6 @@ class FakeDisk(HollowDisk):
         return {"membrane": self.membrane, "solid around the cavity": self.wall}
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
 class FakeQuantity(DesignQuantity):
     name: ClassVar = ""
     unit: ClassVar = "1"
@@ -55,7 +54,6 @@ class FakeQuantity(DesignQuantity):
         return self.title if self.at is None else f"{self.title} at {EvaluatedLoad.of(self.at).value / 1e3:.6g} kPa"
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
 class FakeRise(FakeQuantity):
     name: ClassVar = "rise"
     unit: ClassVar = "m"
@@ -66,7 +64,6 @@ class FakeRise(FakeQuantity):
         return 0.6 * device.cavity_radius * q ** (1 / 3) * (1 + 0.5 * q**4)
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
 class FakeStretch(FakeQuantity):
     name: ClassVar = "max_stretch"
 
@@ -74,7 +71,6 @@ class FakeStretch(FakeQuantity):
         return 1.0 + 0.5 * (FakeRise(at=self.at).value(device, mu, _) / device.cavity_radius) ** 2
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
 class FakeMargin(FakeQuantity):
     name: ClassVar = "limit_margin"
     of_state: ClassVar = False
@@ -83,7 +79,6 @@ class FakeMargin(FakeQuantity):
         return limit(device, mu) / working
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
 class FakeMass(FakeQuantity):
     name: ClassVar = "mass"
     unit: ClassVar = "kg"
@@ -93,7 +88,6 @@ class FakeMass(FakeQuantity):
         return DENSITY * device.solid_volume
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
 class FakeClearances(FakeQuantity):
     name: ClassVar = "clearances"
     unit: ClassVar = "m"
