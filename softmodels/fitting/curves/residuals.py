@@ -24,7 +24,7 @@ from softmodels.fitting.curves.curve import (
     segments,
     turns,
 )
-from softmodels.materials import memory, specimens
+from softmodels.materials import laws, memory, specimens
 from softmodels.materials.laws import Material, MaterialError, NeoHookean
 from softmodels.materials.memory import Memory
 
@@ -121,6 +121,13 @@ class TensileResiduals:
                 columns += [-factor * self._tangent(material, curve, times)[:, None], np.ones((len(stress), 1))]
             slopes = np.hstack(columns) / self.errors[:, None]
         return (factor * stress - curve.stress) / self.errors, slopes, [self.label] * len(stress)
+
+    def form_slopes(self, values: Mapping[str, float]) -> Array:
+        """Return the derivatives of the residuals by the factor of `laws.form_energy`, shape (n,)."""
+        curve = self.curve if not self.origin else self.curve.counting_from(*(values[name] for name in self.origin))
+        factor = values[self.gauge] if self.gauge else 1.0
+        law = specimens.respond(self.choice.material(values), curve.stretch, curve.mode, (laws.FORM,))
+        return np.asarray(factor * law.slopes[:, 0] / self.errors)
 
     def _stress(
         self, material: Material, curve: TensileCurve, names: Sequence[str], times: tuple[float, ...]
