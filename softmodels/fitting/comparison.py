@@ -272,14 +272,18 @@ class FittedLaw(cards.ResultCard):
         """Names of the free parameters, and `laws.FORM` where the law was fitted to curves, with their covariance for bands.
 
         Pulls do not depend on that factor, so it is uncertain as it is without them (`laws.FORM_RANGE`); other tests narrow it.
+        What the law misses in its own curves is an error of all its moduli.
         """
-        free, labels = [p.name for p in self.fit.free], np.array(self.fit.rows.groups)
+        fit = self.fit
+        free, labels = [p.name for p in fit.free], np.array(fit.rows.groups)
         if not self.form_error:
-            return free, self.fit.band_covariance
-        slopes = np.zeros(self.fit.count)
+            return free, fit.band_covariance
+        slopes = np.zeros(fit.count)
         for source in self._curves:
-            slopes[labels == source.label] = source.form_slopes(self.fit.values)
-        return [*free, laws.FORM], self.fit.covariance_with(slopes, self.form_error)
+            slopes[labels == source.label] = source.form_slopes(fit.values)
+        misfit = np.mean([source.misfit(fit.unexplained[labels == source.label]) for source in self._curves])
+        moduli = np.array([fit.values[p.name] * (p.unit == "Pa" and p.name in self.choice.names) for p in fit.free] + [0.0])
+        return [*free, laws.FORM], fit.covariance_with(slopes, self.form_error) + misfit * np.outer(moduli, moduli)
 
     @functools.cached_property
     def form_error(self) -> float:
@@ -363,8 +367,6 @@ TEST_ERROR = 0.02
 """Relative error of the stress in a test of one cast: cross-section, load cell, crosshead strain."""
 CONTRADICTION_ERRORS = 3.0
 """Curves that differ by this many standard errors contradict each other."""
-TOE_STRETCH = 0.05
-"""Stretches this close to 1 are skipped, because of slack in the grips."""
 CURVE_SAMPLES = 50
 
 
@@ -412,7 +414,7 @@ def contradictions(curves: Sequence[TensileCurve], gauge_error: float = 0.0) -> 
             continue
         low, high = max(a.stretch[0], b.stretch[0]), min(a.stretch[-1], b.stretch[-1])
         stretch = np.linspace(low, high, CURVE_SAMPLES)
-        stretch = stretch[np.abs(stretch - 1) > TOE_STRETCH]
+        stretch = stretch[np.abs(stretch - 1) > residuals.TOE_STRETCH]
         if high <= low or len(stretch) < CURVE_SAMPLES // 4:
             continue
         stress, other = (np.interp(stretch, c.stretch, c.stress) for c in (a, b))

@@ -86,6 +86,19 @@ def test_a_band_from_a_pull_holds_other_tests_of_another_law(fitted):
     assert np.mean(inside) == 1.0 and np.mean(today) < 0.8, (inside, today)
 
 
+def test_a_band_holds_the_curve_of_a_law_that_misses_it():
+    """The noise of a law that follows its curve is no misfit."""
+    pull = pulled(TRELOAR)
+    shares = []
+    for law in (fit_curves(pull, "neo-hookean", QUICK).chosen, fit_curves(pull, "ogden2", QUICK).laws[0]):
+        _, half, stress = halves(law, pull.stretch, "uniaxial")
+        shares.append(float(np.mean(np.abs(stress - pull.stress) <= half)))
+        (source,) = law.fit.problem.sources
+        misfit = math.sqrt(source.misfit(law.fit.residuals[: law.fit.count]))
+        assert misfit > 0.05 if law.choice.name == "neo-hookean" else misfit < 0.003
+    assert min(shares) > 0.94, shares
+
+
 def test_another_test_narrows_the_form():
     pull, sheet = pulled(TRELOAR, top=2.0), pulled(TRELOAR, "equibiaxial", 1.8)
     one, both = (fit_curves(curves, "ogden1", QUICK).chosen for curves in ([pull], [pull, sheet]))
@@ -119,7 +132,7 @@ def test_a_law_that_no_rubber_follows_in_another_test_is_rejected(shared_data):
 
 @pytest.mark.parametrize(
     ("rubber", "top", "today", "least"),
-    [("Treloar_1944", 7.6, 8, 22), ("Treloar_1944", 3.0, 6, 12), ("Meunier_2008", 2.17, 10, 16)],
+    [("Treloar_1944", 7.6, 11, 24), ("Treloar_1944", 3.0, 6, 12), ("Meunier_2008", 2.17, 6, 16)],
 )
 def test_measured_rubber_lies_in_the_band_of_its_pull(shared_data, rubber, top, today, least):
     """Beyond the toe, and within the strain of the pull; the other test has its own factor and noise. What is outside of
