@@ -293,6 +293,15 @@ class MaterialErrors:
         rest = np.delete(np.delete(self.matrix - form @ form.T, k, 0), k, 1)
         return {MATERIAL: np.insert(_roots(rest), k, 0.0, axis=0), laws.FORM: form}
 
+    @property
+    def directions(self) -> list[tuple[str, tuple[tuple[str, float], ...]]]:
+        """Independent changes of one standard deviation each: their cause, and by how much each parameter changes."""
+        return [
+            (cause, tuple(zip(self.names, root, strict=True)))
+            for cause, roots in self.by_cause.items()
+            for root in roots.T.tolist()
+        ]
+
     @classmethod
     def from_file(cls, path: Path) -> MaterialErrors:
         """From ``fitted.toml``; with ``fit.json`` beside it the full covariance, else only that of the 95 % intervals.

@@ -294,12 +294,7 @@ class Band:
         from softmodels.mechanics.sensitivity import InTime, MeshMotion, Sensitivity
 
         self.fields, self.cm, self.kept, self.deviations = made, case.column.pascal, case.quantity, case.deviations
-        errors = case.band if isinstance(case.band, materials.MaterialErrors) else None
-        self._roots = [
-            (cause, tuple(zip(errors.names, root, strict=True)))
-            for cause, roots in (errors.by_cause.items() if errors else ())
-            for root in roots.T.tolist()
-        ]
+        self._roots = case.band.directions if isinstance(case.band, materials.MaterialErrors) else []
         self._device: Actuator = case.actuator
         lengths = [deviation.name for deviation in self.deviations if deviation.name not in tolerances.READINGS]
         self._motion = MeshMotion(made.system.body) if lengths else None
