@@ -246,8 +246,16 @@ def _number(law: str, key: str, value: object, unit: str) -> float:
 # Uncertainty of a material: parameter covariance of a fitted one, or the sources of a named one.
 
 
+MATERIAL = "material"
+"""The cause of errors that the parameters of a material have."""
 WIDTH_95 = 2 * 1.959964
 """Width of a 95 % interval in standard deviations."""
+
+
+def _roots(covariance: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    size = np.sqrt(np.diag(covariance))
+    values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
+    return np.asarray(size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 @checked
@@ -269,9 +277,26 @@ class MaterialErrors:
     @property
     def roots(self) -> npt.NDArray[np.float64]:
         """Independent parameter changes of one standard deviation each, shape (n, m)."""
-        size = np.sqrt(np.diag(self.matrix))
-        values, vectors = np.linalg.eigh(self.matrix / np.outer(size, size))
-        return names.read_only(np.asarray(size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))))
+        return names.read_only(_roots(self.matrix))
+
+    @property
+    def by_cause(self) -> dict[str, npt.NDArray[np.float64]]:
+        """The same by cause, ``"material"`` and `laws.FORM`, shape (n, m) each; what changes with the law's form is its."""
+        if laws.FORM not in self.names:
+            return {MATERIAL: self.roots}
+        k = self.names.index(laws.FORM)
+        form = self.matrix[:, k : k + 1] / np.sqrt(self.matrix[k, k])
+        rest = np.delete(np.delete(self.matrix - form @ form.T, k, 0), k, 1)
+        return {MATERIAL: np.insert(_roots(rest), k, 0.0, axis=0), laws.FORM: form}
+
+    @property
+    def directions(self) -> list[tuple[str, tuple[tuple[str, float], ...]]]:
+        """Independent changes of one standard deviation each: their cause, and by how much each parameter changes."""
+        return [
+            (cause, tuple(zip(self.names, root, strict=True)))
+            for cause, roots in self.by_cause.items()
+            for root in roots.T.tolist()
+        ]
 
     @classmethod
     def from_file(cls, path: Path) -> MaterialErrors:
@@ -310,11 +335,11 @@ class MaterialErrors:
         from softmodels.mechanics import sensitivity
 
         law, memory = sensitivity.known_parameters(material), _memory_names(material, values)
-        known = {**memory, **{name: name for name in law}}
+        known = {**memory, **{name: name for name in (*law, laws.FORM)}}
         at_bound = {name for k, name in enumerate(free) if name in memory and not np.isfinite(covariance[k, k])}
         kept = [k for k, name in enumerate(free) if name in known and name not in at_bound]
         rows = covariance[np.ix_(kept, kept)]
-        if not kept or not np.isfinite(rows).all():
+        if not {free[k] for k in kept} - {laws.FORM} or not np.isfinite(rows).all():
             return None
         return cls(tuple(known[free[k]] for k in kept), tuple(map(tuple, rows.tolist())), how, material)
 
@@ -327,7 +352,7 @@ class MaterialErrors:
             )
         from softmodels.mechanics import sensitivity
 
-        known = (*sensitivity.known_parameters(material), *sensitivity.memory_parameters(material))
+        known = (*sensitivity.known_parameters(material), *sensitivity.memory_parameters(material), laws.FORM)
         if unknown := [name for name in self.names if name not in known]:
             raise MaterialError(f"errors of {unknown[0]} are given, but {material.name} has no such parameter")
         square = len(self.names) > 0 and all(len(row) == len(self.names) for row in self.covariance)

@@ -14,6 +14,7 @@ import scipy.spatial
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import fem, ufl
 from softmodels.design import quantities, trials
+from softmodels.materials import laws
 from softmodels.mechanics import assembly, component, controls, mpi, newton, sensitivity
 from softmodels.path import continuation, schedule, stability
 from softmodels.path.continuation import Continuation, trace
@@ -552,12 +553,11 @@ class Adjoint:
 
     def by_material(self, measure: quantities.Measure, names: Sequence[str]) -> dict[str, float]:
         """Return the partial derivatives of a quantity by parameters that are no lengths at the loaded unknowns, by
-        central differences."""
-        by_material = {}
-        for name in names:
+        central differences; 0 by `laws.FORM`, of which only the state is followed."""
+        by_material = dict.fromkeys(names, 0.0)
+        for name in (name for name in names if name != laws.FORM):
             own, step = name.rpartition(".")[2], DIFFERENCE_STEP * self.sensitivity.scale(name)
             weights = BACKWARD if own == "poisson" else CENTRAL  # which must not exceed 0.5
-            by_material[name] = 0.0
             for shift, weight in weights.items():
                 with self.sensitivity.shifted(name, shift * step):
                     by_material[name] += weight / step * measure.value(self._state)

@@ -385,7 +385,7 @@ def _inputs(varied: Mapping[str, object], case: Case) -> Iterator[Input]:
         if key == "material" and given == FIT:
             if not isinstance(case.band, materials.MaterialErrors):
                 raise StudyError(f'material = "{FIT}" needs the errors of a fit; add [band] with its file to the case')
-            for k in range(case.band.roots.shape[1]):
+            for k in range(case.band.by_cause[materials.MATERIAL].shape[1]):
                 yield Input(f"{FIT}.{k + 1}", (), -2.0, 2.0, True)
         else:
             yield Input.parse(key, given)
@@ -395,7 +395,7 @@ def _drawn_material(case: Case, steps: Array) -> Material:
     """Return the material some standard deviations away, along the independent directions of its errors."""
     assert isinstance(case.band, materials.MaterialErrors)
     material = case.material
-    for name, change in zip(case.band.names, case.band.roots @ steps, strict=True):
+    for name, change in zip(case.band.names, case.band.by_cause[materials.MATERIAL] @ steps, strict=True):
         material = specimens.nudged(material, name, float(change))
     return material
 

@@ -18,6 +18,7 @@ import tomli_w
 
 from softmodels.case import materials
 from softmodels.common import cards, errors, files, units
+from softmodels.common.arrays import Array
 from softmodels.fitting import least_squares, problem
 from softmodels.fitting.curves import residuals
 from softmodels.fitting.curves.curve import TensileCurve
@@ -259,13 +260,66 @@ class FittedLaw(cards.ResultCard):
     def errors(self) -> materials.MaterialErrors:
         """Errors of the material: for ``sm.score(..., errors=...)`` and the band of a run. Raises `MaterialError` where no
         parameter of it was free, or the data do not determine it."""
-        free = [p.name for p in self.fit.free]
         how = "covariance of the fit"
-        errors = materials.MaterialErrors.of_fit(self.material, free, self.fit.band_covariance, self.fit.values, how)
+        errors = materials.MaterialErrors.of_fit(self.material, *self.covariance, self.fit.values, how)
         if errors is None:
             raise materials.MaterialError("no parameter of the material was free, or the data do not determine it")
         errors.check(self.material)
         return errors
+
+    @functools.cached_property
+    def covariance(self) -> tuple[list[str], Array]:
+        """Names of the free parameters, and `laws.FORM` where the law was fitted to curves, with their covariance for bands.
+
+        Pulls do not depend on that factor, so it is uncertain as it is without them (`laws.FORM_RANGE`); other tests narrow it.
+        What the law misses in its own curves is an error of all its moduli.
+        """
+        fit = self.fit
+        free, labels = [p.name for p in fit.free], np.array(fit.rows.groups)
+        if not self.form_error:
+            return free, fit.band_covariance
+        slopes = np.zeros(fit.count)
+        for source in self._curves:
+            slopes[labels == source.label] = source.form_slopes(fit.values)
+        misfit = np.mean([source.misfit(fit.unexplained[labels == source.label]) for source in self._curves])
+        moduli = np.array([fit.values[p.name] * (p.unit == "Pa" and p.name in self.choice.names) for p in fit.free] + [0.0])
+        return [*free, laws.FORM], fit.covariance_with(slopes, self.form_error) + misfit * np.outer(moduli, moduli)
+
+    @functools.cached_property
+    def form_error(self) -> float:
+        """Standard error of the factor of `laws.form_energy`: half of how far it may lie away, see `laws.FORM_RANGE`; 0 where
+        the law was fitted to a device, whose states say more of it than a curve."""
+        if self.devices or not self._curves:
+            return 0.0
+        shares = specimens.form_shares(self.material, residuals.largest_strain([source.curve for source in self._curves]))[2]
+        if not np.isfinite(shares).any():
+            return 0.0
+        low, high = laws.FORM_RANGE
+        return float(max(np.nanmax(shares) - low, high - np.nanmin(shares))) / least_squares.NORMAL_QUANTILE
+
+    @property
+    def _curves(self) -> list[residuals.TensileResiduals]:
+        return [source for source in self.fit.problem.sources if isinstance(source, residuals.TensileResiduals)]
+
+    @property
+    def form_note(self) -> str:
+        """How much the law's form adds to the band in equibiaxial tension, as a sentence; "" where it is not in the band."""
+        try:
+            errors = self.errors
+        except materials.MaterialError:
+            return ""
+        if laws.FORM not in errors.names:
+            return ""
+        stretch = specimens.form_shares(self.material, residuals.largest_strain([source.curve for source in self._curves]))[0]
+        response = specimens.respond(self.material, stretch[-1:], "equibiaxial", errors.names)
+        halves = [
+            least_squares.NORMAL_QUANTILE * float(np.linalg.norm(response.slopes @ roots)) / float(response.stress[0])
+            for roots in (errors.by_cause[materials.MATERIAL], errors.roots)
+        ]
+        return (
+            f"95 % band in equibiaxial tension at stretch {stretch[-1]:.3g}: +-{100 * halves[1]:.2g} % of the stress, "
+            f"+-{100 * halves[0]:.2g} % without the law's form, which only an equibiaxial or planar test narrows"
+        )
 
     @property
     def sound(self) -> bool:
@@ -313,8 +367,6 @@ TEST_ERROR = 0.02
 """Relative error of the stress in a test of one cast: cross-section, load cell, crosshead strain."""
 CONTRADICTION_ERRORS = 3.0
 """Curves that differ by this many standard errors contradict each other."""
-TOE_STRETCH = 0.05
-"""Stretches this close to 1 are skipped, because of slack in the grips."""
 CURVE_SAMPLES = 50
 
 
@@ -362,7 +414,7 @@ def contradictions(curves: Sequence[TensileCurve], gauge_error: float = 0.0) -> 
             continue
         low, high = max(a.stretch[0], b.stretch[0]), min(a.stretch[-1], b.stretch[-1])
         stretch = np.linspace(low, high, CURVE_SAMPLES)
-        stretch = stretch[np.abs(stretch - 1) > TOE_STRETCH]
+        stretch = stretch[np.abs(stretch - 1) > residuals.TOE_STRETCH]
         if high <= low or len(stretch) < CURVE_SAMPLES // 4:
             continue
         stress, other = (np.interp(stretch, c.stretch, c.stress) for c in (a, b))
@@ -636,6 +688,23 @@ def with_rubber(
     return dataclasses.replace(judgement, notes=(*judgement.notes, note))
 
 
+def form_objections(material: Material, curves: Sequence[TensileCurve]) -> list[str]:
+    """Return a sentence if a law fitted to pulls alone predicts other tests as no rubber behaves; see `laws.FORM_RANGE`."""
+    if any(curve.mode != "uniaxial" for curve in curves) or not curves:
+        return []
+    stretch, ratios, shares = specimens.form_shares(material, residuals.largest_strain(curves))
+    low, high = laws.FORM_RANGE
+    beyond = np.abs(shares - (low + high) / 2) > 1.5 * (high - low)
+    if not beyond.any():
+        return []
+    k = int(np.flatnonzero(beyond)[-1])
+    return [
+        f"in equibiaxial tension at stretch {stretch[k]:.3g} its stress would be {ratios[k]:.3g} times that of a law of I1 "
+        "with the same curve in uniaxial tension, as of no rubber; pulls do not determine that: add an equibiaxial or planar "
+        "test, or take such a law (--material yeoh)"
+    ]
+
+
 def stretch_of(strain: float) -> float:
     """Return the uniaxial stretch in tension with this I1 - 3."""
     return float(max(np.roots([1.0, 0.0, -(strain + 3.0), 2.0]).real))
@@ -693,7 +762,7 @@ def as_text(report: FitReport) -> str:
         ]
         lines += [f"  {text}" for text in (law.material.remark,) if text]
         lines += [f"  {'rejected' if text in law.objections else 'warning'}: {text}" for text in law.warnings]
-        lines += [f"  {text}" for text in (*least_squares.unseen(law.fit), *law.verdict.notes)]
+        lines += [f"  {text}" for text in (*least_squares.unseen(law.fit), *law.verdict.notes, law.form_note) if text]
         lines.append("")
     if len(report.laws) > 1:
         lines += [f"  {law.fit.label:14s} AICc +{law.aicc:.4g}, BIC {law.bic:+.4g}" for law in report.comparison.ranked]
@@ -707,6 +776,8 @@ def material_toml(law: FittedLaw, report: FitReport) -> str:
     """Return a material file for ``--material``, with the basis of the fit."""
     fit = law.fit
     intervals = {p.name: [float(end) for end in law.interval(p.name)] for p in fit.free if not p.hidden}
+    if law.form_error:
+        intervals[laws.FORM] = [sign * least_squares.NORMAL_QUANTILE * law.form_error for sign in (-1.0, 1.0)]
     hidden = {p.name for p in fit.parameters if p.hidden}
     about: dict[str, object] = {
         "range": report.ranges,
@@ -743,6 +814,8 @@ def as_json(report: FitReport) -> str:
 def _law_json(law: FittedLaw, report: FitReport) -> dict[str, object]:
     fit = law.fit
     shown = [i for i, p in enumerate(fit.free) if not p.hidden]
+    free, covariance = law.covariance
+    known = [*shown, *range(len(fit.free), len(free))]
     ranked = next(r for r in report.comparison.ranked if r.fit is fit)
     return {
         "law": law.choice.name,
@@ -764,8 +837,8 @@ def _law_json(law: FittedLaw, report: FitReport) -> dict[str, object]:
             }
             for p in fit.parameters if p.hidden
         ],
-        "free": [fit.free[i].name for i in shown],
-        "covariance": [[files.json_number(v) for v in row] for row in fit.band_covariance[np.ix_(shown, shown)]],
+        "free": [free[i] for i in known],
+        "covariance": [[files.json_number(v) for v in row] for row in covariance[np.ix_(known, known)]],
         "correlations": [[files.json_number(v) for v in row] for row in fit.correlations[np.ix_(shown, shown)]],
         "devices": [{"name": device.device, "chi2": device.chi2, "values": device.count} for device in law.devices],
         "singular_values": least_squares.singular_values(fit)[0].tolist(),

@@ -162,6 +162,24 @@ class LeastSquaresFit:
         moved = np.linalg.pinv(J, rcond=MIN_SINGULAR_VALUE) @ self.shared
         return names.read_only(np.asarray(moved @ moved.T))
 
+    def covariance_with(self, slopes: Array, error: float) -> Array:
+        """Return `band_covariance` with a factor as last row that the fit takes as 0, shape (m + 1, m + 1): ``error`` is what
+        it is known to without the measured residuals, ``slopes`` their derivatives by it, shape (count,).
+
+        Where they would move it, the factor left at 0 is an error too (GUM, JCGM 100:2008, F.2.4.5), by one Gauss-Newton step.
+        """
+        size, inside, rows = len(self.free), self.inside, len(self.residuals)
+        J = np.zeros((rows + 1, len(inside) + 1))
+        J[:rows, :-1], J[: self.count, -1], J[rows, -1] = self.jacobian[:, inside], slopes, 1.0 / error
+        step = np.linalg.lstsq(J, -np.append(self.residuals, 0.0), rcond=MIN_SINGULAR_VALUE)[0]
+        joint = self._sandwich(J) + np.outer(step, step)
+        whole = np.full((size + 1, size + 1), np.nan)
+        whole[:size, :size] = self.band_covariance
+        if inside:
+            joint[:-1, :-1] += self.band_covariance[np.ix_(inside, inside)] - self._sandwich(J[:rows, :-1])
+        whole[np.ix_([*inside, size], [*inside, size])] = joint
+        return whole
+
     def _sandwich(self, J: Array) -> Array:
         size = np.linalg.norm(J, axis=0)
         size[size == 0.0] = 1.0

@@ -46,6 +46,7 @@ class StrainMeasures:
         I1_bar: First invariant of the isochoric part, J^(-2/3) I1.
         I2_bar: Second invariant of the isochoric part, J^(-4/3) I2.
         stretches_bar: The three isochoric principal stretches J^(-1/3) lambda_i.
+        uniaxial_I2: ``I2_bar`` of the uniaxial tension that has the same ``I1_bar``.
         log, exp: The natural logarithm and the exponential of numbers of this kind.
     """
 
@@ -53,6 +54,7 @@ class StrainMeasures:
     I1: Expression
     I2: Expression
     stretches_bar: Expression
+    uniaxial_I2: Expression
     log: Expression
     exp: Expression
 
@@ -91,6 +93,10 @@ class Strain(StrainMeasures):
     def stretches_bar(self) -> tuple[Expression, Expression, Expression]:
         return tuple(ufl.sqrt(value) for value in eigenvalues(self.J ** (-2 / 3) * self.C))  # type: ignore[return-value]
 
+    @functools.cached_property
+    def uniaxial_I2(self) -> Expression:
+        return _uniaxial_I2(uniaxial_stretch(self.I1_bar, ufl.acos, ufl.cos))
+
     @staticmethod
     def log(x: Expression) -> Expression:
         return ufl.ln(x)
@@ -98,6 +104,16 @@ class Strain(StrainMeasures):
     @staticmethod
     def exp(x: Expression) -> Expression:
         return ufl.exp(x)
+
+
+def uniaxial_stretch(I1: Expression, acos: Expression = np.arccos, cos: Expression = np.cos, gap: float = 1e-8) -> Expression:
+    """Return the stretch above 1 of the uniaxial tension with an invariant I1 = l^2 + 2 / l (Viete's form of the cubic's root);
+    a ``gap`` keeps its derivative finite at rest."""
+    return 2 * (I1 / 3) ** 0.5 * cos(acos((gap - 1) * (3 / I1) ** 1.5) / 3)
+
+
+def _uniaxial_I2(stretch: Expression) -> Expression:
+    return 2 * stretch + stretch**-2
 
 
 def eigenvalues(A: Expression, gap: float = 1e-4) -> tuple[Expression, Expression, Expression]:
@@ -143,6 +159,13 @@ class HomogeneousStrain(StrainMeasures):
         scale = self.J ** (-1 / 3)
         a, b, c = self.stretches
         return scale * a, scale * b, scale * c
+
+    @functools.cached_property
+    def uniaxial_I2(self) -> Expression:
+        if not isinstance(self.I1_bar, Dual):
+            return _uniaxial_I2(uniaxial_stretch(self.I1_bar))
+        stretch = uniaxial_stretch(self.I1_bar.value)
+        return Dual(_uniaxial_I2(stretch), self.I1_bar.slope / stretch)
 
     @staticmethod
     def log(x: Expression) -> Expression:
@@ -225,6 +248,23 @@ MAX_SHEAR_MODULUS = 5e6
 """Maximum shear modulus in Pa of a silicone or soft rubber, with a margin; above it a wrong unit is likely."""
 
 
+FORM = "law_form"
+"""Name of the factor of `form_energy` beside the parameters of a law, where only derivatives by it are meant."""
+FORM_RANGE = 0.0, 0.5
+"""Factors of `form_energy` that rubbers have beside a law of I1: shares of I2 in the small-strain modulus, as in plots of
+Mooney from swollen to dry rubber (Gumbrell, Mullins & Rivlin 1953, doi 10.1039/TF9534901495)."""
+
+
+def form_energy(strain: StrainMeasures) -> Expression:
+    """Return the energy in small-strain shear moduli by which laws with one curve in uniaxial tension may differ.
+
+    It is sqrt(3) (sqrt(I2) - sqrt(I2 of the uniaxial tension with the same I1)): an energy of I2 whose part falls with the
+    strain as it does in rubber (Carroll 2011, doi 10.1007/s10659-010-9279-0), minus the energy of I1 that has the same
+    uniaxial curve.
+    """
+    return math.sqrt(3.0) * (strain.I2_bar**0.5 - strain.uniaxial_I2**0.5)
+
+
 class MaterialError(errors.OptionMessage, ValueError):
     """An invalid or unknown material; the message is for the user."""
 
@@ -298,6 +338,7 @@ class Material:
         isochoric: Whether `shape` depends only on the isochoric strain.
         conventions: Ways in which the same parameters are written, the law's own first; empty if there is only one.
         convention_help: What the conventions are.
+        form: Factor of `form_energy`, of copies nudged for a derivative by `FORM`.
         fitted_stretch: Range of stretch that the parameters were fitted over; None where that is not known. It is no part of
             the law: two materials that differ only in it are equal.
         memory: Relaxation and softening, where loads have times; the law itself is that of equilibrium. See `with_memory`.
@@ -314,6 +355,7 @@ class Material:
     isochoric: ClassVar[bool] = True
     conventions: ClassVar[tuple[str, ...]] = ()
     convention_help: ClassVar[str] = ""
+    form: ClassVar[complex] = 0.0
     fitted_stretch: tuple[float, float] | None = dataclasses.field(default=None, kw_only=True, compare=False, repr=False)
     memory: Memory | None = dataclasses.field(default=None, kw_only=True, repr=False)
 
@@ -391,7 +433,8 @@ class Material:
         """
         a, b, c = map(Dual, stretches, change)
         strain = HomogeneousStrain((a, b, c))
-        return self.energy(strain) if compressible else self.shape(strain, self)
+        energy = self.energy(strain) if compressible else self.shape(strain, self)
+        return energy + self.form * self.shear_modulus_0 * form_energy(strain) if self.form else energy
 
     @property
     def strain_limit(self) -> float:

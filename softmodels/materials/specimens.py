@@ -194,7 +194,7 @@ def respond(material: Material, stretch: npt.ArrayLike, mode: str = "uniaxial", 
         material: The law; at ``poisson = 0.5`` the specimen is incompressible.
         stretch: Imposed stretch, shape (n,).
         mode: One of `MODE_NAMES`.
-        parameters: Names (see `Material.parameter_names`, or ``poisson``) to differentiate by.
+        parameters: Names (see `Material.parameter_names`, ``poisson``, `laws.FORM`) to differentiate by.
     """
     _check(mode)
     stretch = np.asarray(stretch, dtype=float)
@@ -207,7 +207,7 @@ def respond(material: Material, stretch: npt.ArrayLike, mode: str = "uniaxial", 
 def nudged(material: Material, name: str, by: complex) -> Material:
     """Return an unchecked copy with one parameter changed, possibly to a complex value; only for evaluating its energy.
 
-    Parameters of its memory are ``share1``, ``time1`` and so on of the branches, and `SOFTENING`.
+    Parameters of its memory are ``share1``, ``time1`` and so on of the branches, and `SOFTENING`; `laws.FORM` is one too.
     """
     copy = object.__new__(type(material))
     for field in dataclasses.fields(material):
@@ -219,6 +219,7 @@ def nudged(material: Material, name: str, by: complex) -> Material:
         elif name == field.name:
             value = value + by
         object.__setattr__(copy, field.name, value)
+    object.__setattr__(copy, "form", material.form + by * (name == laws.FORM))
     return copy
 
 
@@ -241,6 +242,22 @@ def _nudged_memory(given: memory.Memory, name: str, by: complex) -> memory.Memor
             soft.recovery,
         )
     return memory.Memory(branches, soft)
+
+
+FORM_SAMPLES = 12
+"""Strains at which `form_shares` are computed."""
+
+
+def form_shares(material: Material, strain: float) -> tuple[Array, Array, Array]:
+    """Return equibiaxial stretches, shape (n,), up to an I1 - 3, the law's stress there over that of the law of I1 with the
+    same curve in uniaxial tension, and the factor of `laws.form_energy` which that difference is; nan beyond what the law
+    allows."""
+    top = float(np.roots([2.0, 0.0, -(3.0 + strain), 0.0, 0.0, 0.0, 1.0]).real.max())
+    stretch = np.linspace(1.0, top, FORM_SAMPLES + 1)[1:]
+    response = respond(dataclasses.replace(material, poisson=0.5, memory=None), stretch, "equibiaxial", (laws.FORM,))  # type: ignore[call-arg]
+    pulled = laws.uniaxial_stretch(2 * stretch**2 + stretch**-4)
+    same = nominal_stress(material, pulled) * (stretch - stretch**-5) / (pulled - pulled**-2)
+    return stretch, response.stress / same, (response.stress - same) / response.slopes[:, 0]
 
 
 def _incompressible(material: Material, stretch: Array, mode: str, parameters: Sequence[str]) -> Response:

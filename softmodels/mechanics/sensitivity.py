@@ -44,7 +44,8 @@ from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
 
 type Along = str | tuple[tuple[str, float], ...]
-"""What a derivative is by: a parameter's name, or changes of several of `known_parameters` and `memory_parameters`."""
+"""What a derivative is by: a parameter's name, or changes of several of `known_parameters`, `memory_parameters` and
+`laws.FORM`."""
 
 
 class Sensitivity:
@@ -60,6 +61,14 @@ class Sensitivity:
         test = ufl.TestFunction(eq.space)
         self._material = [eq.form(ufl.derivative(energy, eq.w, test)) for energy in self._along.energies]
         self._of_terms: dict[str, _TermDirection] = {}
+
+    @functools.cached_property
+    def _form(self) -> list[fem.Form]:
+        """The derivative of the residual by `laws.FORM` of the main material."""
+        eq = self.solver.system
+        energy = laws.form_energy(laws.Strain(eq.body.deformation_gradient(eq.potential.displacement)))
+        whole = energy * eq.body.hoop * eq.potential.regions[0].dx
+        return [eq.form(ufl.derivative(whole, eq.w, ufl.TestFunction(eq.space)))]
 
     @functools.cached_property
     def histories(self) -> list[HistoryDirection]:
@@ -216,6 +225,8 @@ class Sensitivity:
         eq = self.solver.system
         dmu = self._along.turn(eq.material, name)
         force = eq.assemble(self._material).copy()
+        if self._along.form:
+            force += self._along.form * eq.assemble(self._form)
         if eq.dead.forms:  # constant in newtons, so decreasing in shear moduli
             cavities = len(eq.pressures) - len(eq.dead.forms)
             force += dmu / eq.stress_unit * eq.pressures[cavities:] @ eq.pressure_loads()[cavities:]
@@ -455,7 +466,7 @@ class _Directions:
     def __init__(self, eq: System):
         mesh = eq.body.mesh
         self.laws = [_LawDirection(eq, region) for region in eq.potential.regions]
-        self.mixed = eq.mixed
+        self.mixed, self.form = eq.mixed, 0.0
         self.energies = eq.potential.stored([law.slope for law in self.laws])
         # Parts keep their stiffness in Pa, which decreases in shear moduli; their energies are linear in the value of one Pa.
         self.per_pascal = fem.Constant(mesh, 0.0)
@@ -480,6 +491,7 @@ class _Directions:
                 self.mixed,
             )
         self.per_pascal.value = np.imag(1 / mu) / _COMPLEX_STEP
+        self.form = float(np.imag(moved.form)) / _COMPLEX_STEP
         return mu.imag / _COMPLEX_STEP
 
 

@@ -25,7 +25,7 @@ from softmodels.materials import silicones
 from softmodels.pictures import curves
 from softmodels.pictures.style import LINE_COLOURS, STYLE, WIDTH_INCHES, chart
 from softmodels.runs import columns, mesh_error, table
-from softmodels.runs.budget import MATERIAL, Budget
+from softmodels.runs.budget import FORM, MATERIAL, Budget
 from softmodels.runs.states import FolderStates
 from softmodels.runs.store import ResultsError
 
@@ -392,7 +392,7 @@ def _shared(first: Case, second: Case) -> set[str]:
     same_cast = first.material == second.material and first.band == second.band
     same_device = first.actuator.refined(1.0 / first.actuator.finer) == second.actuator.refined(1.0 / second.actuator.finer)
     causes = {deviation.name for deviation in first.deviations if deviation in second.deviations} if same_device else set()
-    return {*causes, *([MATERIAL] if same_cast else [])}
+    return {*causes, *([MATERIAL, FORM] if same_cast else [])}
 
 
 def _of_difference(first: Mapping[str, float], second: Mapping[str, float], shared: Set[str]) -> float:

@@ -442,7 +442,8 @@ def _law(fitted: comparison.FittedLaw, charts: Mapping[str, pages.Charts]) -> li
     """Return the report's section on a law."""
     correlations = comparison.correlation_rows(fitted)
     width = max(map(len, correlations), default=0)
-    told = (fitted.material.remark, *fitted.judgement.notes, *least_squares.unseen(fitted.fit), *fitted.verdict.notes)
+    seen = (*least_squares.unseen(fitted.fit), *fitted.verdict.notes, fitted.form_note)
+    told = (fitted.material.remark, *fitted.judgement.notes, *seen)
     names = ["correlation", *(p.name for p in fitted.fit.free[: max(width - 1, 0)])]
     return [
         pages.Text(

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import re
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator, GeometryError, registry
-from softmodels.case import load, materials
+from softmodels.case import load, materials, tolerances
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.materials import MaterialErrors
@@ -22,7 +23,7 @@ from softmodels.common.arrays import Array
 from softmodels.common.lazy import MPI, scipy
 from softmodels.common.names import read_only
 from softmodels.components import loads
-from softmodels.materials import silicones
+from softmodels.materials import silicones, specimens
 from softmodels.materials.laws import Material
 from softmodels.mechanics import mpi, newton, regions
 from softmodels.mechanics.body import Body
@@ -70,7 +71,7 @@ class Limit(cards.ResultCard):
         place: Undeformed device coordinates in m of the integration point with the largest stretch.
         why: What ended a lost path, or a limit that is not a maximum of only the pressure; else empty.
         held: Hold time in s that the device withstands; 0: unlimited.
-        errors: Contributions to the pressure's error in Pa, the largest first; empty if unknown, and with a hold.
+        errors: Contributions to the pressure's error in Pa, the largest first; empty if unknown.
         path: Added volume in m3 and pressure in Pa of each state up to there; empty if they were not kept.
         notes: Warnings about the mesh, sentences.
     """
@@ -170,9 +171,10 @@ def _limits(
                 known[key] = Model.of(case, body, material, own)
             known[key].system.set_material(material.relaxed)
             band = next((own for own in fitted if own.around in (None, material)), None)
-            limit = _search(known[key], erring=dataclasses.replace(case, material=material, band=band))
+            erring = dataclasses.replace(case, material=material, band=band)
+            limit = _search(known[key], erring=erring)
             if hold and material.memory is not None and limit.kind == "limit" and not limit.why:
-                limit = _held(case, body, material, limit, hold)
+                limit = _held(erring, body, limit, hold)
             limits.append(dataclasses.replace(limit, notes=tuple(known[key].notes)))
     finally:
         for model in known.values():
@@ -200,35 +202,69 @@ HOLD_TOLERANCE = 1e-3
 """Relative error of a pressure that a device withstands for a time."""
 
 
-def _held(case: Case, body: Body, material: Material, relaxed: Limit, hold: float) -> Limit:
+def _held(case: Case, body: Body, relaxed: Limit, hold: float) -> Limit:
     """Return the largest pressure that is applied at once and borne for a time, by bisection between the limits of the relaxed
     silicone and of one that does not creep at all."""
-    parts, times = loads.weighed(case.components, material), (Step((Prescribed(PRESSURE, (100.0,)),), hold),)
-    asked = dataclasses.replace(case, material=material, components=parts, steps=times)
-    model = Model.of(asked, body)
+    parts, times = loads.weighed(case.components, case.material), (Step((Prescribed(PRESSURE, (100.0,)),), hold),)
+    model = Model.of(dataclasses.replace(case, components=parts, steps=times, band=None, tolerance=None), body)
+
+    def held(pressure: float) -> stability.Point:
+        applied = tuple(
+            Prescribed(PRESSURE, (pressure * ratio,), f"cavity{i}") for i, ratio in enumerate(case.actuator.ratios, 1)
+        )
+        model.system.potential.commit(rest.w, reset=True)
+        *_, (_, last) = schedule.follow(model.solver, (Step(applied, 0.0), Step(applied, hold)), preload=preload)
+        return last
+
     try:
-        potential, rest = model.system.potential, model.system.rest()
-        preload = model.preload()
+        rest, preload = model.system.rest(), model.preload()
         best, low, high = relaxed, relaxed.pressure, _search(model, preload).pressure
         while high > low * (1 + HOLD_TOLERANCE):
             tried = (low * high) ** 0.5
-            applied = tuple(
-                Prescribed(PRESSURE, (tried * ratio,), f"cavity{i}") for i, ratio in enumerate(case.actuator.ratios, 1)
-            )
-            potential.commit(rest.w, reset=True)
             try:
-                held = (Step(applied, 0.0), Step(applied, hold))
-                for _, point in schedule.follow(model.solver, held, preload=preload):
-                    last = point
+                last = held(tried)
             except stability.PathEnd as end:
                 if not isinstance(end, schedule.LostInTime):
                     raise RunError(f"{case.column.text(tried)} could not be followed for {hold:g} s: {end}") from end
                 high = tried
                 continue
             low, best = tried, _limit_of(model.fields, last, "limit")
-        return dataclasses.replace(best, pressure=low, held=hold, errors=())
+        halves = _halves_held(case, model, low, functools.partial(held, low)) if not parts else {}
+        # As shares, those by lengths are as those of the relaxed limit, exactly so of a thin sphere.
+        lengths = {part.name: part.half * low / relaxed.pressure for part in relaxed.errors if part.name not in halves}
+        errors = budget.contributions(lengths | halves, case.deviations) if halves else ()
+        return dataclasses.replace(best, pressure=low, held=hold, errors=tuple(errors))
     finally:
         model.release()
+
+
+def _halves_held(case: Case, model: Model, pressure: float, held: Callable[[], object]) -> dict[str, float]:
+    """Return half widths in Pa by cause of a pressure that is borne for a time, of the material and of readings of it.
+
+    Where the device is lost, its derivatives by the material and by the pressure grow without bound in one direction, and
+    their ratio is the derivative of the pressure that it bears so long. That by the pressure is the one by all moduli, except
+    for the sign, because the silicone alone resists.
+    """
+    from softmodels.mechanics import sensitivity
+
+    halves = {own.name: own.of_pressure(pressure) for own in case.deviations if own.name in tolerances.READINGS}
+    if not isinstance(case.band, MaterialErrors):
+        return halves
+    law = case.material
+    moduli = {name: value for name, value in law.parameters.items() if law.parameter_unit(name) == "Pa"}
+    if law.memory is not None and law.memory.softening is not None:
+        moduli[specimens.SOFTENING[1]] = law.memory.softening.m
+    roots = {str(k): root for k, (_, root) in enumerate(case.band.directions)}
+    known = sensitivity.Sensitivity(model.solver, aside=budget.SOLVE_TOLERANCE)
+    model.solver.carried = in_time = sensitivity.InTime(known, {**roots, "all moduli": tuple(moduli.items())})
+    held()
+    model.solver.carried = None
+    if not in_time.last:
+        return {}
+    for (cause, _), name in zip(case.band.directions, roots, strict=True):
+        move = tolerances.HALF_WIDTH_95 * pressure * in_time.last[name].V / in_time.last["all moduli"].V
+        halves[cause] = math.hypot(halves.get(cause, 0.0), move)
+    return halves
 
 
 def _search(model: Model, preload: LoadedState | None = None, erring: Case | None = None) -> Limit:

@@ -1,9 +1,9 @@
 """The budget of a run's numbers: what the half width of each one's 95 % interval is made of, and what would narrow it.
 
 Contributions are independent, so their half widths add up as squares (GUM, JCGM 100:2008, 5.1.2): that of the silicone (the
-covariance of a fit, or how far published sources lie apart), those of the lengths as made and of the readings at the bench
-(tolerances of the case), each by the exact derivative of the state, and that of the mesh (`softmodels.runs.mesh_error`). What a
-model leaves out is in none of them.
+covariance of a fit, or how far published sources lie apart), that of its law's form (`softmodels.materials.laws.form_energy`),
+those of the lengths as made and of the readings at the bench (tolerances of the case), each by the exact derivative of the
+state, and that of the mesh (`softmodels.runs.mesh_error`). What a model leaves out is in none of them.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from geometries import Actuator, actuator as parameters
 from softmodels.case import materials, tolerances
 from softmodels.case.case import Case
 from softmodels.common.arrays import Array
+from softmodels.materials import laws
 from softmodels.mechanics import controls, newton
 from softmodels.path import stability, steps
 from softmodels.runs import columns, fields, labels, mesh_error, table
@@ -27,11 +28,11 @@ from softmodels.runs import columns, fields, labels, mesh_error, table
 if TYPE_CHECKING:
     from softmodels.mechanics import sensitivity
 
-MATERIAL, MESH = "material", "mesh"
+MATERIAL, FORM, MESH = materials.MATERIAL, laws.FORM, "mesh"
 """Contributions beside those of a case's deviations, which have the names of what deviates."""
 MOST_SHOWN = 6
 """Contributions that a line has one by one."""
-WORDS = {MATERIAL: "silicone", tolerances.COLUMN: "column's density"}
+WORDS = {MATERIAL: "silicone", FORM: "law's form", tolerances.COLUMN: "column's density"}
 """Contributions that are printed under another name than their own."""
 
 
@@ -164,6 +165,8 @@ class Budget:
             yield "lengths as made ([tolerance])"
         if tolerances.GAUGE not in given and case.load.has_pressure:
             yield "the gauge ([tolerance])"
+        if case.band is not None and FORM not in getattr(case.band, "names", ()):
+            yield "the law's form (a fit to curves)"
         if not self.finer:
             yield "the mesh (--mesh-error)"
 
@@ -187,7 +190,11 @@ class Budget:
             return f"Only the mesh is known here, and mostly a small part; state the others first: {missing}."
         halved = math.hypot(0.5 * first.half, *(other.half for other in others))
         now, then = (rounded(row, name, half)[1] for half in (total(told), halved))
-        cure = {MESH: "use smaller cells (--finer 2)", MATERIAL: "test this silicone, and fit it"}
+        cure = {
+            MESH: "use smaller cells (--finer 2)",
+            MATERIAL: "test this silicone, and fit it",
+            FORM: "pull this silicone in planar or equibiaxial tension too, and fit all curves together",
+        }
         return (
             f"The largest contribution is {first.text}: {cure.get(first.name, f'measure the {first.name} of this device')}. "
             f"Half of it would turn +- {now} into +- {then} {row.unit(name)}."
@@ -287,8 +294,7 @@ class Band:
         from softmodels.mechanics.sensitivity import InTime, MeshMotion, Sensitivity
 
         self.fields, self.cm, self.kept, self.deviations = made, case.column.pascal, case.quantity, case.deviations
-        errors = case.band if isinstance(case.band, materials.MaterialErrors) else None
-        self._roots = [tuple(zip(errors.names, root, strict=True)) for root in errors.roots.T.tolist()] if errors else []
+        self._roots = case.band.directions if isinstance(case.band, materials.MaterialErrors) else []
         self._device: Actuator = case.actuator
         lengths = [deviation.name for deviation in self.deviations if deviation.name not in tolerances.READINGS]
         self._motion = MeshMotion(made.system.body) if lengths else None
@@ -297,7 +303,7 @@ class Band:
         self._in_time: InTime | None = None
         self._free: list[tuple[str, bool, int, float]] = []
         if case.program:
-            roots = {str(k): root for k, root in enumerate(self._roots)}
+            roots = {str(k): root for k, (_, root) in enumerate(self._roots)}
             made.solver.carried = self._in_time = InTime(self._sensitivity, roots)
             self._free = _not_prescribed(made, case)
 
@@ -323,7 +329,8 @@ class Band:
         """
         try:
             if self._in_time is not None:
-                moves = [(MATERIAL, self._move_in_time(point, rate)) for rate in (self._in_time.last or {}).values()]
+                rates = (self._in_time.last or {}).values()
+                moves = [(cause, self._move_in_time(point, rate)) for (cause, _), rate in zip(self._roots, rates, strict=False)]
             else:
                 changes = [] if point.bifurcation else list(self._changes(point))
                 moves = [(change.cause, self._move(point, change)) for change in changes]
@@ -353,9 +360,9 @@ class Band:
     def _parts(self) -> list[tuple[str, str, str]]:
         """Return the columns of each cause's share in the main bands, with the band's column and the cause; none where only the
         material has errors."""
-        if not self.deviations:
+        causes = [*dict.fromkeys(cause for cause, _ in self._roots), *(deviation.name for deviation in self.deviations)]
+        if causes in ([], [MATERIAL]):
             return []
-        causes = [*([MATERIAL] if self._roots else []), *(deviation.name for deviation in self.deviations)]
         main = {table.band_of(name) for name in ("pressure", "added_volume", self._device.gauge, *self._device.headline)}
         return [
             (f"{name}_{cause}_{column.removeprefix(f'{name}_')}", column, cause)
@@ -366,7 +373,7 @@ class Band:
 
     def _changes(self, point: stability.Point) -> Iterator[Change]:
         """Yield independent changes of one standard deviation each, at a point."""
-        yield from (Change(MATERIAL, root) for root in self._roots)
+        yield from (Change(cause, root) for cause, root in self._roots)
         pressure = point.state.P * self.fields.system.stress_unit
         for deviation in self.deviations:
             if deviation.name in tolerances.READINGS:

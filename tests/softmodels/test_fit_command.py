@@ -108,7 +108,7 @@ def test_numbers_pictures_and_page(whole):
     told = json.loads((folder / "fit.json").read_text())
     assert [law["law"] for law in told["laws"]][-1] == "neo-hookean" and told["chosen"] == "yeoh"
     yeoh = next(law for law in told["laws"] if law["law"] == "yeoh")
-    assert yeoh["free"] == ["c1", "c2", "c3", "gauge1", "gauge2"] and len(yeoh["covariance"]) == 5
+    assert yeoh["free"] == ["c1", "c2", "c3", "gauge1", "gauge2", "law_form"] and len(yeoh["covariance"]) == 6
     assert yeoh["residuals"]["uniaxial.csv (uniaxial)"]["rms"] == pytest.approx(30.0, rel=0.3)
     with (folder / "curves.csv").open() as file:
         rows = list(csv.DictReader(file))

@@ -10,7 +10,9 @@ import pytest
 import softmodels as sm
 from softmodels.case.case import Case, CaseError
 from softmodels.case.load import steps_of
-from softmodels.materials.laws import MaterialError
+from softmodels.case.materials import MaterialErrors
+from softmodels.case.tolerances import HALF_WIDTH_95
+from softmodels.materials.laws import FORM, MaterialError
 from softmodels.path.steps import courses, times_of
 from tests.support import runs
 
@@ -218,6 +220,32 @@ def test_the_pressure_that_is_borne_for_a_time(figure):
         sm.limit(balloon, law, hold=3)
     with pytest.raises(CaseError, match="0 or more"):
         sm.limit(balloon, creeping, hold="-3 s")
+
+
+THIN = sm.Balloon(neck_radius=0.0, wall="0.2 mm")
+
+
+def creeping(share=0.5, instant=10.0):
+    return sm.Yeoh(15e3, 50.0, 0.0, 0.5).with_memory(branches=[(share, instant)])
+
+
+def test_a_pressure_that_is_borne_for_a_time_has_a_budget():
+    """A thin sphere bears in proportion to its wall and to all its moduli."""
+    errors = MaterialErrors(("c1", "c2", FORM), ((300.0**2, 300.0, 0.0), (300.0, 1.0, 0.0), (0.0, 0.0, 0.01)))
+    limit = sm.limit(THIN, creeping(), hold=21.6, band=errors, tolerance={"wall": "0.02 mm", "gauge": "1 %"})
+    shares = {part.name: part.half / limit.pressure for part in limit.errors}
+    assert list(shares) == ["law_form", "wall", "material", "gauge"]
+    assert shares["wall"] == pytest.approx(0.1, rel=0.02) and shares["gauge"] == pytest.approx(0.01)
+    assert shares["material"] == pytest.approx(HALF_WIDTH_95 * 0.02, rel=1e-6)  # both moduli by 2 %, as one
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize(("name", "own", "step"), [("share", "share1", 0.05), ("instant", "time1", 1.0)])
+def test_the_budget_of_a_pressure_that_is_borne_by_differences(name, own, step):
+    (part,) = sm.limit(THIN, creeping(), hold=21.6, band=MaterialErrors((own,), ((1.0,),))).errors
+    value = {"share": 0.5, "instant": 10.0}[name]
+    high, low = (sm.limit(THIN, creeping(**{name: value + way * step}), hold=21.6).pressure for way in (1.0, -1.0))
+    assert part.half / HALF_WIDTH_95 == pytest.approx((high - low) / (2 * step), rel=0.05)
 
 
 def test_the_command_tells_what_is_borne(tmp_path):

@@ -27,6 +27,7 @@ from softmodels.fitting.comparison import (
     compare,
     contradictions,
     expected,
+    form_objections,
     hold_against,
     stretch_of,
     with_rubber,
@@ -133,7 +134,8 @@ class _Task:
             }
             material = self._material(choice, ranked.fit)
             judgement = least_squares.Judgement(
-                tuple(self._objections(material, ranked.fit)), tuple(self._cautions(ranked.fit))
+                (*self._objections(material, ranked.fit), *form_objections(material, self.curves)),
+                tuple(self._cautions(ranked.fit)),
             )
             judgement = with_rubber(choice, ranked.fit, judgement)
             if self.options.silicone:
