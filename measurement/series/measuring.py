@@ -407,14 +407,19 @@ class Measurement:
         Raises:
             OSError: They cannot be written.
         """
-        with (folder / "heights.csv").open("w", newline="", encoding="utf-8") as file:
-            rows = csv.writer(file)
-            rows.writerow(HEIGHT_COLUMNS)
-            for result in self.results:
-                rows.writerow(_row(result))
-        for result in self.results:
-            if isinstance(result.outcome, Outline):
-                result.outcome.to_csv(folder / f"{result.name}.csv")
+        write_results(self.results, folder)
+
+
+def write_results(results: Sequence[Result], folder: Path) -> None:
+    """Write ``heights.csv`` and a table of each outline into a folder; `OSError` where they cannot be written."""
+    with (folder / "heights.csv").open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file)
+        rows.writerow(HEIGHT_COLUMNS)
+        for result in results:
+            rows.writerow(_row(result))
+    for result in results:
+        if isinstance(result.outcome, Outline):
+            result.outcome.to_csv(folder / f"{result.name}.csv")
 
 
 def _row(result: Result) -> tuple[str, ...]:
