@@ -422,11 +422,16 @@ def write_results(results: Sequence[Result], folder: Path) -> None:
             result.outcome.to_csv(folder / f"{result.name}.csv")
 
 
+NO_RISE = "without a photograph at zero pressure its height counts from the base, and is no rise"
+
+
 def _row(result: Result) -> tuple[str, ...]:
     photo, outcome = result.photograph, result.outcome
     first = (photo.file.name, repr(photo.pressure), repr(photo.pressure_error))
     if isinstance(outcome, Refusal):
         return (*first, "", "", "refused", outcome.reason)
+    if outcome.whole == "base":  # such a height would be taken for a rise
+        return (*first, "", "", outcome.trust, "; ".join((*outcome.reasons, NO_RISE)))
     return (*first, f"{outcome.height:.9g}", f"{outcome.height_error:.4g}", outcome.trust, "; ".join(outcome.reasons))
 
 

@@ -241,5 +241,5 @@ def in_words(outline: Outline) -> str:
     wide, error = float(np.ptp(outline.x)), math.sqrt(2.0) * float(np.median(outline.error))
     return (
         f"{wide * 1e3:.3f} +- {math.hypot(error, outline.scale_error * wide) * 1e3:.3f} mm wide, top at "
-        f"{outline.height * 1e3:.3f} +- {outline.height_error * 1e3:.3f} mm"
+        f"{outline.height * 1e3:.3f} +- {outline.height_error * 1e3:.3f} mm{' above the base' * (outline.whole == 'base')}"
     )

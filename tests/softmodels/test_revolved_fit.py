@@ -14,6 +14,7 @@ from measurement.outline.outline import Outline
 from softmodels.case.case import case_of
 from softmodels.cli.material_commands import fit_material, score
 from softmodels.fitting.outlines.device import MeasuredDevice
+from softmodels.fitting.outlines.residuals import read_heights
 from softmodels.fitting.outlines.shapes import OutlineFitError, Silhouette, prepare, read_outlines
 from softmodels.fitting.problem import LawChoice
 from softmodels.materials.laws import NeoHookean
@@ -99,7 +100,9 @@ def test_a_balloon_beyond_its_equator_gives_its_silicone(bench, tmp_path):
 def test_heights_from_the_base_are_not_fitted(bench, tmp_path):
     listing = bench[0] / "raised.csv"
     listing.write_text("\n".join((bench[0] / "photos.csv").read_text().splitlines()[::2]) + "\n")
-    views(bench, listing, tmp_path / "views")
+    assert "mm above the base" in views(bench, listing, tmp_path / "views")
+    with pytest.raises(OutlineFitError, match="pressure or height is not a number"):
+        read_heights(tmp_path / "views" / "heights.csv")
     (outline,) = (Outline.from_csv(file) for file in tmp_path.glob("views/?.csv"))
     assert outline.whole == "base" and outline.z.min() >= -1e-4
     measured = MeasuredDevice.of(case_of(Balloon(cell_size=1e-3, **SIZES), NeoHookean(MODULUS), "0,5 cm"), Silhouette)
