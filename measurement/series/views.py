@@ -397,7 +397,7 @@ def light_ratio(first: pictures.Pixels, second: pictures.Pixels, seen: Sequence[
     return light[1] / max(light[0], 1e-4)
 
 
-MIN_DETAIL, MIN_MATCH, ONE_WAY_SHARE = 6.0, 0.6, 0.2
+MIN_DETAIL, MIN_MATCH, ONE_WAY_SHARE = 6.0, 0.6, 0.4
 """Stored numbers by which the background's details differ from their surroundings, and correlation of both photographs there,
 from which a movement of the background is measured; slope of the details in one direction over that in the other up to which
 they run one way."""
