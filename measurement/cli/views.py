@@ -14,8 +14,9 @@ import numpy as np
 
 from measurement import cli, film
 from measurement.camera import CameraError
+from measurement.outline.outline import Outline
 from measurement.screen.setup import Setup, SetupError
-from measurement.series import drawing, photo_list, views
+from measurement.series import drawing, photo_list, revolved, views
 from measurement.series.photo_list import ColumnError, PhotoListError
 from measurement.series.witness import Refusal
 from softmodels.common import commands, errors, processes, tables, units
@@ -36,6 +37,8 @@ from softmodels.common.folders import OwnFolderError
 @click.option("--base", metavar="x,y=x,y",
               help="Two pixels at the ends of the face at which the device begins; needed unless it leaves the frame "
               "there.")  # fmt: skip
+@click.option("--revolved", is_flag=True, help="Measure the outline, which may overhang, of a body of revolution (balloon, "
+              "bellows, drop) seen square to its axis.")  # fmt: skip
 @click.option("--length", metavar="LENGTH", help="The device's length without pressure, against which the scale is checked.")
 @click.option("--pressures", metavar="LOG.csv | LIST",
               help="Of a film: log of time and pressure, or a pressure for each plateau, such as '0, 5, 10 kPa'.")  # fmt: skip
@@ -92,7 +95,7 @@ def view(listing: Path, setup_file: Path, output: Path | None, **given: Any) -> 
             if edges is not None:
                 edges.mkdir()
             with cli.bar("measuring", len(listed), given["quiet"]) as advance:
-                made = views.views(listed, scene, edges, advance)
+                made = (revolved.outlines if given["revolved"] else views.views)(listed, scene, edges, advance)
             made.write(place)
             if is_film and edges is not None:
                 shown = sorted(edges.glob("*.png"))
@@ -102,18 +105,18 @@ def view(listing: Path, setup_file: Path, output: Path | None, **given: Any) -> 
     except OSError as error:
         cli.stop(f"the results cannot be written: {errors.reason(error)}", commands.status_of(error))
     _report(made, folder.path, given["quiet"])
-    all_measured = len(made.views) == len(listed)
-    sys.exit(commands.EXIT_DONE if all_measured else cli.EXIT_SOME_REJECTED if made.views else commands.EXIT_FAILED)
+    count = sum(not isinstance(outcome, Refusal) for outcome in made.outcomes)
+    sys.exit(commands.EXIT_DONE if count == len(listed) else cli.EXIT_SOME_REJECTED if count else commands.EXIT_FAILED)
 
 
-def _report(made: views.Views, folder: Path, quiet: bool) -> None:
+def _report(made: views.Views | revolved.Outlines, folder: Path, quiet: bool) -> None:
     if not quiet:
-        for photo, outcome in zip(made.photographs, made.outcomes, strict=True):
-            if isinstance(outcome, views.View):
-                processes.say(_line(made, photo.pressure, outcome))
-        weak = sum(outcome.trust != "yes" for outcome in made.views)
+        measured = [outcome for outcome in made.outcomes if not isinstance(outcome, Refusal)]
+        for shown in measured:
+            processes.say(_line(made, shown))
+        weak = sum(outcome.trust != "yes" for outcome in measured)
         remark = f", {weak} of them untrusted" if weak else ""
-        processes.say(f"{len(made.views)} of {len(made.photographs)} measured{remark}; written to {folder}")
+        processes.say(f"{len(measured)} of {len(made.photographs)} measured{remark}; written to {folder}")
     for photo, outcome in zip(made.photographs, made.outcomes, strict=True):
         if isinstance(outcome, Refusal):
             processes.say(f"{photo.file.name}: refused, {outcome.reason}", err=True)
@@ -218,6 +221,10 @@ def _scene(setup: Setup, given: dict[str, Any]) -> views.Scene:
     """Return the scene that the options describe. Raises `SetupError` or `UnitError` for a text that is not what it should
     be, and for what is missing."""
     depths, sides, length = None, None, None
+    if given["revolved"]:
+        if told := [f"--{'device' if name == 'case' else name}" for name in ("case", "depth", "length") if given[name]]:
+            raise SetupError(f"leave out {told[0]} with --revolved: the outline of a body of revolution shows how deep it is")
+        depths = (0.0, 0.0)
     if given["case"] is not None:
         depths, length, sides = size_of(given["case"])
     if given["depth"] is not None:
@@ -296,7 +303,11 @@ def size_of(case: Path) -> tuple[tuple[float, float], float, Array]:
     return (first, second), length, np.array(sides)
 
 
-def _line(made: views.Views, pressure: float, view: views.View) -> str:
+def _line(made: views.Views | revolved.Outlines, view: views.View | Outline) -> str:
+    head = f"{view.source}  {view.pressure:9.1f} Pa  "
+    remark = "" if view.trust == "yes" else f"  not trusted: {'; '.join(view.reasons)}"
+    if isinstance(view, Outline) or isinstance(made, revolved.Outlines):
+        return f"{head}{revolved.in_words(view)}{remark}"  # type: ignore[arg-type]
     x, z = (view.shape.tip - made.origin) * 1e3
     turned, error = (math.degrees(value) for value in made.rotation(view))
     by = (
@@ -304,9 +315,5 @@ def _line(made: views.Views, pressure: float, view: views.View) -> str:
         if math.isfinite(turned)
         else f"at {math.degrees(view.shape.angle):8.2f} deg"
     )
-    remark = "" if view.trust == "yes" else f"  not trusted: {'; '.join(view.reasons)}"
     errors_mm = view.tip_error * 1e3
-    return (
-        f"{view.source}  {pressure:9.1f} Pa  tip x {x:8.3f} +- {errors_mm[0]:.3f} mm, z {z:8.3f} +- {errors_mm[1]:.3f} mm, "
-        f"{by}{remark}"
-    )
+    return f"{head}tip x {x:8.3f} +- {errors_mm[0]:.3f} mm, z {z:8.3f} +- {errors_mm[1]:.3f} mm, {by}{remark}"

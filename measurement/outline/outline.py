@@ -20,7 +20,7 @@ class Outline:
     """The outline of the shadow at one pressure.
 
     Attributes:
-        x: Places along the undeformed surface in m, rising, shape (n,).
+        x: Places along the undeformed surface in m, shape (n,): rising, or of a ``whole`` outline in order along it.
         z: Heights above it in m, shape (n,).
         error: Standard error of each point across the outline in m, shape (n,): edge, grid fit, lens and zero line
             together. Neighbouring points share part of it.
@@ -40,10 +40,12 @@ class Outline:
         anyway: Whether it shall be used in spite of what speaks against it.
         edge_error: Standard error in m across the outline that all its points share, and no other outline of the run: where
             in the penumbra half of the light is. A part of ``error``.
+        whole: Of an outline that runs all around a body of revolution from one end of its base to the other and may overhang, x
+            counted from the axis: what z counts from, the undeformed ``"top"`` or the ``"base"``; else empty.
 
     Raises:
-        OutlineError: Arrays that do not fit, values that are not finite, errors that are not positive, x not sorted, or times
-            that run backwards.
+        OutlineError: Arrays that do not fit, values that are not finite, errors that are not positive, points that are not in
+            order, or times that run backwards.
     """
 
     x: Array
@@ -62,6 +64,7 @@ class Outline:
     history: History = ()
     anyway: bool = False
     edge_error: float = 0.0
+    whole: str = ""
 
     def __post_init__(self) -> None:
         for name in ("x", "z", "error"):
@@ -78,7 +81,9 @@ class Outline:
             (self.bridged.shape != self.x.shape, "an outline needs to know of each point whether it was measured"),
             (not np.isfinite([self.x, self.z, self.error]).all(), "a point of the outline is not finite"),
             (not (self.error > 0.0).all(), "a standard error is not positive"),
-            ((np.diff(self.x) < 0.0).any(), "the points are not sorted along x"),
+            (self.whole not in ("", "top", "base"), "whole_from must be top or base"),
+            (not self.whole and (np.diff(self.x) < 0.0).any(), "the points are not sorted along x"),
+            (bool(self.whole) and self._turns_back, "the points are not in order along the outline, from left to right"),
             (
                 not math.isfinite(self.pressure) or not 0.0 <= self.pressure_error < math.inf,
                 "the pressure or its standard error is not finite, or the error is negative",
@@ -95,6 +100,12 @@ class Outline:
         ):
             if wrong:
                 raise OutlineError(f"{self.source}: {why}")
+
+    @property
+    def _turns_back(self) -> bool:
+        step = np.diff(np.column_stack([self.x, self.z]), axis=0)
+        back = np.einsum("ni,ni->n", step[1:], step[:-1]) < 0.0
+        return bool(self.x[0] > self.x[-1] or np.mean(back) > MAX_TURNING_BACK) if len(back) else True
 
     @property
     def trust(self) -> str:
@@ -156,6 +167,7 @@ class Outline:
             f"scale_error = {self.scale_error:.4g}",
             f"level_error_m = {self.level_error:.4g}",
             f"edge_error_m = {self.edge_error:.4g}",
+            *([f"whole_from = {self.whole}"] if self.whole else []),
             *([f"history_s_Pa = {'; '.join(f'{time!r} {p!r}' for time, p in self.history)}"] if self.history else []),
             f"trusted = {self.trust}",
             *(f"reason = {' '.join(reason.split())}" for reason in self.reasons),
@@ -223,6 +235,7 @@ class Outline:
             history,
             trust == "anyway",
             edge_error,
+            notes.get("whole_from", ""),
         )
 
 
@@ -232,6 +245,9 @@ MEASURED_ONLY = "x_m,z_m,error_m"
 
 type History = tuple[tuple[float, float], ...]
 """Pressures through time: pairs of a time in s and a pressure in Pa, linear in between, from rest on."""
+
+MAX_TURNING_BACK = 0.2
+"""Share of the steps from point to point that may turn back by more than a right angle."""
 
 MIN_SHARED_ERROR = 10e-6
 """Standard error in m above which it is no longer each point's own."""

@@ -33,9 +33,7 @@ class Silhouette:
     Attributes:
         edge: Its points in order, from the base around the tip back to the base, in px of the photograph.
         base: The ends of the base (2, 2) in px, beside the edge's first and its last point.
-        folded: Which of the edge's points lie in folds, gaps between chambers or roots of ribs, which the centre line passes.
-        guide: Rough centre line (k, 2) in px from the base to the tip.
-        corners: Numbers of the points out of folds at both ends of the tip's face; None for a round tip.
+        factor: Pixels of the photograph per pixel of the reduced picture.
         longest_gap: Longest stretch without a clear edge over the length of the whole contour; there the contour of the
             reduced picture stands in.
         cut: Whether the frame or the region of interest cuts it in a second place.
@@ -46,14 +44,27 @@ class Silhouette:
 
     edge: edge.Edge
     base: Array
-    folded: Mask
-    guide: Array
-    corners: tuple[int, int] | None
+    factor: float
     longest_gap: float
     cut: bool
     second: float
     hidden: float
     soft: float
+
+    @functools.cached_property
+    def folded(self) -> Mask:
+        """Which of the edge's points lie in folds, gaps between chambers or roots of ribs, which the centre line passes."""
+        return _folded(np.vstack([self.base[:1], self.edge.px, self.base[1:]]), self.factor)[1:-1]
+
+    @functools.cached_property
+    def guide(self) -> Array:
+        """Rough centre line (k, 2) in px from the base to the tip."""
+        return _guide(np.vstack([self.base[:1], self.edge.px[~self.folded], self.base[1:]]), self.factor)
+
+    @functools.cached_property
+    def corners(self) -> tuple[int, int] | None:
+        """Numbers of the points out of folds at both ends of the tip's face; None for a round tip."""
+        return _corners(self.edge.px[~self.folded], self.guide, float(np.linalg.norm(self.base[1] - self.base[0])))
 
     @functools.cached_property
     def side(self) -> Array:
@@ -130,13 +141,9 @@ def find_silhouette(image: pictures.Pixels, setup: Setup, base: Array | None = N
             traced = _reversed(traced)
     else:
         traced, ends, cut = _from_base(traced, np.asarray(base, dtype=float), is_open)
-    folded = _folded(np.vstack([ends[:1], traced.px, ends[1:]]), factor)[1:-1]
-    outline = np.vstack([ends[:1], traced.px[~folded], ends[1:]])
-    guide, usual = _guide(outline, factor), np.median(traced.width)
     return Silhouette(
-        traced, ends, folded, guide, _corners(outline[1:-1], guide, float(np.linalg.norm(ends[1] - ends[0]))), gap, cut, second,
-        float(np.mean(_lies_in(traced.px, beside, factor, (x0, y0)))),
-        float(np.mean(traced.width > SOFT_EDGE * usual)),
+        traced, ends, factor, gap, cut, second, float(np.mean(_lies_in(traced.px, beside, factor, (x0, y0)))),
+        float(np.mean(traced.width > SOFT_EDGE * np.median(traced.width))),
     )  # fmt: skip
 
 

@@ -189,23 +189,39 @@ class CourseEvidence(RunEvidence):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class ViewEvidence:
-    """A device seen from the side: its silhouette, its shape, the same without pressure, and since then by how many px the
-    background moved, how many times brighter it is and how many times softer the edge (None where it is not known); the size
-    of a pixel, the standard error of its length, and its length without pressure with its error (None where it is not known),
-    all in m; whether this is the photograph without pressure, and whether it shall be used in spite of doubts."""
+class SideEvidence:
+    """A thing seen from the side: its silhouette, and since the photograph without pressure by how many px the background
+    moved, how many times brighter it is and how many times softer the edge (None where it is not known); whether it shall be
+    used in spite of doubts."""
 
     silhouette: Silhouette
-    shape: Shape
-    before: Shape | None
     moved_px: float | None
     brighter: float | None
     softer: float | None
+    anyway: bool
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ViewEvidence(SideEvidence):
+    """A device seen from the side: its shape, the same without pressure; the size of a pixel, the standard error of its
+    length, and its length without pressure with its error (None where it is not known), all in m; whether this is the
+    photograph without pressure."""
+
+    shape: Shape
+    before: Shape | None
     pixel: float
     length_error: float
     length: tuple[float, float] | None
     is_zero: bool
-    anyway: bool
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class RevolvedEvidence(SideEvidence):
+    """A body of revolution seen from the side: root mean square distance in m of one half of its outline from the other one's
+    mirror image, and the standard error of its points."""
+
+    unlike: float
+    error: float
 
 
 FEWEST_POINTS = 40
@@ -257,23 +273,27 @@ def unsure_of(ripple: tuple[int, float, float]) -> float:
 type Check = Callable[[Any], Iterator[Doubt]]
 """A question about a photograph, its docstring's first line: it yields what speaks against it, of which the first counts."""
 
-STAGES = (ListEvidence, EdgeEvidence, ToneEvidence, ZeroEvidence, OutlineEvidence, RunEvidence, CourseEvidence, ViewEvidence)
+STAGES = (
+    ListEvidence, EdgeEvidence, ToneEvidence, ZeroEvidence, OutlineEvidence, RunEvidence, CourseEvidence, SideEvidence,
+    ViewEvidence, RevolvedEvidence,
+)  # fmt: skip
 CHECKS: dict[type, names.Registry[Check]] = {stage: names.Registry("check") for stage in STAGES}
 """Every check by the evidence that it is asked of and its name, in the order in which they are asked."""
 
 
-def register_check[C](stage: type[EdgeEvidence | RunEvidence | ViewEvidence] = OutlineEvidence) -> Callable[[C], C]:
+def register_check[C](stage: type[EdgeEvidence | RunEvidence | SideEvidence] = OutlineEvidence) -> Callable[[C], C]:
     """Let a check be asked of every piece of evidence of a stage, after those registered already; a decorator of a function."""
     return CHECKS[stage].register
 
 
-def answers(evidence: EdgeEvidence | RunEvidence | ViewEvidence) -> Iterator[Doubt]:
-    """Yield the answers of the checks of this evidence that are doubts."""
-    for check in CHECKS[type(evidence)].values():
+def answers(evidence: EdgeEvidence | RunEvidence | SideEvidence) -> Iterator[Doubt]:
+    """Yield the answers of the checks of this evidence that are doubts, those of anything seen from the side first."""
+    stages: list[type] = [SideEvidence, type(evidence)] if isinstance(evidence, SideEvidence) else [type(evidence)]
+    for check in itertools.chain.from_iterable(CHECKS[stage].values() for stage in stages):
         yield from itertools.islice(check(evidence), 1)
 
 
-def doubts(evidence: EdgeEvidence | ViewEvidence) -> tuple[str, ...]:
+def doubts(evidence: EdgeEvidence | SideEvidence) -> tuple[str, ...]:
     """Return what the checks have against a photograph, one sentence each; `Unmeasurable` if one of them rejects it, although
     it is not to be used anyway, or leaves nothing to measure."""
     doubts = []
@@ -927,8 +947,8 @@ MAX_LENGTH_ERROR = 0.03
 """Share by which a device without pressure may differ from its stated length."""
 
 
-@register_check(ViewEvidence)
-def frame(e: ViewEvidence) -> Iterator[Doubt]:
+@register_check(SideEvidence)
+def frame(e: SideEvidence) -> Iterator[Doubt]:
     """Does the frame cut the device?"""
     if e.silhouette.cut:
         yield Doubt(
@@ -938,8 +958,8 @@ def frame(e: ViewEvidence) -> Iterator[Doubt]:
         )
 
 
-@register_check(ViewEvidence)
-def uncovered(e: ViewEvidence) -> Iterator[Doubt]:
+@register_check(SideEvidence)
+def uncovered(e: SideEvidence) -> Iterator[Doubt]:
     """Does the device stay clear of the scale and of masks?"""
     if e.silhouette.hidden > 0.0:
         yield Doubt(
@@ -948,8 +968,8 @@ def uncovered(e: ViewEvidence) -> Iterator[Doubt]:
         )  # fmt: skip
 
 
-@register_check(ViewEvidence)
-def seen_whole(e: ViewEvidence) -> Iterator[Doubt]:
+@register_check(SideEvidence)
+def seen_whole(e: SideEvidence) -> Iterator[Doubt]:
     """Is the outline seen all around?"""
     if e.silhouette.longest_gap > LONGEST_GAP:
         yield Doubt(
@@ -958,8 +978,8 @@ def seen_whole(e: ViewEvidence) -> Iterator[Doubt]:
         )
 
 
-@register_check(ViewEvidence)
-def alone(e: ViewEvidence) -> Iterator[Doubt]:
+@register_check(SideEvidence)
+def alone(e: SideEvidence) -> Iterator[Doubt]:
     """Is there nothing else in front of the background?"""
     if e.silhouette.second > SECOND_AREA:
         yield Doubt(
@@ -968,8 +988,8 @@ def alone(e: ViewEvidence) -> Iterator[Doubt]:
         )
 
 
-@register_check(ViewEvidence)
-def cast_shadow(e: ViewEvidence) -> Iterator[Doubt]:
+@register_check(SideEvidence)
+def cast_shadow(e: SideEvidence) -> Iterator[Doubt]:
     """Is a cast shadow taken for a part of the device?"""
     if e.silhouette.soft > SOFT_SHARE:
         yield Doubt(
@@ -978,8 +998,8 @@ def cast_shadow(e: ViewEvidence) -> Iterator[Doubt]:
         )
 
 
-@register_check(ViewEvidence)
-def sharp_as_before(e: ViewEvidence) -> Iterator[Doubt]:
+@register_check(SideEvidence)
+def sharp_as_before(e: SideEvidence) -> Iterator[Doubt]:
     """Is the edge as sharp as without pressure?"""
     if e.softer is not None and e.softer > MAX_SOFTER:
         yield Doubt(
@@ -988,15 +1008,20 @@ def sharp_as_before(e: ViewEvidence) -> Iterator[Doubt]:
         )
 
 
-@register_check(ViewEvidence)
-def camera_at_rest(e: ViewEvidence) -> Iterator[Doubt]:
-    """Do background and base stay where they are?"""
+@register_check(SideEvidence)
+def camera_at_rest(e: SideEvidence) -> Iterator[Doubt]:
+    """Does the background stay where it is?"""
     if e.moved_px is not None and e.moved_px > MAX_BACKGROUND_SHIFT:
         yield Doubt(
             f"the background moved by {e.moved_px:.1f} px since the photograph without pressure",
             "fix the camera, and photograph all pressures again",
         )
-    elif e.before is not None:
+
+
+@register_check(ViewEvidence)
+def base_at_rest(e: ViewEvidence) -> Iterator[Doubt]:
+    """Does the base stay where it is?"""
+    if e.before is not None and not next(camera_at_rest(e), None):
         shift = float(np.linalg.norm(e.shape.base - e.before.base)) / e.pixel
         if shift > MAX_BASE_SHIFT:
             yield Doubt(
@@ -1020,8 +1045,8 @@ def in_plane(e: ViewEvidence) -> Iterator[Doubt]:
         )
 
 
-@register_check(ViewEvidence)
-def steady_light(e: ViewEvidence) -> Iterator[Doubt]:
+@register_check(SideEvidence)
+def steady_light(e: SideEvidence) -> Iterator[Doubt]:
     """Is the light, and the exposure, that of the photograph without pressure?"""
     if e.brighter is not None and not 1.0 / MAX_BRIGHTER < e.brighter < MAX_BRIGHTER:
         times, word = (e.brighter, "brighter") if e.brighter > 1.0 else (1.0 / e.brighter, "darker")
@@ -1062,4 +1087,19 @@ def stated_length(e: ViewEvidence) -> Iterator[Doubt]:
             f"the device is {e.shape.length * 1e3:.2f} mm long in the picture, but {length * 1e3:.2f} mm by --length: "
             "the scale lies in another plane, or the base is another one",
             "give --ahead, the device's distance from the scale's plane, and check --base",
+        )
+
+
+MAX_UNLIKE, MAX_UNLIKE_ERRORS = 30e-6, 4.0
+"""Distance in m, and in standard errors, up to which one half of a round body's outline lies on the other's mirror image."""
+
+
+@register_check(RevolvedEvidence)
+def mirrored(e: RevolvedEvidence) -> Iterator[Doubt]:
+    """Is it as round as a body of revolution?"""
+    if e.unlike > max(MAX_UNLIKE, MAX_UNLIKE_ERRORS * e.error):
+        yield Doubt(
+            f"the left half of the outline lies {_length(e.unlike)} (rms) off the right one's mirror image, as of no body of "
+            "revolution",
+            "photograph it square to its axis, take away what touches it, and check --base; leave out --revolved for others",
         )

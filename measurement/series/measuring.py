@@ -407,14 +407,22 @@ class Measurement:
         Raises:
             OSError: They cannot be written.
         """
-        with (folder / "heights.csv").open("w", newline="", encoding="utf-8") as file:
-            rows = csv.writer(file)
-            rows.writerow(HEIGHT_COLUMNS)
-            for result in self.results:
-                rows.writerow(_row(result))
-        for result in self.results:
-            if isinstance(result.outcome, Outline):
-                result.outcome.to_csv(folder / f"{result.name}.csv")
+        write_results(self.results, folder)
+
+
+def write_results(results: Sequence[Result], folder: Path) -> None:
+    """Write ``heights.csv`` and a table of each outline into a folder; `OSError` where they cannot be written."""
+    with (folder / "heights.csv").open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file)
+        rows.writerow(HEIGHT_COLUMNS)
+        for result in results:
+            rows.writerow(_row(result))
+    for result in results:
+        if isinstance(result.outcome, Outline):
+            result.outcome.to_csv(folder / f"{result.name}.csv")
+
+
+NO_RISE = "without a photograph at zero pressure its height counts from the base, and is no rise"
 
 
 def _row(result: Result) -> tuple[str, ...]:
@@ -422,6 +430,8 @@ def _row(result: Result) -> tuple[str, ...]:
     first = (photo.file.name, repr(photo.pressure), repr(photo.pressure_error))
     if isinstance(outcome, Refusal):
         return (*first, "", "", "refused", outcome.reason)
+    if outcome.whole == "base":  # such a height would be taken for a rise
+        return (*first, "", "", outcome.trust, "; ".join((*outcome.reasons, NO_RISE)))
     return (*first, f"{outcome.height:.9g}", f"{outcome.height_error:.4g}", outcome.trust, "; ".join(outcome.reasons))
 
 

@@ -280,11 +280,9 @@ def view_of(
         anyway=photo.anyway,
     )  # fmt: skip
     before = None if reference is None else reference.view.shape
-    moved_px = None if reference is None else background_shift(reference.image, image, [reference.seen, seen])
-    brighter = None if reference is None else light_ratio(reference.image, image, [reference.seen, seen])
-    softer = None if reference is None else seen.softness / reference.seen.softness
+    changed = since(None if reference is None else (reference.image, reference.seen), image, seen)
     evidence = checks.ViewEvidence(
-        seen, shape, before, moved_px, brighter, softer, pixel, view.length_error, scene.length, photo.is_zero, photo.anyway
+        seen, *changed, photo.anyway, shape, before, pixel, view.length_error, scene.length, photo.is_zero
     )
     return dataclasses.replace(view, reasons=checks.doubts(evidence))
 
@@ -324,6 +322,22 @@ def _spread(repeats: Array) -> Array:
     return np.asarray(np.sqrt(np.mean(np.var(repeats, axis=0, ddof=1), axis=1)))
 
 
+def since(
+    before: tuple[pictures.Pixels, silhouette.Silhouette] | None, image: pictures.Pixels, seen: silhouette.Silhouette
+) -> tuple[float | None, float | None, float | None]:
+    """Return by how many px the background moved since a photograph (h, w, 3) with its silhouette, how many times brighter it
+    is and how many times softer the edge; None where it is not known."""
+    if before is None:
+        return None, None, None
+    both = before[0], image, [before[1], seen]
+    return background_shift(*both), light_ratio(*both), seen.softness / before[1].softness
+
+
+def zero_first(photographs: Sequence[Photograph]) -> list[int]:
+    """Return the numbers of photographs in the order in which they are measured."""
+    return sorted(range(len(photographs)), key=lambda k: (not photographs[k].is_zero, abs(photographs[k].pressure), k))
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class Reference:
     """The photograph without pressure: its pixels, silhouette and measured view."""
@@ -351,7 +365,11 @@ def background_shift(first: pictures.Pixels, second: pictures.Pixels, seen: Sequ
         )  # fmt: skip
     except cv2.error:
         return None
-    return float(np.hypot(*moved[:, 2])) * factor if match > MIN_MATCH else None
+    # Details that all run one way, as a clamp's edges, do not show a movement along it.
+    steps = np.array(np.gradient(detail[0]))[::-1][:, free > 0]
+    sizes, ways = np.linalg.eigh(steps @ steps.T)
+    shown = ways[:, sizes > ONE_WAY_SHARE**2 * sizes[1]].T @ moved[:, 2]
+    return float(np.linalg.norm(shown)) * factor if match > MIN_MATCH else None
 
 
 def _backgrounds(
@@ -379,9 +397,10 @@ def light_ratio(first: pictures.Pixels, second: pictures.Pixels, seen: Sequence[
     return light[1] / max(light[0], 1e-4)
 
 
-MIN_DETAIL, MIN_MATCH = 6.0, 0.6
+MIN_DETAIL, MIN_MATCH, ONE_WAY_SHARE = 6.0, 0.6, 0.4
 """Stored numbers by which the background's details differ from their surroundings, and correlation of both photographs there,
-from which a movement of the background is measured."""
+from which a movement of the background is measured; slope of the details in one direction over that in the other up to which
+they run one way."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -466,8 +485,7 @@ def views(
     names = measuring.file_stems(photographs)
     outcomes: dict[int, View | Refusal] = {}
     reference = None
-    order = sorted(range(len(photographs)), key=lambda k: (not photographs[k].is_zero, abs(photographs[k].pressure), k))
-    for k in order:
+    for k in zero_first(photographs):
         photo, image = photographs[k], None
         outcome: View | Refusal
         try:

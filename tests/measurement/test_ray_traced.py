@@ -64,6 +64,20 @@ def test_large_lamps_and_a_depth_of_field_are_trusted_and_right(seed, lamp, shap
     assert np.median(stated) < error
 
 
+@pytest.mark.parametrize(("seed", "kind"), sampled(list(enumerate(runs.PHONES)), ((3, "denoised"),)))
+def test_cameras_of_other_noise_and_blur_are_trusted_and_right(seed, kind, monkeypatch):
+    """Strong noise, JPEG of 70 to 85, motion blur of 2 px, a phone's denoising, a gamma curve, sharpening halos."""
+    monkeypatch.setattr(runs, "SHARES", (0.0, 1.0))
+    case = runs.other_case(seed, kind)
+    setup, (outline,) = runs.measured(case, runs.pictures_of(case, seed))
+    assert isinstance(outline, Outline), outline.reason
+    assert outline.trusted, outline.reasons
+    off = runs.across(case, setup, outline, case.body.height)
+    assert np.sqrt(np.mean(off**2)) < 5e-6
+    assert abs(outline.height - case.body.height) < max(3.0 * outline.height_error, 3e-6)
+    assert np.mean(np.abs(off) < 3.0 * outline.error) > 0.95
+
+
 @pytest.mark.campaign
 def test_wide_dark_grid_lines_are_no_shadow(monkeypatch):
     """Before: "shadow and lit screen differ by no more than the shadow's own scatter"."""

@@ -14,9 +14,9 @@ SIZE, CENTRE = (1400, 1000), np.array([0.04, -0.03])
 CLAMP = 0.02
 
 
-def to_pixels(places):
-    """Pixels (n, 2) of places (n, 2) in the bar's middle plane."""
-    return (np.asarray(places) - CENTRE) / PIXEL * [1.0, -1.0] + (np.array(SIZE) - 1.0) / 2.0
+def to_pixels(places, pixel=PIXEL, centre=CENTRE):
+    """Pixels (n, 2) of places (n, 2) in the middle plane."""
+    return (np.asarray(places) - centre) / pixel * [1.0, -1.0] + (np.array(SIZE) - 1.0) / 2.0
 
 
 BASE = to_pixels([[0.0, THICK / 2], [0.0, -THICK / 2]])
@@ -76,8 +76,9 @@ def bent_comb(turn, height=0.018, length=0.06):
 
 
 def photograph(
-    path, *parts, shift_px=(0.0, 0.0), colour=(0.75, 0.35, 0.3), background=(0.9, 0.92, 0.95), seed=0, noise=1.5, blur=0.8
-):
+    path, *parts, shift_px=(0.0, 0.0), colour=(0.75, 0.35, 0.3), background=(0.9, 0.92, 0.95), seed=0, noise=1.5, blur=0.8,
+    pixel=PIXEL, centre=CENTRE,
+):  # fmt: skip
     """Write a photograph of surfaces, or of pairs of a surface and its texture, before a background."""
     width, height = SIZE
     plotter = pv.Plotter(off_screen=True, window_size=SIZE)
@@ -88,9 +89,9 @@ def photograph(
             plotter.add_mesh(part[0], texture=part[1], lighting=False)
         else:
             plotter.add_mesh(part, color=colour, ambient=0.35, diffuse=0.6, specular=0.1)
-    camera, (x, z) = plotter.camera, CENTRE + np.array(shift_px) * PIXEL
+    camera, (x, z) = plotter.camera, centre + np.array(shift_px) * pixel
     camera.position, camera.focal_point, camera.up = (x, -FAR, z), (x, 0.0, z), (0.0, 0.0, 1.0)
-    camera.view_angle = float(2 * np.degrees(np.arctan(height * PIXEL / 2 / FAR)))
+    camera.view_angle = float(2 * np.degrees(np.arctan(height * pixel / 2 / FAR)))
     camera.clipping_range = (0.1, 10.0)
     light, steps = 0.0, (-1 / 3, 0.0, 1 / 3)
     for right in steps:
@@ -119,3 +120,19 @@ def tag(x, z, side, behind):
     surface = pv.PolyData(np.array([(a, behind, b) for a, b in corners]), np.array([4, 0, 1, 2, 3]))
     surface.active_texture_coordinates = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     return surface, pv.Texture(image)
+
+
+def revolved(meridian, turned=0.0):
+    """The surface of revolution of a meridian (n, 2) of r and z in m about the z axis, which is then turned by an angle in rad
+    in the plane of the picture."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 361)[:-1]
+    r, z = np.asarray(meridian).T
+    ring = np.column_stack([np.cos(angle), np.sin(angle)])
+    points = np.column_stack([(r[:, None, None] * ring).reshape(-1, 2), np.repeat(z, len(angle))])
+    c, s = np.cos(turned), np.sin(turned)
+    points = points @ np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    count = len(angle)
+    low = (np.arange(len(r) - 1)[:, None] * count + np.arange(count)).ravel()
+    right = (np.arange(len(r) - 1)[:, None] * count + (np.arange(count) + 1) % count).ravel()
+    faces = np.column_stack([np.full(len(low), 4), low, right, right + count, low + count])
+    return pv.PolyData(points, faces.ravel())

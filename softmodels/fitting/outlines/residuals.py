@@ -61,7 +61,8 @@ class OutlineResiduals:
     what, size_words = "outlines", "at a height of"
 
     def __init__(self, model: DeviceModel, shapes: Sequence[Shape], label: str = "outlines", device: str = ""):
-        if not model.silhouette.flat and not model.hanging.from_apex:
+        from_apex = model.hanging.from_apex or {shape.whole for shape in shapes} == {True}
+        if not model.silhouette.flat and not from_apex:
             raise OutlineFitError(
                 f"the undeformed top of the device is {model.silhouette.unevenness * 1e3:.3g} mm from flat, and heights "
                 "of outlines count from a flat surface unless another is given: --height-datum apex if they count from the "
@@ -223,7 +224,7 @@ class MatchedPhotograph:
         away = shape.points[:, 0] - values["centre"]
         self.side = np.where(away < 0.0, -1.0, 1.0)
         self.points = np.column_stack([np.abs(away), shape.points[:, 1] - values["zero"]]) / self.factor
-        self.shadow = shadow_of(self.curve)
+        self.shadow = shadow_of(self.curve, shape.whole)
         self.closest = self.shadow.curve.closest(self.points)
         self.distances = -self.factor * self.closest.distance
         self.residuals = shape.mean(self.distances)

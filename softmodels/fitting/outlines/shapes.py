@@ -56,6 +56,7 @@ class Shape:
         level_error: Standard error in m of all heights together.
         history: Pressures up to the photograph; empty if the times are not known.
         edge_error: The part of ``error`` in m that all points share.
+        whole: Whether it is the outline all around a body of revolution, so that nothing of the device's hides another part.
     """
 
     source: str
@@ -71,6 +72,7 @@ class Shape:
     level_error: float = 0.0
     history: History = ()
     edge_error: float = 0.0
+    whole: bool = False
 
     def __post_init__(self) -> None:
         names.keep_arrays(self)
@@ -148,6 +150,11 @@ def prepare(outlines: Sequence[Outline], actuator: Actuator, width: float) -> tu
     cannot be fitted."""
     # A bridge over a gap is not measured.
     chosen = sorted((outline.measured() for outline in outlines), key=lambda outline: outline.pressure)
+    if from_base := [outline.source for outline in chosen if outline.whole == "base"]:
+        raise OutlineFitError(
+            f"{from_base[0]}: its heights count from the base, not from the undeformed top; measure the photographs together "
+            "with one at zero pressure"
+        )
     _check_pressures(chosen)
     _check_sizes(chosen, actuator, width)
     cut = [(outline, rising(outline)) for outline in chosen]
@@ -199,11 +206,13 @@ def rising(outline: Outline) -> slice | None:
     """Return the points between the outermost places at which three neighbours lie above the floor; None if there are too few.
 
     A cut by place: a cut by each point's own height would keep those whose errors point up. So would the places themselves,
-    but for a smoothing span less at both ends.
+    but for a smoothing span less at both ends. Of a whole outline all points count.
     """
     high = outline.z > _floor(outline)
     if len(high) < MIN_OUTLINE_POINTS:
         return None
+    if outline.whole:
+        high = np.full(len(high), high.any())
     steady = np.flatnonzero(high[:-2] & high[1:-1] & high[2:])
     if not len(steady):
         return None
@@ -221,11 +230,12 @@ def _shape(outline: Outline, part: slice, run: float) -> Shape:
     bins = pick * count // len(x)
     bins = np.unique(bins, return_inverse=True)[1]
     weight = np.full(int(bins.max()) + 1, math.sqrt(max(len(x) / count / run, 1.0)))
-    centre = float(np.trapezoid(x * np.maximum(z, 0.0), x) / np.trapezoid(np.maximum(z, 0.0), x))
+    above = np.maximum(z, 0.0)
+    centre = 0.0 if outline.whole else float(np.trapezoid(x * above, x) / np.trapezoid(above, x))
     return Shape(
         outline.source, np.column_stack([x, z])[pick], error[pick], bins, weight, outline.pressure,
         outline.pressure_error, outline.height, centre, outline.scale_error, outline.level_error, outline.history,
-        outline.edge_error,
+        outline.edge_error, bool(outline.whole),
     )  # fmt: skip
 
 
@@ -293,7 +303,7 @@ def _check_place(shapes: Sequence[Shape], width: float) -> None:
     """Check that the device is as wide as the risen part, and does not move."""
     low = min(shapes, key=lambda shape: shape.height)
     wide = float(np.ptp(low.points[:, 0]))
-    if wide > 2.0 * width * 1.05:
+    if wide > 2.0 * width * 1.05 and not low.whole:
         raise OutlineFitError(
             f"{low.source}: the risen part is {wide * 1e3:.4g} mm wide at a height of {low.height * 1e3:.3g} mm, more "
             f"than the device's {width * 2e3:.4g} mm: this is not the device of the case"
@@ -547,12 +557,12 @@ class Shadow:
         return np.einsum("mab,mbi->mai", self.weights, rate[self.source])
 
 
-def shadow_of(curve: grid.QuadraticCurve) -> Shadow:
-    """Return the visible edge of a curve that runs from the axis outwards and down."""
+def shadow_of(curve: grid.QuadraticCurve, whole: bool = False) -> Shadow:
+    """Return the visible edge of a curve that runs from the axis outwards and down; all of it for a whole outline."""
     s, count = np.linspace(-1.0, 1.0, SAMPLES_PER_PIECE), len(curve.nodes)
     places, above = edge_heights(curve)
     hidden = above - places[:, 1] > MAX_DIP_DEPTH
-    if not hidden.any():
+    if whole or not hidden.any():
         return _assembled_edge(curve, [_Part(k, -1.0, 1.0) for k in range(count)])
     parts: list[_Part] = []
     for k, seen in enumerate(~hidden.reshape(count, SAMPLES_PER_PIECE)):

@@ -240,10 +240,12 @@ class Sensor:
         blur: Standard deviation of the lens' blur in px.
         exposure: Light of the lit screen, of what the sensor can record.
         noise: Standard deviation of the noise at full light, as a share of it; shot noise.
-        tone: ``srgb`` or ``linear``.
+        tone: ``srgb``, ``linear`` or a gamma such as ``2.2``.
         s_curve: Strength of the S curve that the camera adds to sRGB's.
         sharpening, radius: Amount and radius in px of an unsharp mask on the stored numbers.
         quality: Of the JPEG; None for none.
+        motion, towards: Length in px of the way that the picture moves during the exposure, and its angle.
+        denoised: Strength in standard deviations of the noise with which a phone smooths it away, edges left; 0 for none.
     """
 
     blur: float = 0.9
@@ -254,11 +256,16 @@ class Sensor:
     sharpening: float = 0.0
     radius: float = 1.2
     quality: int | None = 94
+    motion: float = 0.0
+    towards: float = 0.0
+    denoised: float = 0.0
 
     def stored(self, light: np.ndarray, seed: int) -> np.ndarray:
         """The picture (h, w, 3) of light (h, w) from 0 to 1."""
         rng = np.random.default_rng(seed)
         light = cv2.GaussianBlur(light, (0, 0), self.blur) * self.exposure
+        if self.motion:
+            light = cv2.filter2D(light, -1, _way(self.motion, self.towards), borderType=cv2.BORDER_REPLICATE)
         channels = []
         for warm in (1.0, 0.97, 0.9):
             own = light * warm
@@ -266,12 +273,17 @@ class Sensor:
             own = np.clip(own, 0.0, 1.0)
             if self.tone == "srgb":
                 own = np.where(own <= 0.0031308, 12.92 * own, 1.055 * own ** (1 / 2.4) - 0.055)
+            elif self.tone != "linear":
+                own = own ** (1.0 / float(self.tone))
             channels.append((1.0 - self.s_curve) * own + self.s_curve * own**2 * (3.0 - 2.0 * own))
         picture = np.stack(channels, axis=-1).astype(np.float32)
         if self.sharpening:
             luma = picture @ np.float32([0.299, 0.587, 0.114])
             picture += self.sharpening * (luma - cv2.GaussianBlur(luma, (0, 0), self.radius))[..., None]
         picture = np.clip(np.rint(255.0 * picture), 0, 255).astype(np.uint8)
+        if self.denoised:
+            scatter = float(np.median(np.abs(np.diff(picture[..., 1].astype(float))))) / 0.954
+            picture = cv2.fastNlMeansDenoising(picture, None, self.denoised * max(scatter, 1.0), 5, 15)
         if self.quality is None:
             return picture
         packed = cv2.imencode(".jpg", picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, self.quality])[1]
@@ -291,6 +303,14 @@ def photograph(bench: Bench, sensor: Sensor, body: Body | None, seed: int = 0, t
     if bench.opening:
         light = _out_of_focus(light, bench.confusion(np.stack([columns, rows], axis=-1)))
     return sensor.stored(light, seed + 1)
+
+
+def _way(length: float, angle: float) -> np.ndarray:
+    """The share of a straight way about the middle in each pixel (n, n)."""
+    half, at = int(np.ceil(0.5 * length)), np.linspace(-0.5, 0.5, 401) * length
+    across, down = (at * part(np.radians(angle)) for part in (np.cos, np.sin))
+    share = np.histogram2d(down, across, np.arange(2 * half + 2) - half - 0.5)[0]
+    return (share / share.sum()).astype(np.float32)
 
 
 FOCUS_STEP = 0.5

@@ -106,6 +106,30 @@ def large_case(seed: int, lamp: str | None = None, shape: str | None = None, cam
     return Case(lamp, case.camera, bench, case.sensor, body)
 
 
+PHONES = ("noise", "compressed", "moved", "denoised", "gamma", "halo")
+"""What is other with the camera of `other_case`."""
+
+
+def other_case(seed: int, kind: str | None = None) -> Case:
+    """The run of a seed, in small pictures, with a camera whose noise or blur is not that of `random_case`."""
+    case, rng = random_case(seed, None, "srgb"), np.random.default_rng([27, seed])
+    kind = kind or PHONES[seed % len(PHONES)]
+    changes = {
+        "noise": {"noise": rng.uniform(0.02, 0.05)},
+        "compressed": {"quality": int(rng.integers(70, 86))},
+        "moved": {"motion": rng.uniform(1.5, 2.5), "towards": rng.uniform(0.0, 180.0)},
+        "denoised": {"denoised": rng.uniform(1.0, 2.0), "noise": rng.uniform(0.01, 0.03)},
+        "gamma": {"tone": f"{rng.uniform(1.8, 2.6):.3f}"},
+        "halo": {"sharpening": rng.uniform(1.2, 2.5), "radius": rng.uniform(1.5, 3.0)},
+    }[kind]
+    bench = dataclasses.replace(case.bench, size=(720, 460), pixel=32e-6, pitch=3.5e-3, looks_at=(0.0, 0.0))
+    body = dataclasses.replace(
+        case.body, height=rng.uniform(3e-3, 5.5e-3), dome=rng.uniform(6.3e-3, 7.2e-3),
+        width=rng.uniform(9e-3, 10e-3) if case.body.width < 0.1 else 0.2, floor=rng.uniform(-3.2e-3, -2.4e-3),
+    )  # fmt: skip
+    return Case(case.lamp, kind, bench, dataclasses.replace(case.sensor, **changes), body)
+
+
 THINGS = ("ball", "peg", "hand", "hose", "ruler", "cable")
 """Second things of `thing_beside`."""
 
