@@ -41,6 +41,8 @@ PLUG_LENGTH = 2.0
 """Length of a plug over the bore's radius."""
 ON_PLANE = 0.3
 """Distance of a plug's middle from a cut plane, over the bore's radius, up to which the plane halves the bore."""
+PLATE_THICKNESS = 0.05
+"""Thickness of the plate that a part is held on, over the part's size, where openings are looked for."""
 CUT_TOLERANCE = 1e-5
 """Distance of a corner from a cut plane, over the part's size, up to which it is in the plane: files round to seven digits."""
 
@@ -113,6 +115,26 @@ def whole(surface: tuple[Array, NDArray[np.int64]], normals: Sequence[Vector]) -
         for image in actuator.reflected(normals)
     ]
     mesh = manifold3d.Manifold.batch_boolean(images, manifold3d.OpType.Add).to_mesh64()
+    return size * np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)
+
+
+def on_plate(surface: tuple[Array, NDArray[np.int64]], normal: Array, at: float) -> tuple[Array, NDArray[np.int64]] | None:
+    """Return a closed surface, corners in m (n, 3) and triangles (t, 3), joined with a plate as large as the part on a plane of
+    this unit normal and distance (m) from the origin; None where the part does not lie on one side of the plane."""
+    import manifold3d
+
+    points, triangles = surface
+    size = float(np.ptp(points, axis=0).max())
+    depths = (points @ normal - at) / size
+    outwards = 1.0 if depths.max() < CUT_TOLERANCE else -1.0
+    if (outwards * depths).max() > CUT_TOLERANCE:
+        return None
+    footprint = points / size - np.outer(depths, normal)
+    sides = [footprint + thickness * outwards * normal for thickness in (-CUT_TOLERANCE, PLATE_THICKNESS)]
+    part = mesh_arrays.manifold(points / size, turned_outwards(points, triangles))
+    if part.is_empty():
+        return None
+    mesh = (part + manifold3d.Manifold.hull_points(np.concatenate(sides))).to_mesh64()
     return size * np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)
 
 

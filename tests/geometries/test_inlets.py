@@ -5,6 +5,7 @@ import math
 import re
 
 import gmsh
+import meshio
 import numpy as np
 import pytest
 
@@ -135,6 +136,34 @@ def test_a_nozzle_is_not_as_wide_as_its_outside():
     assert plug.place[1:] == pytest.approx((15e-3, 10e-3), abs=2e-5)
 
 
+@pytest.mark.parametrize(("kind", "suffix"), [(ImportedActuator, "step"), (ImportedMesh, "stl")])
+def test_cups_on_a_plate_have_inlets(tmp_path, kind, suffix):
+    """Two chambers without a floor, each with a bore, held on their rim; named or not, and one of them alone."""
+    cups = OpenPart(
+        (30.0, 14.0, 8.0),
+        (((2.0, 2.0, -1.0, 12.0, 10.0, 7.0),), ((16.0, 2.0, -1.0, 12.0, 10.0, 7.0),)),
+        ((Bore((0.0, 7.0, 3.5), (1.0, 0.0, 0.0), 1.0, 3.0),), (Bore((30.0, 7.0, 3.5), (-1.0, 0.0, 0.0), 1.0, 3.0),)),
+    )
+    file = tmp_path / f"cups.{suffix}"
+    if suffix == "step":
+        cups.write(file)
+    else:
+        points, triangles = cups.surface()
+        meshio.write_points_cells(file, 1e3 * points, [("triangle", triangles)])
+    named = ("at 8, 7, 2 mm", "at 22, 7, 2 mm")
+    part = kind(file=str(file), support="z = 0 mm", cavities=named, cell_size=0.004)
+    for plug, volume in zip(sorted(part.reading.plugs, key=lambda p: p.place), part.reading.cavity_volumes, strict=True):
+        inner = plug.place[0] + plug.length * plug.axis[0]
+        bore = math.pi * plug.radius**2 * (2e-3 - min(inner, 30e-3 - inner))
+        assert volume == pytest.approx(12.0 * 10.0 * 6.0 * 1e-9 + bore, rel=1e-3)
+    assert any("opens onto 'z = 0 mm'" in remark for remark in part.remarks)
+    assert len(dataclasses.replace(part, cavities=named[1:]).reading.plugs) == 1
+    with pytest.raises(GeometryError, match="2 closed inner shells"):
+        dataclasses.replace(part, cavities=())
+    with pytest.raises(GeometryError, match="outside the part"):
+        dataclasses.replace(part, inlets=("none",))
+
+
 def test_ports_of_a_flat_part_are_closed(tmp_path):
     """Both ports of a fold; the cavity has the air between the plugs."""
     (volume,) = FLAT.write(tmp_path / "fold.step")
@@ -178,8 +207,6 @@ def test_an_inlet_that_a_symmetry_plane_halves_is_closed(tmp_path, kind, suffix)
 @pytest.mark.campaign
 def test_a_surface_is_closed_as_a_drawing_is(open_finger, tmp_path):
     """The same part as an STL file, some of its triangles turned inside out."""
-    import meshio
-
     points, triangles = finger().surface()
     triangles[::7] = triangles[::7, ::-1]
     meshio.write_points_cells(tmp_path / "finger.stl", 1e3 * points, [("triangle", triangles)])
@@ -220,8 +247,6 @@ def test_a_plugged_part_bends_as_one_drawn_closed(tmp_path):
 @pytest.mark.campaign
 def test_cells_that_miss_the_air_of_a_surface_are_said(tmp_path, monkeypatch):
     """A ball of air with an inlet: the file's air is that of the ball and the rest of the bore; less in the cells is said."""
-    import meshio
-
     ball = OpenPart((20.0, 20.0, 20.0), (((10.0, 10.0, 10.0, 6.0),),), ((Bore((0.0, 10.0, 10.0), (1.0, 0.0, 0.0), 1.2, 8.0),),))
     points, triangles = ball.surface()
     meshio.write_points_cells(tmp_path / "ball.stl", 1e3 * points, [("triangle", triangles)])
