@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from geometries import abaqus, actuator, mesh_arrays, meshing, registry, revolved, surfaces
 from geometries.actuator import Actuator, CutPlane, Hold, Vector
 from geometries.faces import FORMATS, UNITS, Colour, Faces, faces, point
-from geometries.inlets import CUT_TOLERANCE, Inlet, air_spaces, plugged, whole
+from geometries.inlets import CUT_TOLERANCE, AirSpace, Inlet, air_spaces, on_plate, plugged, whole
 from geometries.surfaces import Surface
 from softmodels.common import errors, files, schema
 from softmodels.common.arrays import Array
@@ -200,7 +200,8 @@ class ImportedPart(Actuator):
         points = [point("cavities", text) for text in self.cavities if re.match(r"\s*at\b", text)]
 
         def search() -> dict[str, Array]:
-            spaces = air_spaces(*whole(surface(), normals))
+            drawn = whole(surface(), normals)
+            spaces = air_spaces(*drawn) or self._air_over_plate(drawn)
             openings = [
                 own.row
                 for space in spaces
@@ -210,7 +211,7 @@ class ImportedPart(Actuator):
             ]
             return {"openings": np.array(openings).reshape(-1, 9)}
 
-        key = ("openings", self.digest(), points, getattr(self, "unit", ""), tuple(normals))
+        key = ("openings", self.digest(), points, self.support, getattr(self, "unit", ""), tuple(normals))
         openings = [Inlet.from_row(row) for row in meshing.cached_arrays(key, search)["openings"].tolist()]
         if not self.inlets:
             return openings
@@ -223,6 +224,14 @@ class ImportedPart(Actuator):
                 raise GeometryError(f"inlets has {text!r}; there is no opening. The openings found: {places}")
             named.append(nearest)
         return list(dict.fromkeys(named))
+
+    def _air_over_plate(self, surface: Surface) -> list[AirSpace]:
+        """Return the air spaces of a closed surface that are open but for their bores to the plane of its support."""
+        held = faces("support", self.support) if self.support and not self.planes else None
+        if held is None or held.normal is None:
+            return []
+        plated = on_plate(surface, np.array(held.normal), held.at)
+        return air_spaces(*plated) if plated else []
 
     @property
     def bodies(self) -> tuple[tuple[str, ...], ...]:  # type: ignore[override]
@@ -710,12 +719,13 @@ class Boundary(abc.ABC):
         for role, faces_of_plane in self.cut_faces().items():
             take(role, faces_of_plane)
         pieces = self.pieces(left)
-        widths = [float(np.linalg.norm(np.ptp(self.box(piece), axis=0))) for piece in pieces]
-        widest = set({int(self.body_of(pieces[k][:1])[0]): k for k in np.argsort(widths)}.values())  # of each body
-        outside = np.concatenate([left[:0], *(pieces[k] for k in widest)])
+        inner = self._inner(pieces)
+        outside = np.setdiff1d(left, np.concatenate([left[:0], *inner]))
+        if len(inner) < part.cavity_count and (behind := self._behind_support(left)):
+            inner, outside = behind, np.setdiff1d(outside, np.concatenate(behind))
+            pieces = [*inner, outside]
         if not part.cavities:
-            inner = [piece for k, piece in enumerate(pieces) if k not in widest]
-            take(cavity_role(0), self._only_inner(inner or self._behind_support(left), pieces))
+            take(cavity_role(0), self._only_inner(inner, pieces))
         for i, text in enumerate(part.cavities[: part.cavity_count]):
             wall = self._wall(text, pieces, left)
             if np.isin(outside, wall).any():
@@ -785,10 +795,15 @@ class Boundary(abc.ABC):
         held = self._some(f"support is {part.support!r}", "support", part.support, left)
         if np.ptp(self.points(held) @ self.fitted(held)) > 2 * self.near:
             return []
-        pieces = self.pieces(left[~np.isin(left, held)])
-        outside = max(pieces, key=lambda piece: float(np.linalg.norm(np.ptp(self.box(piece), axis=0))))
-        self.plate = self.points(held).mean(axis=0)
-        return [piece for piece in pieces if piece is not outside]
+        if behind := self._inner(self.pieces(left[~np.isin(left, held)])):
+            self.plate = self.points(held).mean(axis=0)
+        return behind
+
+    def _inner(self, pieces: list[mesh_arrays.Ints]) -> list[mesh_arrays.Ints]:
+        """Return the pieces but the widest of each body, its outside."""
+        widths = [float(np.linalg.norm(np.ptp(self.box(piece), axis=0))) for piece in pieces]
+        widest = set({int(self.body_of(pieces[k][:1])[0]): k for k in np.argsort(widths)}.values())
+        return [piece for k, piece in enumerate(pieces) if k not in widest]
 
     def _only_inner(self, inner: list[mesh_arrays.Ints], pieces: list[mesh_arrays.Ints]) -> mesh_arrays.Ints:
         """Return the wall of the only cavity, of those that are neither the outside nor joined to it; ``pieces`` are all."""

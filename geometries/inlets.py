@@ -8,6 +8,7 @@ a pocket too, but its mouth is long; the air behind a bore has mouths that are r
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from geometries import actuator, mesh_arrays
 from geometries.actuator import Vector
+from geometries.surfaces import turned_outwards
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
 from softmodels.common.lazy import pyvista, scipy
@@ -24,7 +26,7 @@ VOXEL_COUNT = 800_000
 MIN_BALL_VOXELS = 1.4
 """Radius of the smallest ball in voxels."""
 BALL_GROWTH = 1.25
-MAX_MOUTH_SHARE = 0.35
+MAX_MOUTH_SHARE = 0.45
 """Area of an air space's mouths over its volume to the power 2/3, above which it is a niche of the outside."""
 MAX_MOUTH_IN_BALLS = 2.2
 """Area of one mouth over that of the ball's great circle, above which it is a groove's."""
@@ -39,6 +41,8 @@ PLUG_LENGTH = 2.0
 """Length of a plug over the bore's radius."""
 ON_PLANE = 0.3
 """Distance of a plug's middle from a cut plane, over the bore's radius, up to which the plane halves the bore."""
+PLATE_THICKNESS = 0.05
+"""Thickness of the plate that a part is held on, over the part's size, where openings are looked for."""
 CUT_TOLERANCE = 1e-5
 """Distance of a corner from a cut plane, over the part's size, up to which it is in the plane: files round to seven digits."""
 
@@ -114,6 +118,26 @@ def whole(surface: tuple[Array, NDArray[np.int64]], normals: Sequence[Vector]) -
     return size * np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)
 
 
+def on_plate(surface: tuple[Array, NDArray[np.int64]], normal: Array, at: float) -> tuple[Array, NDArray[np.int64]] | None:
+    """Return a closed surface, corners in m (n, 3) and triangles (t, 3), joined with a plate as large as the part on a plane of
+    this unit normal and distance (m) from the origin; None where the part does not lie on one side of the plane."""
+    import manifold3d
+
+    points, triangles = surface
+    size = float(np.ptp(points, axis=0).max())
+    depths = (points @ normal - at) / size
+    outwards = 1.0 if depths.max() < CUT_TOLERANCE else -1.0
+    if (outwards * depths).max() > CUT_TOLERANCE:
+        return None
+    footprint = points / size - np.outer(depths, normal)
+    sides = [footprint + thickness * outwards * normal for thickness in (-CUT_TOLERANCE, PLATE_THICKNESS)]
+    part = mesh_arrays.manifold(points / size, turned_outwards(points, triangles))
+    if part.is_empty():
+        return None
+    mesh = (part + manifold3d.Manifold.hull_points(np.concatenate(sides))).to_mesh64()
+    return size * np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)
+
+
 def plugged(
     surface: tuple[Array, NDArray[np.int64]], plugs: Sequence[Inlet], normals: Sequence[Vector] = ()
 ) -> tuple[Array, NDArray[np.int64]]:
@@ -162,10 +186,9 @@ class Grid:
     air: NDArray[np.bool_]
 
     @classmethod
-    def around(cls, points: Array, triangles: NDArray[np.int64]) -> Grid:
-        """Return the voxels of a closed surface, with room for a ball of the largest radius on all sides."""
+    def around(cls, points: Array, triangles: NDArray[np.int64], room: float) -> Grid:
+        """Return the voxels of a closed surface, with room for a ball of a radius (m) on all sides."""
         low, high = points.min(axis=0), points.max(axis=0)
-        room = largest_ball(points)
         step = float(np.cbrt(np.prod(high - low + 2.0 * room) / VOXEL_COUNT))
         room += 3.0 * step
         count = np.ceil((high - low + 2.0 * room) / step).astype(int) + 1
@@ -179,21 +202,21 @@ class Grid:
         return self.origin + self.step * voxels
 
 
-def largest_ball(points: Array) -> float:
-    """Return the radius in m of the largest opening that is looked for: a quarter of the part's least extent."""
-    return 0.25 * float(np.ptp(points, axis=0).min())
-
-
 def air_spaces(points: Array, triangles: NDArray[np.int64]) -> list[AirSpace]:
     """Return the air spaces that bores connect with the outside of a closed surface, the largest one first: corners in m,
-    shape (n, 3), and triangles, shape (t, 3)."""
-    grid = Grid.around(points, triangles)
+    shape (n, 3), and triangles, shape (t, 3). The largest openings have a quarter of the part's least extent as radius;
+    where there are none, a quarter of its middle extent: a flat part may have a port as wide as it is thick."""
+    least, middle, _ = np.sort(np.ptp(points, axis=0))
+    usual = _air_spaces(points, triangles, 0.25 * float(least))
+    return usual or _air_spaces(points, triangles, min(0.25 * float(middle), float(least)))
+
+
+def _air_spaces(points: Array, triangles: NDArray[np.int64], largest_ball: float) -> list[AirSpace]:
+    """Return those with openings of up to a radius (m); see `air_spaces`."""
+    grid = Grid.around(points, triangles, largest_ball)
     away = grid.step * scipy.ndimage.distance_transform_edt(grid.air)
-    candidates = []
-    radius, last = MIN_BALL_VOXELS * grid.step, largest_ball(points)
-    while radius <= last:
-        candidates += _pockets(grid, away, radius)
-        radius *= BALL_GROWTH
+    smaller = math.floor(math.log(largest_ball / (MIN_BALL_VOXELS * grid.step), BALL_GROWTH))
+    candidates = [p for k in range(smaller, -1, -1) for p in _pockets(grid, away, largest_ball / BALL_GROWTH**k)]
     spaces: list[_Pocket] = []
     candidates.sort(key=lambda pocket: (-pocket.count, pocket.radius))
     while candidates:
@@ -205,7 +228,7 @@ def air_spaces(points: Array, triangles: NDArray[np.int64]) -> list[AirSpace]:
     if not spaces:
         return []
     most = spaces[0].count
-    wall = _Wall.of(points, triangles, grid.step)
+    wall = _Wall.of(points, turned_outwards(points, triangles), grid.step)
     return [
         AirSpace(p.count * grid.step**3, tuple(wall.inlet(grid, p, mouth) for mouth in p.mouths), p.voxels, grid)
         for p in spaces
@@ -262,7 +285,7 @@ def _pockets(grid: Grid, away: Array, radius: float) -> list[_Pocket]:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Wall:
-    """Points all over a surface, shape (n, 3), and unit normals there."""
+    """Points all over a surface, shape (n, 3), and unit normals there, away from the solid."""
 
     points: Array
     normals: Array
@@ -302,27 +325,36 @@ class _Wall:
             offset = self.points - centre
             along = offset @ axis
             across = np.linalg.norm(offset - along[:, None] * axis, axis=1)
-            # Walls of the bore, not the part's outside around its mouth, nor those of the chamber behind it.
-            near = (across < (1.0 + band) * radius + 0.5 * grid.step) & (-0.5 * radius < along) & (along < 2.5 * radius)
-            near &= np.abs(self.normals @ axis) < slant
+            # Walls of the bore, not the part's outside around its mouth, nor those of the chamber behind it; at first the
+            # middle is known to half a voxel.
+            near = (across < (1.0 + band) * radius + (band - 0.2) * 2.5 * grid.step) & (np.abs(along) < 2.5 * radius)
+            near &= (np.abs(self.normals @ axis) < slant) & (self._facing(axis, offset) > 0.8)
             if near.sum() < 2 * SECTOR_COUNT:
                 break
             axis = _least(self.normals[near], axis)
             plane = offset[near] - np.outer(offset[near] @ axis, axis)
             middle, radius = _circle(plane, axis, radius)
             centre = centre + middle
-        offset = self.points - centre
-        along = offset @ axis
-        start, stop, reach = self._bore(offset - np.outer(along, axis), along, axis, radius, grid.step)
+        start, stop, reach = self._bore(self.points - centre, axis, radius, grid.step)
         inset = min(0.1 * radius, 0.1 * (stop - start))
         length = min(PLUG_LENGTH * radius, stop - start - 2.0 * inset)
         place = centre + (start + inset) * axis
         return Inlet(_vector(place), _vector(axis), float(radius), float(reach), float(length))
 
-    def _bore(self, across: Array, along: Array, axis: Array, radius: float, step: float) -> tuple[float, float, float]:
-        """Return from where to where along its axis a bore has walls all around, and its farthest wall's distance, m."""
+    def _facing(self, axis: Array, offset: Array) -> Array:
+        """Return the cosine of the angle between each wall's normal and the way to an axis through the place that the points
+        are off (n, 3): 1 of a bore around the axis, negative of a nozzle's outside."""
+        across = offset - np.outer(offset @ axis, axis)
+        return -(self.normals * across).sum(axis=1) / np.maximum(np.linalg.norm(across, axis=1), 1e-300)
+
+    def _bore(self, offset: Array, axis: Array, radius: float, step: float) -> tuple[float, float, float]:
+        """Return from where to where along its axis a bore has walls all around, and its farthest wall's distance, m, by
+        how far the points are off a place on the axis, shape (n, 3)."""
+        along = offset @ axis
+        across = offset - np.outer(along, axis)
         away = np.linalg.norm(across, axis=1)
         near = (away < 1.35 * radius + step) & (np.abs(self.normals @ axis) < 0.5) & (np.abs(along) < BORE_REACH * radius)
+        near &= self._facing(axis, offset) > 0.0
         first, second = _across(axis)
         sector = ((np.arctan2(across[near] @ second, across[near] @ first) / np.pi + 1.0) * 0.5 * SECTOR_COUNT).astype(int)
         bins = np.floor(along[near] / step).astype(int)

@@ -66,10 +66,7 @@ def _turned(file: str, points: Array, triangles: mesh_arrays.Ints, remarks: list
     """Return a closed surface with each triangle turned away from the solid, and the solid of all shells joined; see
     `repaired`."""
     size = float(np.ptp(points, axis=0).max())
-    turned = pyvista.PolyData.from_regular_faces(points / size, triangles).compute_normals(
-        point_normals=False, auto_orient_normals=True, consistent_normals=True, split_vertices=False
-    )  # every shell of its own
-    outwards = np.asarray(turned.regular_faces, dtype=np.int64)
+    outwards = turned_outwards(points, triangles)
     same = (outwards == triangles).all(axis=1)
     same |= (outwards == triangles[:, [1, 2, 0]]).all(axis=1) | (outwards == triangles[:, [2, 0, 1]]).all(axis=1)
     shell = actuator.joined(np.concatenate([triangles[:, :2], triangles[:, 1:]]), len(points))[triangles[:, 0]]
@@ -89,6 +86,15 @@ def _turned(file: str, points: Array, triangles: mesh_arrays.Ints, remarks: list
         return size * joined[0], joined[1]
     outwards[shell != outside] = outwards[shell != outside][:, ::-1]
     return points, outwards
+
+
+def turned_outwards(points: Array, triangles: mesh_arrays.Ints) -> mesh_arrays.Ints:
+    """Return the triangles of closed shells, each turned away from what its own shell encloses."""
+    shells = pyvista.PolyData.from_regular_faces(points / np.ptp(points, axis=0).max(), triangles)
+    turned = shells.compute_normals(
+        point_normals=False, auto_orient_normals=True, consistent_normals=True, split_vertices=False
+    )
+    return np.asarray(turned.regular_faces, dtype=np.int64)
 
 
 def _overlapping(
