@@ -1963,7 +1963,7 @@ def _parts_of(file: str, mesh: mesh_arrays.Tetrahedra) -> dict[str, str]:
 @functools.lru_cache(maxsize=8)
 def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra, Reading]:
     """Read the file and check every choice against it. Another digest, of another content, is another reading."""
-    air, wall, size = 0.0, 0.0, part.cell_size
+    air, wall, size = np.zeros(0), 0.0, part.cell_size
     mesh, surface, repairs = None, None, list[str]()
     if Path(part.file).suffix.lower() == ".stl":
         surface, repairs = read_surfaces(part.file, UNITS[part.unit])
@@ -2002,6 +2002,7 @@ def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra,
     normals = boundary.outward(roles)
     mesh = put_on_planes(mesh, roles, normals)
     volumes = cavity_volumes(part, mesh, roles, boundary.plate)
+    on_file = float(air.sum()) if len(air) == len(volumes) else 0.0  # others are not named, or closed by what holds the part
     said = (*repairs, *boundary.closed_by_plate)
     held = mesh.corners[roles["support"]].reshape(-1, 3).mean(axis=0) if "support" in roles else np.zeros(3)
     at = _corner(part, mesh.points[np.unique(mesh.triangles[:, :3])], held)
@@ -2009,6 +2010,6 @@ def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra,
     bodies = tuple(tuple(name for name, given in named.items() if np.isin(mesh.regions[given], own).all()) for own in cells)
     bodies = bodies if len(cells) > 1 else ()
     return mesh, Reading(
-        normals, at, mesh.volume, volumes, plugs=tuple(plugs), bodies=bodies, air_on_file=air, repairs=said,
+        normals, at, mesh.volume, volumes, plugs=tuple(plugs), bodies=bodies, air_on_file=on_file, repairs=said,
         plate=boundary.in_plate, held=_vector(held), wall=wall,
     )  # fmt: skip

@@ -285,12 +285,12 @@ def manifold(points: Array, triangles: Ints) -> Manifold:
     return manifold3d.Manifold(manifold3d.Mesh64(np.array(points, dtype=float), np.array(triangles, dtype=np.uint64)))
 
 
-def enclosed_air(points: Array, triangles: Ints) -> float:
-    """Return the volume within the inner shells of a closed surface, corners (n, 3) and triangles (t, 3) turned outwards."""
+def enclosed_air(points: Array, triangles: Ints) -> Array:
+    """Return the volume in each inner shell of a closed surface, corners (n, 3) and triangles (t, 3) turned outwards."""
     shell = actuator.joined(np.concatenate([triangles[:, :2], triangles[:, 1:]]), len(points))[triangles[:, 0]]
     a, b, c = np.moveaxis(points[triangles], 1, 0)
     volumes = np.bincount(shell, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0)
-    return float(-volumes[volumes < 0.0].sum())
+    return np.asarray(-volumes[volumes < 0.0])
 
 
 def flat_cell(points: Array, cells: Ints) -> bool:

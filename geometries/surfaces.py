@@ -147,11 +147,14 @@ def simplified(surface: Surface, tolerance: float) -> Surface:
     points, triangles = surface
     size = float(np.ptp(points, axis=0).max())
     solid = mesh_arrays.manifold(points / size, triangles)
-    air = mesh_arrays.enclosed_air(points / size, triangles)
+    air = mesh_arrays.enclosed_air(points / size, triangles).sum()
     for halvings in range(MAX_HALVINGS if not solid.is_empty() else 0):
         places, corners = _surface_of(solid.simplify(tolerance / size / 2**halvings))
         changes = np.array(
-            [mesh_arrays.manifold(places, corners).volume() - solid.volume(), mesh_arrays.enclosed_air(places, corners) - air]
+            [
+                mesh_arrays.manifold(places, corners).volume() - solid.volume(),
+                mesh_arrays.enclosed_air(places, corners).sum() - air,
+            ]
         )
         if (np.abs(changes) <= SIMPLIFIED_VOLUME_TOLERANCE * np.array([solid.volume(), air])).all():
             return size * places, corners

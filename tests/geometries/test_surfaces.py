@@ -130,6 +130,15 @@ def cup(path, at=(30.0, 40.0, 5.0)):
     return kind(file=str(path), support=f"z = {at[2]} mm", cell_size=0.005)
 
 
+def test_a_cavity_that_is_not_named_is_no_air_that_cells_miss(tmp_path):
+    air = [box((low, low + 6), (2, 8), (2, 8), level=2) for low in (2, 12)]
+    file = write(tmp_path / "part.stl", soup(OUTSIDE, *((points, triangles[:, ::-1]) for points, triangles in air)))
+    part = ImportedMesh(file=file, support="x = 0 mm", cavities=("at 5, 5, 5 mm",), cell_size=0.004)
+    assert not any("less volume" in text for text in part.remarks)
+    both = part.replaced(cavities=("at 5, 5, 5 mm", "at 15, 5, 5 mm"))
+    assert both.reading.air_on_file == pytest.approx(2 * 216e-9)
+
+
 def test_cells_of_an_stl_part_get_smaller(tmp_path):
     part = ImportedMesh(file=write(tmp_path / "part.stl", hollow()), support="x = 0 mm", cell_size=0.004)
     own, finer = (meshing.summarize(one.write(tmp_path / "part.msh")) for one in (part, part.refined(2.0)))
