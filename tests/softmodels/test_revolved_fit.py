@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from geometries import Balloon
+from geometries import Balloon, PneuNet
 from measurement.__main__ import main as measure
 from measurement.outline.outline import Outline
 from softmodels.case.case import case_of
@@ -108,3 +109,5 @@ def test_heights_from_the_base_are_not_fitted(bench, tmp_path):
     measured = MeasuredDevice.of(case_of(Balloon(cell_size=1e-3, **SIZES), NeoHookean(MODULUS), "0,5 cm"), Silhouette)
     with pytest.raises(OutlineFitError, match=r"1.jpg: its heights count from the base.*one at zero pressure"):
         prepare([outline], measured.actuator, 6.8e-3)
+    with pytest.raises(OutlineFitError, match="and a PneuNet is none; measure how it bends"):
+        prepare([dataclasses.replace(outline, whole="top")], PneuNet(), 6.8e-3)

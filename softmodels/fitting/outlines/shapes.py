@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import make_lsq_spline
 
-from geometries import Actuator
+from geometries import Actuator, actuator as devices
 from measurement.outline.edge import SMOOTHING_POINTS
 from measurement.outline.outline import History, Outline, OutlineError, hold_of
 from softmodels.common import names, units
@@ -154,6 +154,12 @@ def prepare(outlines: Sequence[Outline], actuator: Actuator, width: float) -> tu
         raise OutlineFitError(
             f"{from_base[0]}: its heights count from the base, not from the undeformed top; measure the photographs together "
             "with one at zero pressure"
+        )
+    whole = [outline.source for outline in chosen if outline.whole]
+    if whole and not isinstance(actuator, devices.Wedged) and actuator.dimension == 3:
+        raise OutlineFitError(
+            f"{whole[0]} is the outline of a body of revolution, and a {type(actuator).__name__} is none; measure how it "
+            "bends: measure view without --revolved"
         )
     _check_pressures(chosen)
     _check_sizes(chosen, actuator, width)
