@@ -287,7 +287,7 @@ class MaterialErrors:
         k = self.names.index(laws.FORM)
         form = self.matrix[:, k : k + 1] / np.sqrt(self.matrix[k, k])
         rest = np.delete(np.delete(self.matrix - form @ form.T, k, 0), k, 1)
-        return {MATERIAL: np.insert(_roots(rest), k, 0.0, axis=0), laws.FORM: form}
+        return {MATERIAL: names.read_only(np.insert(_roots(rest), k, 0.0, axis=0)), laws.FORM: names.read_only(form)}
 
     @property
     def directions(self) -> list[tuple[str, tuple[tuple[str, float], ...]]]:

@@ -17,7 +17,7 @@ import numpy as np
 import tomli_w
 
 from softmodels.case import materials
-from softmodels.common import cards, errors, files, units
+from softmodels.common import cards, errors, files, names, units
 from softmodels.common.arrays import Array
 from softmodels.fitting import least_squares, problem
 from softmodels.fitting.curves import residuals
@@ -283,7 +283,8 @@ class FittedLaw(cards.ResultCard):
             slopes[labels == source.label] = source.form_slopes(fit.values)
         misfit = np.mean([source.misfit(fit.unexplained[labels == source.label]) for source in self._curves])
         moduli = np.array([fit.values[p.name] * (p.unit == "Pa" and p.name in self.choice.names) for p in fit.free] + [0.0])
-        return [*free, laws.FORM], fit.covariance_with(slopes, self.form_error) + misfit * np.outer(moduli, moduli)
+        covariance = fit.covariance_with(slopes, self.form_error) + misfit * np.outer(moduli, moduli)
+        return [*free, laws.FORM], names.read_only(covariance)
 
     @functools.cached_property
     def form_error(self) -> float:

@@ -126,5 +126,5 @@ def test_outlines_that_overhang_are_those_of_the_body(tmp_path, body, figure):
     assert outline.trusted, outline.reasons
     outline = outline.measured()
     off = across(outline, meridian_of(body) - [0.0, z])
-    figure(f"{body}, 34 um per pixel", "outline that overhangs, rms", np.sqrt(np.mean(off**2)) * 1e6, 10.0, unit="um")
+    figure(f"{body}, 34 um per pixel", "outline that overhangs, rms", np.sqrt(np.mean(off**2)) * 1e6, 1.8, unit="um")
     assert np.mean(off < 3.0 * outline.error) > 0.95
