@@ -47,7 +47,8 @@ def draw_outlines(matches: Sequence[residuals.MatchedPhotograph], law: str) -> F
         stride = max(len(fitting.points) // MAX_POINTS_SHOWN, 1)
         measured = 1e3 * (fitting.points * np.column_stack([fitting.side, np.ones_like(fitting.side)]))[::stride]
         axes.plot(measured[:, 0], measured[:, 1], ".", ms=2.5, color=style.INK, alpha=0.5)
-        half = 1e3 * shapes.half_outline(fitting.shadow.curve, 2e-5)[0]
+        lowest = fitting.points[:, 1].min() if fitting.shape.whole else -5e-5
+        half = 1e3 * shapes.half_outline(fitting.shadow.curve, 2e-5, lowest)[0]
         label = _name(fitting.shape)
         whole = np.concatenate([half[:0:-1] * (-1.0, 1.0), half])
         axes.plot(*whole.T, color=colour, lw=1.4, label=label)
@@ -55,8 +56,9 @@ def draw_outlines(matches: Sequence[residuals.MatchedPhotograph], law: str) -> F
     reach = 1e3 * max(float(fitting.points[:, 0].max()) for fitting in matches)
     top = 1e3 * max(float(fitting.points[:, 1].max()) for fitting in matches)
     axes.set_xlim(-1.15 * reach, 1.15 * reach)
-    axes.set_ylim(-0.04 * top, 1.06 * top)
-    if top > reach / 2:  # flatter plots would be thin strips
+    foot = 1e3 * min(float(fitting.points[:, 1].min()) for fitting in matches)
+    axes.set_ylim(min(-0.04 * top, 1.06 * foot), 1.06 * top)
+    if top - foot > reach / 2:  # flatter plots would be thin strips
         axes.set_aspect("equal")
     axes.set(xlabel="distance from the axis (mm)", ylabel="height (mm)")
     axes.set_title(f"{law}: measured (points) and simulated (lines) outlines")
@@ -78,7 +80,7 @@ def draw_photographs(matches: Sequence[residuals.MatchedPhotograph], law: str) -
     for k, (axes, fitting) in enumerate(zip(panels, matches, strict=True)):
         _panel(axes, fitting)
         if k // GRID_COLUMNS == rows - 1:
-            axes.set_xlabel("distance from the axis (mm)")
+            axes.set_xlabel(f"{'along the outline' if fitting.shape.whole else 'distance from the axis'} (mm)")
         if k % GRID_COLUMNS == 0:
             axes.set_ylabel("residual (um)\nsimulated - measured")
     figure.suptitle(f"{law}: residuals of each photograph; grey: two standard errors of a bin's mean")
@@ -113,7 +115,9 @@ def draw_creep(matches: Sequence[residuals.MatchedPhotograph], law: str) -> Figu
 def _panel(axes: Axes, fitting: residuals.MatchedPhotograph) -> None:
     shape = fitting.shape
     count = np.bincount(shape.bins)
-    place = np.bincount(shape.bins, 1e3 * fitting.side * fitting.points[:, 0]) / count
+    away, height = fitting.points.T
+    x, z = (1e3 * np.bincount(shape.bins, along) / count for along in (fitting.side * away, height))
+    place = np.r_[0.0, np.cumsum(np.hypot(np.diff(x), np.diff(z)))] if shape.whole else x
     error = 1e6 * np.bincount(shape.bins, shape.error) / count / shape.weight
     axes.fill_between(place, -2 * error, 2 * error, color=style.FAINT, alpha=0.35, lw=0)
     axes.axhline(0.0, color=style.FAINT, linewidth=0.8)
