@@ -65,7 +65,9 @@ class ChannelPlate(actuator.Actuator):
     offset: float = schema.length_field(
         -0.0005, "height of the channels' plane above the middle of the thickness", zero=True, signed=True
     )
-    fillet: float = schema.length_field(0.0004, "radius of the rounding where channels meet and turn; 0 for sharp creases", zero=True)
+    fillet: float = schema.length_field(
+        0.0004, "radius of the rounding where channels meet and turn; 0 for sharp creases", zero=True
+    )
     edge: float = schema.length_field(0.0015, "solid between a family's channels and the outline")
     support: str = schema.text_field(
         "x = 0 mm", "what is held: bottom, top, edge, or sides such as 'x = 0 mm' or 'in 0..10, -5..5, 0..0 mm'; free: three "

@@ -463,7 +463,9 @@ class Run(cards.ResultCard):
 
     @checked
     @one_at_a_time
-    def reduce(self, file: str | Path | None = None, *, kind: str = "", face: str = "") -> ReducedModel:
+    def reduce(
+        self, file: str | Path | None = None, *, kind: str = "", face: str = "", fingers: int = 1, radius: object = None
+    ) -> ReducedModel:
         """Reduce the device to its tip: pose, volume, compliance and their derivatives over the pressure.
 
         Every state of the first rising piece of the path is solved again with exact linear responses, on one process.
@@ -472,21 +474,29 @@ class Run(cards.ResultCard):
             file: File to write it to: ``.csv``, ``.json``, ``.xml`` (MuJoCo), ``.fmu``; None for no file.
             kind: What the file is, if its ending does not tell: ``"csv"``, ``"json"``, ``"mjcf"``, ``"fmu"``.
             face: The face that is the tip; the device's own if empty.
+            fingers: How many such devices stand on a wrist, with pressures of their own, in a model for MuJoCo; 1 for the
+                device alone.
+            radius: Of the circle on which they stand, m or a text such as ``"30 mm"``.
 
         Raises:
-            CaseError: A run over something else than one pressure, no such face, kind or ending.
+            CaseError: A run over something else than one pressure, no such face, kind or ending, or fingers that would stand
+                in each other.
             RunError: Too few states, or no such model.
         """
-        from softmodels.decks import chains, reduction
+        from softmodels.decks import chains, hand, reduction
 
         path = None if file is None else place("file", file, "a file")
         one_of("kind", kind, str, "a text such as 'mjcf'")
         one_of("face", face, str, "the name of a face")
+        several = None if fingers == 1 and radius is None else hand.Hand(
+            one_of("fingers", fingers, int, "a whole number"),
+            0.0 if radius is None else units.quantity(radius, "m") if isinstance(radius, str) else float(radius),  # type: ignore[arg-type]
+        )  # fmt: skip
         if path is not None:
-            chains.kind_of(path, kind)
+            chains.check_hand(path, kind) if several else chains.kind_of(path, kind)
         made = reduction.table_of(self._source, face)
         if path is not None:
-            chains.write(made, path, kind)
+            chains.write(made, path, kind, several)
         return made
 
     def _save(self, folder: Path) -> None:

@@ -6,7 +6,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -259,8 +259,11 @@ def import_command(file: Path, output: Path, unit: str, stress: str | None, prog
 @click.option("--check", type=click.Path(path_type=Path), help="Chain NAME.xml to compare with the device, in MuJoCo.")
 @click.option("--as", "kind", default="", metavar="KIND", help="csv, json, mjcf or fmu.  [default: by the file's name]")
 @click.option("--face", default="", help="Face that is the tip.  [default: the device's own]")
+@click.option("--fingers", default=1, help="Such devices on a wrist, in NAME.xml, with pressures of their own.",
+              show_default=True)  # fmt: skip
+@click.option("--radius", metavar="LENGTH", help="Radius of the circle on which several fingers stand, such as 30mm.")
 @click.option("--quiet", is_flag=True, help="Print only errors.")
-def reduce_command(folder: Path, output: Path | None, check: Path | None, kind: str, face: str, quiet: bool) -> None:
+def reduce_command(folder: Path, output: Path | None, check: Path | None, quiet: bool, **given: Any) -> None:
     """Reduce results to the device's tip, for robot simulators.
 
     Over the pressures of the path up to the first limit point: position and rotation of the tip, added volume, their exact
@@ -274,6 +277,7 @@ def reduce_command(folder: Path, output: Path | None, check: Path | None, kind: 
       softmodels reduce results/pneunet -o finger.csv
       softmodels reduce results/pneunet -o finger.fmu
       softmodels reduce results/pneunet --check finger.xml
+      softmodels reduce results/pneunet -o hand.xml --fingers 3 --radius 30mm
 
     \b
     Exit status: 0 done; 1 failed; 2 bad input.
@@ -285,11 +289,11 @@ def reduce_command(folder: Path, output: Path | None, check: Path | None, kind: 
         raise click.UsageError("name a file to write (-o finger.xml), or a chain to compare (--check finger.xml)")
     with ending.unwritable(written):
         if output is not None:
-            chains.kind_of(output, kind)
+            chains.kind_of(output, given["kind"])
             commands.check_output_file(output, [], chains.is_own, "a reduced model", "--output")
         if check is not None and check != output:
             chain_check.check_file(check)
-        made = calls.load(folder).reduce(output, kind=kind, face=face)
+        made = calls.load(folder).reduce(output, **given)
     if not quiet:
         processes.say(f"{output or folder}: {made._line()}, tip {made.face}")
         for name, text in made._figures():

@@ -12,8 +12,9 @@ import scipy.linalg
 from scipy.spatial.transform import Rotation
 
 from softmodels.case.entries import CaseError
+from softmodels.common import files
 from softmodels.common.arrays import Array
-from softmodels.decks import chains
+from softmodels.decks import chains, hand
 from softmodels.decks.reduction import ReducedModel
 
 __all__ = ["check"]
@@ -50,6 +51,8 @@ def check_file(file: Path) -> ModuleType:
     """Return the module of MuJoCo; `CaseError` if it is not installed, or a file is no chain of softmodels."""
     if not file.is_file() or not chains.is_own(file):
         raise CaseError(f"{file} is no chain of softmodels; write one by softmodels reduce FOLDER -o NAME.xml")
+    if f'"{hand.WRIST}"' in files.read_text(file):
+        raise CaseError(f"{file} has several fingers; write one alone (without --fingers), which is the same, and check that")
     try:
         return importlib.import_module("mujoco")
     except ImportError as failure:

@@ -28,6 +28,7 @@ from softmodels.common import errors, files
 from softmodels.common.arrays import Array
 from softmodels.components.loads import Gravity
 from softmodels.decks import deck, reduction
+from softmodels.decks.hand import Hand
 from softmodels.decks.reduction import ReducedModel
 from softmodels.runs.outcomes import RunError
 
@@ -449,14 +450,18 @@ def _fitted_coefficients(shares: Array, numbers: Array) -> tuple[Array, Array]:
     return advances(inner), quartics
 
 
-def mjcf(model: ReducedModel) -> str:
-    """Return a chain as MJCF: ``ctrl`` is the pressure in kPa; the site ``tip`` has the tip's pose."""
+def mjcf(model: ReducedModel, several: Hand | None = None) -> str:
+    """Return a chain as MJCF: ``ctrl`` is the pressure in kPa; the site ``tip`` has the tip's pose. Of several fingers each has
+    its own. `CaseError` for fingers that stand in each other."""
     chain, link = chain_of(model), model.length / DEFAULT_SEGMENTS
+    if several is not None:
+        several.check_room((model.points - chain.base) @ chain.axes)
     motion = motion_by_mass(model, chain)
     # A weight that is in the table must not act once more in a scene with gravity.
     links = {"gravcomp": "1"} if any(isinstance(part, Gravity) for part in model.case.components) else {}
     root = ElementTree.Element("mujoco", model=model.case.name)
-    root.append(ElementTree.Comment("\n".join(["", *remarks(model, chain, motion), ""])))
+    told = [*remarks(model, chain, motion), *([several.remark] if several else [])]
+    root.append(ElementTree.Comment("\n".join(["", *told, ""])))
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="true")
     ElementTree.SubElement(root, "option", timestep="0.001", integrator="implicitfast", gravity="0 0 0")
     world = ElementTree.SubElement(root, "worldbody")
@@ -488,6 +493,8 @@ def mjcf(model: ReducedModel) -> str:
         actuator, "general", name="pressure_kPa", joint="pressure", ctrlrange=_words(ends), biastype="affine",
         gainprm=_words([1 / TIME_CONSTANT**2 / top]), biasprm=_words([0, -1 / TIME_CONSTANT**2, -2 / TIME_CONSTANT]),
     )  # fmt: skip
+    if several is not None:
+        several.of(root)
     ElementTree.indent(root, " ")
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
@@ -856,16 +863,25 @@ ENDINGS = {".csv": "csv", ".json": "json", ".xml": "mjcf", ".fmu": "fmu"}
 """What a file is by its ending."""
 
 
-def write(model: ReducedModel, file: Path, kind: str = "") -> Path:
-    """Write a reduced model for another program, as one of `WRITERS`; by the file's ending if the kind is empty.
+def write(model: ReducedModel, file: Path, kind: str = "", several: Hand | None = None) -> Path:
+    """Write a reduced model for another program, as one of `WRITERS`; by the file's ending if the kind is empty. Of several
+    fingers a chain of each is written.
 
     Raises:
-        CaseError: Another kind or ending, or a file that this program has not written.
+        CaseError: Another kind or ending, a file that this program has not written, or fingers that are no chains.
         RunError, ImportError: The model cannot be written as that, or what writes it is not installed.
     """
-    made = WRITERS[kind_of(file, kind)](model)
+    if several is not None:
+        check_hand(file, kind)
+    made = WRITERS[kind_of(file, kind)](model) if several is None else mjcf(model, several)
     files.write_bytes(file, made if isinstance(made, bytes) else made.encode())
     return file
+
+
+def check_hand(file: Path, kind: str = "") -> None:
+    """Raise `CaseError` unless several fingers can be written as that; see `write`."""
+    if (chosen := kind_of(file, kind)) != "mjcf":
+        raise CaseError(f"several fingers are written as chains for MuJoCo (NAME.xml), not as {chosen}")
 
 
 def is_own(file: Path) -> bool:
