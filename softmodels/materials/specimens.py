@@ -219,7 +219,8 @@ def nudged(material: Material, name: str, by: complex) -> Material:
         elif name == field.name:
             value = value + by
         object.__setattr__(copy, field.name, value)
-    object.__setattr__(copy, "form", material.form + by * (name == laws.FORM))
+    if name == laws.FORM:
+        object.__setattr__(copy, "form", material.form + by)
     return copy
 
 

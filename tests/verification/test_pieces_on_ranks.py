@@ -19,15 +19,10 @@ FLOOR = 1e-3
 LOOSER = {"lowest_eigenvalue_Pa_per_mm2": 1e-6}
 
 
-BY_DEFAULT = ("region", "rigid parts", "no such piece")
-RUNS = [*((2, name) for name in CASES), *((3, name) for name in [*CASES][::3])]
-"""Ranks and case: of three ranks one or two have nothing of a piece, which a third of the cases shows."""
-
-
-def program_of(request, ranks=None):
-    """The program of the cases that this run asks for, on so many ranks."""
-    params = [item.callspec.params for item in request.session.items if item.path == request.path]
-    asked = {own["name"] for own in params if ranks in (None, own["several"])}
+def program_of(request, test=""):
+    """The program of the cases that this run asks for, or that one of its tests does."""
+    items = [item for item in request.session.items if item.path == request.path and test in ("", item.originalname)]
+    asked = {item.callspec.params["name"] for item in items}
     return "pieces-" + ";".join(name for name in CASES if name in asked)
 
 
@@ -37,13 +32,31 @@ def alone(request, comm, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def several(request, alone, tmp_path_factory):
-    program = program_of(request, request.param)
-    return figures_on(request.param, tmp_path_factory.mktemp("several"), program, timeout=LONGEST)[program]
+def on_two(request, tmp_path_factory):
+    program = program_of(request, "test_a_piece_may_be_missing_on_a_rank")
+    return figures_on(2, tmp_path_factory.mktemp("two"), program, timeout=LONGEST)[program]
 
 
-@pytest.mark.parametrize(("several", "name"), sampled(RUNS, [(2, name) for name in BY_DEFAULT]), indirect=["several"])
-def test_a_piece_may_be_missing_on_a_rank(name, alone, several):
+@pytest.fixture(scope="module")
+def on_three(request, tmp_path_factory):
+    program = program_of(request, "test_a_piece_may_be_missing_on_two_ranks")
+    return figures_on(3, tmp_path_factory.mktemp("three"), program, timeout=LONGEST)[program]
+
+
+@pytest.mark.parametrize("name", sampled(CASES, ("region", "rigid parts", "no such piece")))
+def test_a_piece_may_be_missing_on_a_rank(name, alone, on_two):
+    check(name, alone, on_two)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("name", [*CASES][::3])
+def test_a_piece_may_be_missing_on_two_ranks(name, alone, on_three):
+    """Of three; a third of the cases."""
+    check(name, alone, on_three)
+
+
+def check(name, alone, several):
+    """Compare the columns of a case on several ranks with those on one."""
     if name == "no such piece":
         assert alone[name] == several[name] and "selects nothing" in alone[name]
         return
