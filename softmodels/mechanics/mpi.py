@@ -363,11 +363,16 @@ def exits_together() -> Iterator[None]:
         raise
 
 
+FORWARDING_TIME = 0.3
+"""Seconds in which the launcher forwards what has been printed, which the end of all would overtake."""
+
+
 def _abort(status: int) -> NoReturn:
     """End all ranks at once, with this exit status."""
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, ValueError, AttributeError):
             stream.flush()
+    time.sleep(FORWARDING_TIME)
     _world().Abort(status)
     os._exit(status)
 
