@@ -32,11 +32,17 @@ def pack(project: Path, place: str = "") -> Path:
     known = not place or place.partition("/")[0] in (OUTLINES, RESULTS)
     if not (known and folder.is_dir() and folder.is_relative_to(project.resolve())):
         raise errors.FieldError(f"there are no results in {place}")
-    with tempfile.NamedTemporaryFile(suffix=".zip", delete=False) as made, zipfile.ZipFile(made, "w") as archive:
-        for file in _files(folder):
-            small = file.suffix.lower() in PACKED_ALREADY
-            name = f"{folder.name}/{file.relative_to(folder).as_posix()}"
-            archive.write(file, name, zipfile.ZIP_STORED if small else zipfile.ZIP_DEFLATED)
+    with tempfile.NamedTemporaryFile(suffix=".zip", delete=False) as made:
+        try:
+            # Copies to some memory cards have no time, which a ZIP file cannot say.
+            with zipfile.ZipFile(made, "w", strict_timestamps=False) as archive:
+                for file in _files(folder):
+                    small = file.suffix.lower() in PACKED_ALREADY
+                    name = f"{folder.name}/{file.relative_to(folder).as_posix()}"
+                    archive.write(file, name, zipfile.ZIP_STORED if small else zipfile.ZIP_DEFLATED)
+        except BaseException:
+            Path(made.name).unlink()
+            raise
     return Path(made.name)
 
 
@@ -80,9 +86,10 @@ def unpack(archive: IO[bytes], project: Project) -> int:
 
 def _place(member: zipfile.ZipInfo) -> str:
     """Return where a member of a sent project belongs; "" for links, ways out, and what is none of its files."""
-    first, *parts = PurePosixPath(member.filename.replace("\\", "/")).parts
+    whole = PurePosixPath(member.filename.replace("\\", "/"))
+    parts = whole.parts[1:]  # without the project's own name
     plain = stat.S_IFMT(member.external_attr >> 16) in (0, stat.S_IFREG)
-    if not plain or first == "/" or any(part.startswith(".") or ":" in part for part in parts):
+    if not plain or whole.is_absolute() or any(part.startswith(".") or ":" in part for part in parts):
         return ""
     known = parts[0] in FOLDERS if len(parts) > 1 else bool(parts) and Path(parts[0]).suffix in TEXTS
     return "/".join(parts) if known else ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import shutil
 import stat
 import zipfile
@@ -47,6 +48,18 @@ def test_a_project_that_is_sent_opens_as_it_was(filled, tmp_path):
         packing.unpack(io.BytesIO(made.read_bytes()), other)
 
 
+def test_files_without_a_time_are_sent(filled):
+    os.utime(filled / CURVES / "pull.csv", (0, 0))
+    assert f"{filled.folder.name}/{CURVES}/pull.csv" in zipfile.ZipFile(packing.pack(filled.folder)).namelist()
+
+
+def test_nothing_is_left_of_a_file_that_could_not_be_written(filled, tmp_path, monkeypatch):
+    (tmp_path / "aside").mkdir()
+    monkeypatch.setattr(packing.tempfile, "tempdir", str(tmp_path / "aside"))
+    monkeypatch.setattr(zipfile.ZipFile, "write", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left on device")))
+    assert zipped(filled.folder, "").status_code == 404 and not any((tmp_path / "aside").iterdir())
+
+
 def test_a_folder_of_results_is_sent_alone(filled):
     made = packing.pack(filled.folder, f"{RESULTS}/device")
     assert zipfile.ZipFile(made).namelist() == ["device/path.csv"]
@@ -68,7 +81,7 @@ def sent(**members):
 
 HOSTILE = {
     "p/../../outside.txt": "out", "/etc/cron.d/job": "out", "p/history/steps.json": "{}", "p/curves/.hidden.csv": "x",
-    "p\\..\\..\\outside.csv": "x", "C:/p/curves/a.csv": "x", "p/notes.txt": "x", "p/curves/../../outside.csv": "x",
+    ".": "x", "p\\..\\..\\outside.csv": "x", "C:/p/curves/a.csv": "x", "p/notes.txt": "x", "p/curves/../../outside.csv": "x",
 }  # fmt: skip
 
 
