@@ -114,8 +114,8 @@ def whole(surface: tuple[Array, NDArray[np.int64]], normals: Sequence[Vector]) -
         mesh_arrays.manifold(points @ image.T, triangles if np.linalg.det(image) > 0.0 else triangles[:, ::-1])
         for image in actuator.reflected(normals)
     ]
-    mesh = manifold3d.Manifold.batch_boolean(images, manifold3d.OpType.Add).to_mesh64()
-    return size * np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)
+    places, corners = mesh_arrays.surface_of(manifold3d.Manifold.batch_boolean(images, manifold3d.OpType.Add))
+    return size * places, corners
 
 
 def on_plate(surface: tuple[Array, NDArray[np.int64]], normal: Array, at: float) -> tuple[Array, NDArray[np.int64]] | None:
@@ -134,8 +134,8 @@ def on_plate(surface: tuple[Array, NDArray[np.int64]], normal: Array, at: float)
     part = mesh_arrays.manifold(points / size, turned_outwards(points, triangles))
     if part.is_empty():
         return None
-    mesh = (part + manifold3d.Manifold.hull_points(np.concatenate(sides))).to_mesh64()
-    return size * np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)
+    places, corners = mesh_arrays.surface_of(part + manifold3d.Manifold.hull_points(np.concatenate(sides)))
+    return size * places, corners
 
 
 def plugged(
@@ -157,8 +157,8 @@ def plugged(
         for normal in normals:
             plug = plug.trim_by_plane(tuple(-value for value in normal), 0.0)
         part += plug
-    mesh = part.to_mesh64()
-    return size * np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)
+    places, corners = mesh_arrays.surface_of(part)
+    return size * places, corners
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -207,8 +207,9 @@ def air_spaces(points: Array, triangles: NDArray[np.int64]) -> list[AirSpace]:
     shape (n, 3), and triangles, shape (t, 3). The largest openings have a quarter of the part's least extent as radius;
     where there are none, a quarter of its middle extent: a flat part may have a port as wide as it is thick."""
     least, middle, _ = np.sort(np.ptp(points, axis=0))
-    usual = _air_spaces(points, triangles, 0.25 * float(least))
-    return usual or _air_spaces(points, triangles, min(0.25 * float(middle), float(least)))
+    usual, wider = 0.25 * float(least), min(0.25 * float(middle), float(least))
+    spaces = _air_spaces(points, triangles, usual)
+    return spaces if spaces or wider == usual else _air_spaces(points, triangles, wider)
 
 
 def _air_spaces(points: Array, triangles: NDArray[np.int64], largest_ball: float) -> list[AirSpace]:

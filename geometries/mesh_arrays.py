@@ -285,6 +285,12 @@ def manifold(points: Array, triangles: Ints) -> Manifold:
     return manifold3d.Manifold(manifold3d.Mesh64(np.array(points, dtype=float), np.array(triangles, dtype=np.uint64)))
 
 
+def surface_of(solid: Manifold) -> tuple[Array, Ints]:
+    """Return the corners (n, 3) and the triangles (t, 3) of a solid of manifold3d."""
+    mesh = solid.to_mesh64()
+    return np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)
+
+
 def enclosed_air(points: Array, triangles: Ints) -> Array:
     """Return the volume in each inner shell of a closed surface, corners (n, 3) and triangles (t, 3) turned outwards."""
     shell = actuator.joined(np.concatenate([triangles[:, :2], triangles[:, 1:]]), len(points))[triangles[:, 0]]

@@ -90,10 +90,7 @@ class Nodes:
         points, places, radii = [], [], []
         for each in channels:
             line = np.array(each.points)
-            along = np.diff(line, axis=0)
-            along /= np.linalg.norm(along, axis=1)[:, None]
-            corner = (along[1:] * along[:-1]).sum(axis=1) < math.cos(MIN_CORNER_TURN)
-            points.append(np.flatnonzero([True, *corner.tolist(), True]))
+            points.append(np.flatnonzero([True, *corners(line), True]))
             places.append(line[points[-1]])
             radii += [each.radii[number] for number in points[-1]]
         table = np.concatenate(places)
@@ -121,6 +118,14 @@ class Nodes:
             places = tuple((float(x), float(y), float(z)) for x, y, z in line)
             moved.append(dataclasses.replace(each, points=places, radii=tuple(radii.tolist())))
         return tuple(moved)
+
+
+def corners(line: Array) -> list[bool]:
+    """Return which of the points between the ends of a line (m, shape (n, 3)) are corners of it."""
+    along = np.diff(line, axis=0)
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    turns: list[bool] = ((along[1:] * along[:-1]).sum(axis=1) < math.cos(MIN_CORNER_TURN)).tolist()
+    return turns
 
 
 MIN_CORNER_TURN = math.radians(15.0)
@@ -314,11 +319,8 @@ class Distance:
         self.start, self.radius = table[:, 0, :3], table[:, 0, 3]
         self.along, self.growth = table[:, 1, :3] - self.start, table[:, 1, 3] - self.radius
         self.square = (self.along**2).sum(axis=1)
-        unit = self.along / np.sqrt((self.along**2).sum(axis=1))[:, None]
-        first = np.cumsum([0, *(len(own) for own in pieces[:-1])])
-        turns = np.isin(np.arange(len(table)), first)
-        turns[1:] |= (unit[1:] * unit[:-1]).sum(axis=1) < math.cos(MIN_CORNER_TURN)
-        self.owner = np.cumsum(turns) - 1
+        # Each straight or smooth part of a channel, between its ends and corners, has a number.
+        self.owner = np.cumsum([begins for c in channels for begins in (True, *corners(np.array(c.points)))]) - 1
         self.fillet = fillet
 
     def of(self, points: Array, among: mesh_arrays.Ints | None = None) -> tuple[Array, Array]:
@@ -557,9 +559,9 @@ def _air_surface(distance: Distance, edge: float) -> dict[str, NDArray[Any]]:
             least = min(least, math.sqrt(x1 * x1 + y1 * y1 + z1 * z1) - radius - share * grown)
         return -least
 
-    mesh = manifold3d.Manifold.level_set(depth, [*low.tolist(), *high.tolist()], step).to_mesh64()
-    triangles = np.asarray(mesh.tri_verts).astype(np.int64)
-    points = distance.projected(np.asarray(mesh.vert_properties)[:, :3].copy())
+    level = manifold3d.Manifold.level_set(depth, [*low.tolist(), *high.tolist()], step)
+    points, triangles = mesh_arrays.surface_of(level)
+    points = distance.projected(points)
     # Corners move to the middles of the triangles around them, larger ones counting more: edges become alike.
     corner = triangles.ravel()
     for _ in range(SMOOTHING_ROUNDS):

@@ -117,7 +117,7 @@ def _overlapping(
         solid += part
     for part in inside:
         solid -= part
-    return _surface_of(solid), len(beside) + 1
+    return mesh_arrays.surface_of(solid), len(beside) + 1
 
 
 def without_air(file: str, body: Surface, air_file: str, air: Surface) -> Surface:
@@ -137,7 +137,7 @@ def without_air(file: str, body: Surface, air_file: str, air: Surface) -> Surfac
         )
     if common < MIN_AIR_SHARE:
         return body
-    points, triangles = _surface_of(solid - space)
+    points, triangles = mesh_arrays.surface_of(solid - space)
     return size * points, triangles
 
 
@@ -149,7 +149,7 @@ def simplified(surface: Surface, tolerance: float) -> Surface:
     solid = mesh_arrays.manifold(points / size, triangles)
     air = mesh_arrays.enclosed_air(points / size, triangles).sum()
     for halvings in range(MAX_HALVINGS if not solid.is_empty() else 0):
-        places, corners = _surface_of(solid.simplify(tolerance / size / 2**halvings))
+        places, corners = mesh_arrays.surface_of(solid.simplify(tolerance / size / 2**halvings))
         changes = np.array(
             [
                 mesh_arrays.manifold(places, corners).volume() - solid.volume(),
@@ -169,13 +169,8 @@ def split(surface: Surface, length: float) -> Surface:
     solid = mesh_arrays.manifold(points / size, triangles)
     if solid.is_empty():
         return surface
-    places, corners = _surface_of(solid.refine_to_length(length / size))
+    places, corners = mesh_arrays.surface_of(solid.refine_to_length(length / size))
     return size * places, corners
-
-
-def _surface_of(solid: mesh_arrays.Manifold) -> Surface:
-    mesh = solid.to_mesh64()
-    return np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)
 
 
 def _volumes(points: Array, triangles: mesh_arrays.Ints, shell: mesh_arrays.Ints) -> Array:

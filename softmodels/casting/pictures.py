@@ -11,7 +11,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from geometries import actuator
+from geometries import actuator, mesh_arrays
 from softmodels.casting import bodies, make
 from softmodels.casting.facets import Facets, PlacedBody, moved
 from softmodels.common.arrays import Array
@@ -210,8 +210,7 @@ def _filled_cup(bodies: Sequence[make.MouldBody], cast: make.MouldBody, stays: M
     for body in bodies:
         if stays[body.name]:
             solid -= make.manifold_of(body.facets)
-    mesh = max(solid.decompose(), key=lambda piece: piece.volume()).to_mesh64()
-    points, triangles = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, dtype=np.int64)
+    points, triangles = mesh_arrays.surface_of(max(solid.decompose(), key=lambda piece: piece.volume()))
     a, b, c = np.moveaxis(points[triangles], 1, 0)
     across = np.cross(b - a, c - a)
     across /= np.maximum(np.linalg.norm(across, axis=1), 1e-30)[:, None]
