@@ -162,7 +162,7 @@ class FaceLoad(DirectedLoad):
 @component.register_component
 @dataclasses.dataclass(frozen=True)
 class Mass(controls.HeavyPart):
-    """A mass that hangs on a face or an edge, spread evenly over it, undeformed."""
+    """A mass on a face or an edge, spread evenly over it, undeformed."""
 
     face: str = schema.field_of(schema.Words(), "face or edge that carries the mass, such as tip or 'edge of tip and top'")
     amount: float = schema.field_of(schema.Quantity("kg"), "mass on the face, of the whole device", usual=20.0)

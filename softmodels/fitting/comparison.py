@@ -292,7 +292,7 @@ class FittedLaw(cards.ResultCard):
         the law was fitted to a device, whose states say more of it than a curve."""
         if self.devices or not self._curves:
             return 0.0
-        shares = specimens.form_shares(self.material, residuals.largest_strain([source.curve for source in self._curves]))[2]
+        shares = self._form_shares[2]
         if not np.isfinite(shares).any():
             return 0.0
         low, high = laws.FORM_RANGE
@@ -301,6 +301,11 @@ class FittedLaw(cards.ResultCard):
     @property
     def _curves(self) -> list[residuals.TensileResiduals]:
         return [source for source in self.fit.problem.sources if isinstance(source, residuals.TensileResiduals)]
+
+    @functools.cached_property
+    def _form_shares(self) -> tuple[Array, Array, Array]:
+        """`specimens.form_shares` up to the largest strain of the curves."""
+        return specimens.form_shares(self.material, residuals.largest_strain([source.curve for source in self._curves]))
 
     @property
     def form_note(self) -> str:
@@ -311,7 +316,7 @@ class FittedLaw(cards.ResultCard):
             return ""
         if laws.FORM not in errors.names:
             return ""
-        stretch = specimens.form_shares(self.material, residuals.largest_strain([source.curve for source in self._curves]))[0]
+        stretch = self._form_shares[0]
         response = specimens.respond(self.material, stretch[-1:], "equibiaxial", errors.names)
         halves = [
             least_squares.NORMAL_QUANTILE * float(np.linalg.norm(response.slopes @ roots)) / float(response.stress[0])

@@ -441,7 +441,9 @@ def _halves_at_load(result: ComparedResult, variable: str, size: float) -> dict[
     loads, rows = result.rising
     shares: dict[str, list[tuple[float, float]]] = {}
     for load, row in zip(loads.tolist(), rows, strict=True):
+        if variable not in row or not (size_there := abs(row.shown(variable))):
+            continue
         for cause, half in _halves(result, row, variable).items():
-            shares.setdefault(cause, []).append((load, half / abs(row.shown(variable))))
+            shares.setdefault(cause, []).append((load, half / size_there))
     value, lines = abs(_value_at_load(result, variable, size)), {cause: np.array(own).T for cause, own in shares.items()}
     return {cause: value * float(np.interp(size, *line)) for cause, line in lines.items() if size <= line[0, -1] * (1.0 + 1e-9)}

@@ -47,8 +47,8 @@ def draw_outlines(matches: Sequence[residuals.MatchedPhotograph], law: str) -> F
         stride = max(len(fitting.points) // MAX_POINTS_SHOWN, 1)
         measured = 1e3 * (fitting.points * np.column_stack([fitting.side, np.ones_like(fitting.side)]))[::stride]
         axes.plot(measured[:, 0], measured[:, 1], ".", ms=2.5, color=style.INK, alpha=0.5)
-        lowest = fitting.points[:, 1].min() if fitting.shape.whole else -5e-5
-        half = 1e3 * shapes.half_outline(fitting.shadow.curve, 2e-5, lowest)[0]
+        lowest = [float(fitting.points[:, 1].min())] if fitting.shape.whole else []
+        half = 1e3 * shapes.half_outline(fitting.shadow.curve, 2e-5, *lowest)[0]
         label = _name(fitting.shape)
         whole = np.concatenate([half[:0:-1] * (-1.0, 1.0), half])
         axes.plot(*whole.T, color=colour, lw=1.4, label=label)

@@ -203,8 +203,8 @@ HOLD_TOLERANCE = 1e-3
 
 
 def _held(case: Case, body: Body, relaxed: Limit, hold: float) -> Limit:
-    """Return the largest pressure that is applied at once and borne for a time, by bisection between the limits of the relaxed
-    silicone and of one that does not creep at all."""
+    """Return the largest pressure that is applied at once and withstood for a time, by bisection between the limits of the
+    relaxed silicone and of one that does not creep at all."""
     parts, times = loads.weighed(case.components, case.material), (Step((Prescribed(PRESSURE, (100.0,)),), hold),)
     model = Model.of(dataclasses.replace(case, components=parts, steps=times, band=None, tolerance=None), body)
 
@@ -239,11 +239,11 @@ def _held(case: Case, body: Body, relaxed: Limit, hold: float) -> Limit:
 
 
 def _halves_held(case: Case, model: Model, pressure: float, held: Callable[[], object]) -> dict[str, float]:
-    """Return half widths in Pa by cause of a pressure that is borne for a time, of the material and of readings of it.
+    """Return half widths in Pa by cause of a pressure that the device withstands for a time, of the material and of readings.
 
     Where the device is lost, its derivatives by the material and by the pressure grow without bound in one direction, and
-    their ratio is the derivative of the pressure that it bears so long. That by the pressure is the one by all moduli, except
-    for the sign, because the silicone alone resists.
+    their ratio is the derivative of the pressure that it withstands so long. That by the pressure is the one by all moduli,
+    except for the sign, because the silicone alone resists.
     """
     from softmodels.mechanics import sensitivity
 

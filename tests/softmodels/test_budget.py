@@ -15,6 +15,7 @@ from softmodels.case.load import steps_of
 from softmodels.case.materials import MaterialErrors
 from softmodels.case.tolerances import HALF_WIDTH_95, Tolerances
 from softmodels.mechanics import mpi
+from softmodels.pictures import comparison
 from softmodels.runs import budget, mesh_error, simulation
 from tests.support import runs
 
@@ -240,3 +241,12 @@ def test_the_sum_of_the_parts_against_devices_at_random():
     ]
     for name, own in zip(("apex", "added_volume"), np.transpose(values), strict=True):
         assert HALF_WIDTH_95 * np.std(own, ddof=1) == pytest.approx(run.table[-1][f"{name}_ci95"], rel=0.05)
+
+
+def test_a_figure_that_is_0_in_a_state_has_no_share_there(monkeypatch):
+    run = sm.inflate(DISK, LAW, "0,17 cm")
+    (result, _) = sm.compare(run, run).results
+    monkeypatch.setattr(comparison, "_halves", lambda _, row, variable: {"mesh": 0.01})
+    size, rise = result.rising[0][-1], 1e3 * run.apex[-1]
+    assert run.apex[0] == 0.0 and comparison._halves_at_load(result, "apex", size) == {"mesh": pytest.approx(0.01, rel=1e-9)}
+    assert comparison._halves_at_load(result, "apex", 0.5 * size)["mesh"] < 0.01 < rise
