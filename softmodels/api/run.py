@@ -464,7 +464,13 @@ class Run(cards.ResultCard):
     @checked
     @one_at_a_time
     def reduce(
-        self, file: str | Path | None = None, *, kind: str = "", face: str = "", fingers: int = 1, radius: object = None
+        self,
+        file: str | Path | None = None,
+        *,
+        kind: str = "",
+        face: str = "",
+        fingers: int = 1,
+        radius: float | str | None = None,
     ) -> ReducedModel:
         """Reduce the device to its tip: pose, volume, compliance and their derivatives over the pressure.
 
@@ -476,7 +482,7 @@ class Run(cards.ResultCard):
             face: The face that is the tip; the device's own if empty.
             fingers: How many such devices stand on a wrist, with pressures of their own, in a model for MuJoCo; 1 for the
                 device alone.
-            radius: Of the circle on which they stand, m or a text such as ``"30 mm"``.
+            radius: Of the circle on which several stand, m or a text such as ``"30 mm"``.
 
         Raises:
             CaseError: A run over something else than one pressure, no such face, kind or ending, or fingers that would stand
@@ -488,15 +494,15 @@ class Run(cards.ResultCard):
         path = None if file is None else place("file", file, "a file")
         one_of("kind", kind, str, "a text such as 'mjcf'")
         one_of("face", face, str, "the name of a face")
-        several = None if fingers == 1 and radius is None else hand.Hand(
-            one_of("fingers", fingers, int, "a whole number"),
-            0.0 if radius is None else units.quantity(radius, "m") if isinstance(radius, str) else float(radius),  # type: ignore[arg-type]
-        )  # fmt: skip
-        if path is not None:
-            chains.check_hand(path, kind) if several else chains.kind_of(path, kind)
+        one_of("fingers", fingers, int, "a whole number")
+        several = None if fingers == 1 and radius is None else hand.Hand(fingers, radius or 0.0)  # type: ignore[arg-type]
+        if several is not None:
+            hand.check(path, kind)
+        elif path is not None:
+            chains.kind_of(path, kind)
         made = reduction.table_of(self._source, face)
         if path is not None:
-            chains.write(made, path, kind, several)
+            several.write(made, path) if several is not None else chains.write(made, path, kind)
         return made
 
     def _save(self, folder: Path) -> None:

@@ -28,7 +28,6 @@ from softmodels.common import errors, files
 from softmodels.common.arrays import Array
 from softmodels.components.loads import Gravity
 from softmodels.decks import deck, reduction
-from softmodels.decks.hand import Hand
 from softmodels.decks.reduction import ReducedModel
 from softmodels.runs.outcomes import RunError
 
@@ -450,28 +449,34 @@ def _fitted_coefficients(shares: Array, numbers: Array) -> tuple[Array, Array]:
     return advances(inner), quartics
 
 
-def mjcf(model: ReducedModel, several: Hand | None = None) -> str:
-    """Return a chain as MJCF: ``ctrl`` is the pressure in kPa; the site ``tip`` has the tip's pose. Of several fingers each has
-    its own. `CaseError` for fingers that stand in each other."""
-    chain, link = chain_of(model), model.length / DEFAULT_SEGMENTS
-    if several is not None:
-        several.check_room((model.points - chain.base) @ chain.axes)
-    motion = motion_by_mass(model, chain)
+def mjcf(model: ReducedModel) -> str:
+    """Return a chain as MJCF: ``ctrl`` is the pressure in kPa; the site ``tip`` has the tip's pose."""
+    return as_text(element(model, chain_of(model)))
+
+
+def as_text(root: ElementTree.Element) -> str:
+    """Return MJCF as a file has it."""
+    ElementTree.indent(root, " ")
+    return ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def element(model: ReducedModel, chain: Chain) -> ElementTree.Element:
+    """Return a chain as MJCF; see `mjcf`."""
+    link, motion = model.length / DEFAULT_SEGMENTS, motion_by_mass(model, chain)
     # A weight that is in the table must not act once more in a scene with gravity.
     links = {"gravcomp": "1"} if any(isinstance(part, Gravity) for part in model.case.components) else {}
     root = ElementTree.Element("mujoco", model=model.case.name)
-    told = [*remarks(model, chain, motion), *([several.remark] if several else [])]
-    root.append(ElementTree.Comment("\n".join(["", *told, ""])))
+    root.append(ElementTree.Comment("\n".join(["", *remarks(model, chain, motion), ""])))
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="true")
     ElementTree.SubElement(root, "option", timestep="0.001", integrator="implicitfast", gravity="0 0 0")
     world = ElementTree.SubElement(root, "worldbody")
     quaternion = reduction.quaternion(chain.axes)
-    body = ElementTree.SubElement(world, "body", links, name="base", pos=_words(chain.base), quat=_words(quaternion))
+    body = ElementTree.SubElement(world, "body", links, name="base", pos=words(chain.base), quat=words(quaternion))
     _drivers(body, model, chain)
     _link(body, model, motion.masses[0], link / 2, 0.0)
     for k, mass in enumerate(motion.masses[1:]):
         place = [link / 2, chain.springs.offset, 0.0] if k == 0 else [link, 0.0, 0.0]
-        body = ElementTree.SubElement(body, "body", links, name=f"link{k}", pos=_words(place))
+        body = ElementTree.SubElement(body, "body", links, name=f"link{k}", pos=words(place))
         for kind in chain.springs.kinds:
             sort, axis = JOINTS[kind]
             damping, armature = (of[kind] / chain.springs.shares(kind)[k] for of in (motion.damping, motion.armature))
@@ -481,7 +486,7 @@ def mjcf(model: ReducedModel, several: Hand | None = None) -> str:
         _link(body, model, mass, link * (0.5 if k == DEFAULT_SEGMENTS - 1 else 1.0), -chain.springs.offset)
     at_rest = reduction.quaternion(chain.axes.T)
     ElementTree.SubElement(
-        body, "site", name="tip", pos=_words([link / 2, -chain.springs.offset, 0]), quat=_words(at_rest),
+        body, "site", name="tip", pos=words([link / 2, -chain.springs.offset, 0]), quat=words(at_rest),
         size=f"{LINK_RADIUS * model.length / 3:.6g}",
     )  # fmt: skip
     _shapes(root, model, chain)
@@ -490,13 +495,10 @@ def mjcf(model: ReducedModel, several: Hand | None = None) -> str:
     top = chain.top / 1e3
     ends = sorted((model.states[0].pressure / 1e3, top))
     ElementTree.SubElement(
-        actuator, "general", name="pressure_kPa", joint="pressure", ctrlrange=_words(ends), biastype="affine",
-        gainprm=_words([1 / TIME_CONSTANT**2 / top]), biasprm=_words([0, -1 / TIME_CONSTANT**2, -2 / TIME_CONSTANT]),
+        actuator, "general", name="pressure_kPa", joint="pressure", ctrlrange=words(ends), biastype="affine",
+        gainprm=words([1 / TIME_CONSTANT**2 / top]), biasprm=words([0, -1 / TIME_CONSTANT**2, -2 / TIME_CONSTANT]),
     )  # fmt: skip
-    if several is not None:
-        several.of(root)
-    ElementTree.indent(root, " ")
-    return ElementTree.tostring(root, encoding="unicode") + "\n"
+    return root
 
 
 def remarks(model: ReducedModel, chain: Chain, motion: MotionByMass) -> list[str]:
@@ -521,7 +523,7 @@ def _drivers(base: ElementTree.Element, model: ReducedModel, chain: Chain) -> No
     for name in ("pressure", *ADVANCES, *names):
         body = ElementTree.SubElement(base, "body", name=name)
         armature = {"armature": "1"} if name == "pressure" else {}
-        ElementTree.SubElement(body, "inertial", pos="0 0 0", mass=f"{mass:.9g}", diaginertia=_words([inertia] * 3))
+        ElementTree.SubElement(body, "inertial", pos="0 0 0", mass=f"{mass:.9g}", diaginertia=words([inertia] * 3))
         ElementTree.SubElement(body, "joint", armature, name=name, type="hinge", axis="1 0 0")
 
 
@@ -529,8 +531,8 @@ def _link(body: ElementTree.Element, model: ReducedModel, mass: float, length: f
     """Add inertia and shape of a link to its body."""
     name = body.get("name", "")
     ElementTree.SubElement(
-        body, "inertial", pos=_words([length / 2, height, 0]), mass=f"{mass:.9g}",
-        diaginertia=_words(mass * link_inertia(length, LINK_RADIUS * model.length)),
+        body, "inertial", pos=words([length / 2, height, 0]), mass=f"{mass:.9g}",
+        diaginertia=words(mass * link_inertia(length, LINK_RADIUS * model.length)),
     )  # fmt: skip
     ElementTree.SubElement(body, "geom", name=name, type="mesh", mesh=name, rgba="0.18 0.44 0.62 1")
 
@@ -548,7 +550,7 @@ def _shapes(root: ElementTree.Element, model: ReducedModel, chain: Chain) -> Non
         near = np.column_stack([np.clip(near[:, 0], low, high), near[:, 1:]])
         hull = np.unique(near[np.argmax(near @ _directions().T, axis=0)], axis=0)
         hull = hull - [start, chain.springs.offset if k else 0.0, 0.0]
-        ElementTree.SubElement(assets, "mesh", name=name, vertex=_words(hull.ravel()))
+        ElementTree.SubElement(assets, "mesh", name=name, vertex=words(hull.ravel()))
     for body, other in itertools.combinations(names, 2):
         ElementTree.SubElement(contact, "exclude", body1=body, body2=other)
 
@@ -584,7 +586,7 @@ def _springs(root: ElementTree.Element, chain: Chain) -> None:
             for name, sign in (("up", 1.0), ("down", -1.0)):
                 spring = ElementTree.SubElement(
                     tendon, "fixed", name=f"{kind}{k}_{name}", springlength="0",
-                    stiffness=_words([0.0, stiffest[kind] / share / (4 * reach), 0.0]),
+                    stiffness=words([0.0, stiffest[kind] / share / (4 * reach), 0.0]),
                 )  # fmt: skip
                 ElementTree.SubElement(spring, "joint", joint=f"{kind}_stiffness", coef=f"{reach / DRIVER_TURN:.9g}")
                 for joint, factor in stretched.items():
@@ -598,7 +600,7 @@ def _springs(root: ElementTree.Element, chain: Chain) -> None:
         ties.append((f"{kind}_stiffness", ADVANCES[-1], DRIVER_TURN * quartic * of_turn / stiffest[kind]))
     for name, of, quartic in ties:
         ElementTree.SubElement(
-            equality, "joint", joint1=name, joint2=of, polycoef=_words(quartic), solref="0.002 1", solimp="0.999 0.9999 0.001"
+            equality, "joint", joint1=name, joint2=of, polycoef=words(quartic), solref="0.002 1", solimp="0.999 0.9999 0.001"
         )
 
 
@@ -742,7 +744,8 @@ class VibratingChain:
         return math.sqrt(values[0]) / (2 * math.pi), dict(zip(JOINTS, by_joint.tolist(), strict=True))
 
 
-def _words(values: Iterable[float]) -> str:
+def words(values: Iterable[float]) -> str:
+    """Return numbers as an attribute of MJCF."""
     return " ".join(f"{value:.9g}" for value in values)
 
 
@@ -863,25 +866,16 @@ ENDINGS = {".csv": "csv", ".json": "json", ".xml": "mjcf", ".fmu": "fmu"}
 """What a file is by its ending."""
 
 
-def write(model: ReducedModel, file: Path, kind: str = "", several: Hand | None = None) -> Path:
-    """Write a reduced model for another program, as one of `WRITERS`; by the file's ending if the kind is empty. Of several
-    fingers a chain of each is written.
+def write(model: ReducedModel, file: Path, kind: str = "") -> Path:
+    """Write a reduced model for another program, as one of `WRITERS`; by the file's ending if the kind is empty.
 
     Raises:
-        CaseError: Another kind or ending, a file that this program has not written, or fingers that are no chains.
+        CaseError: Another kind or ending, or a file that this program has not written.
         RunError, ImportError: The model cannot be written as that, or what writes it is not installed.
     """
-    if several is not None:
-        check_hand(file, kind)
-    made = WRITERS[kind_of(file, kind)](model) if several is None else mjcf(model, several)
+    made = WRITERS[kind_of(file, kind)](model)
     files.write_bytes(file, made if isinstance(made, bytes) else made.encode())
     return file
-
-
-def check_hand(file: Path, kind: str = "") -> None:
-    """Raise `CaseError` unless several fingers can be written as that; see `write`."""
-    if (chosen := kind_of(file, kind)) != "mjcf":
-        raise CaseError(f"several fingers are written as chains for MuJoCo (NAME.xml), not as {chosen}")
 
 
 def is_own(file: Path) -> bool:

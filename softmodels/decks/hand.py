@@ -5,14 +5,16 @@ from __future__ import annotations
 import copy
 import dataclasses
 import math
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 
 from softmodels.case.entries import CaseError
-from softmodels.common import schema
+from softmodels.common import files, schema
 from softmodels.common.arrays import Array
-from softmodels.decks import reduction
+from softmodels.decks import chains, reduction
+from softmodels.decks.reduction import ReducedModel
 
 WRIST = "wrist"
 MAX_FINGERS = 12
@@ -24,23 +26,17 @@ OWN = ("contact", "tendon", "equality", "actuator")
 
 @dataclasses.dataclass(frozen=True)
 class Hand:
-    """Fingers whose supports stand evenly on a circle about the wrist's z; they point along it at rest, and bend towards it.
-
-    Attributes:
-        fingers: How many, from 2 to `MAX_FINGERS`.
-        radius: Of the circle through the middles of their supports, m.
-
-    Raises:
-        CaseError: Another number, or no radius.
-    """
+    """Fingers, from 2 to `MAX_FINGERS`, whose supports stand evenly on a circle about the wrist's z; they point along it at
+    rest, and bend towards it. `CaseError` for another number, or no radius."""
 
     fingers: int
-    radius: float
+    radius: float = schema.length_field(0.0, "radius of the circle through the middles of the supports", zero=True)
 
     def __post_init__(self) -> None:
+        schema.settle(self, CaseError)
         if not 2 <= self.fingers <= MAX_FINGERS:
             raise CaseError(f"a hand has from 2 to {MAX_FINGERS} fingers, not {self.fingers}")
-        if not 0.0 < self.radius < 10.0:
+        if not self.radius:
             raise CaseError("fingers stand on a circle about the wrist; give its radius, such as --radius 30mm")
 
     def check_room(self, points: Array) -> None:
@@ -80,8 +76,8 @@ class Hand:
         for number in range(self.fingers):
             own = _renamed(base, number)
             place, axes = self.axes(number)
-            own.set("pos", " ".join(f"{value:.9g}" for value in place))
-            own.set("quat", " ".join(f"{value:.9g}" for value in reduction.quaternion(axes)))
+            own.set("pos", chains.words(place))
+            own.set("quat", chains.words(reduction.quaternion(axes)))
             wrist.append(own)
         for section in OWN:
             if (entries := finger.find(section)) is not None:
@@ -89,17 +85,30 @@ class Hand:
                 for entry in of_finger:
                     entries.remove(entry)
                 entries.extend(_renamed(entry, number) for number in range(self.fingers) for entry in of_finger)
+        finger.insert(1, ElementTree.Comment(f" {self.remark} "))
+
+    def write(self, model: ReducedModel, file: Path) -> Path:
+        """Write the hand whose fingers are a reduced model, as MJCF; `CaseError` for fingers that stand in each other."""
+        chain = chains.chain_of(model)
+        self.check_room((model.points - chain.base) @ chain.axes)
+        self.of(root := chains.element(model, chain))
+        files.write_text(file, chains.as_text(root))
+        return file
 
 
-def prefix(number: int) -> str:
-    """Return what the names of a finger, numbered from 0, begin with."""
-    return f"finger{number + 1}_"
+def check(file: Path | None, kind: str = "") -> None:
+    """Raise `CaseError` unless a hand can be written to a file, as a kind or by its ending; see `chains.kind_of`."""
+    if file is None:
+        raise CaseError("several fingers need a file to be written to, such as hand.xml")
+    if (chosen := chains.kind_of(file, kind)) != "mjcf":
+        raise CaseError(f"several fingers are written as chains for MuJoCo (NAME.xml), not as {chosen}")
 
 
 def _renamed(entry: ElementTree.Element, number: int) -> ElementTree.Element:
+    """Return a copy of an element with the names of a finger, numbered from 0."""
     own = copy.deepcopy(entry)
     for element in own.iter():
         for name in NAMING:
             if given := element.get(name):
-                element.set(name, prefix(number) + given)
+                element.set(name, f"finger{number + 1}_{given}")
     return own

@@ -24,7 +24,7 @@ CAN = 8.4e-3
 
 @pytest.fixture(scope="module")
 def hand(model, tmp_path_factory):  # noqa: F811
-    return chains.write(model, tmp_path_factory.mktemp("hand") / "hand.xml", several=Hand(3, RADIUS))
+    return Hand(3, RADIUS).write(model, tmp_path_factory.mktemp("hand") / "hand.xml")
 
 
 @pytest.mark.parametrize("bent", [0, 2])
@@ -104,10 +104,12 @@ def test_what_is_no_hand_is_a_sentence(model, run, hand, tmp_path):  # noqa: F81
         Hand(3, 0.0)
     with pytest.raises(CaseError, match="several fingers are written as chains for MuJoCo"):
         run.reduce(tmp_path / "hand.csv", fingers=3, radius="15 mm")
+    with pytest.raises(CaseError, match="need a file to be written to"):
+        run.reduce(fingers=3, radius="15 mm")
     with pytest.raises(CaseError, match=r"would stand in each other; their radius is .* at least") as caught:
-        chains.write(model, tmp_path / "hand.xml", several=Hand(6, RADIUS))
+        Hand(6, RADIUS).write(model, tmp_path / "hand.xml")
     least = units.quantity(caught.value.args[0].split("radius is ")[1].split(" at")[0], "m")
-    chains.write(model, tmp_path / "hand.xml", several=Hand(6, least))
+    Hand(6, least).write(model, tmp_path / "hand.xml")
     run.save(tmp_path / "results")
     for words, said in ((["--fingers", "3"], "give its radius"), (["--fingers", "3", "--radius", "15"], "15")):
         done = CliRunner().invoke(reduce_command, [str(tmp_path / "results"), "-o", str(tmp_path / "new.xml"), *words])
