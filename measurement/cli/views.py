@@ -306,8 +306,9 @@ def size_of(case: Path) -> tuple[tuple[float, float], float, Array]:
 def _line(made: views.Views | revolved.Outlines, view: views.View | Outline) -> str:
     head = f"{view.source}  {view.pressure:9.1f} Pa  "
     remark = "" if view.trust == "yes" else f"  not trusted: {'; '.join(view.reasons)}"
-    if isinstance(view, Outline) or isinstance(made, revolved.Outlines):
-        return f"{head}{revolved.in_words(view)}{remark}"  # type: ignore[arg-type]
+    if isinstance(view, Outline):
+        return f"{head}{revolved.in_words(view)}{remark}"
+    assert isinstance(made, views.Views)
     x, z = (view.shape.tip - made.origin) * 1e3
     turned, error = (math.degrees(value) for value in made.rotation(view))
     by = (

@@ -19,8 +19,8 @@ from scipy.spatial import cKDTree
 
 from measurement import pictures
 from measurement.outline import edge, silhouette
-from measurement.outline.outline import Outline, OutlineError
-from measurement.series import checks, drawing, measuring, views
+from measurement.outline.outline import Outline
+from measurement.series import checks, measuring, views
 from measurement.series.photo_list import Photograph
 from measurement.series.views import SHARED_PX, Scene
 from measurement.series.witness import Refusal, Result
@@ -183,28 +183,22 @@ def outlines(
     done: Callable[[], None] = lambda: None,
 ) -> Outlines:
     """Return the outlines of a body of revolution; arguments are as of `views.views`."""
-    names, outcomes = measuring.file_stems(photographs), dict[int, Outline | Refusal]()
     before, datum = None, 0.0
-    for k in views.zero_first(photographs):
-        photo, image, seen = photographs[k], None, None
-        try:
-            image = pictures.read_pixels(photo.file, scene.setup.camera.size)
-            seen = silhouette.find_silhouette(image, scene.setup, scene.base)
-            meridian = Meridian.of(seen, scene)
-            outcomes[k] = outcome = _outline(image, seen, meridian, scene, photo, before, datum)
-            if before is None and photo.is_zero and outcome.trust != "no":
-                before, datum = (image, seen), meridian.top
-                outcomes[k] = dataclasses.replace(outcome, z=outcome.z - datum, level_error=0.0, whole="top")
-        except (pictures.Unmeasurable, OutlineError) as error:
-            outcomes[k] = Refusal(str(error), photo.file)
-        except Exception as error:  # one odd photograph must not take the others with it
-            outcomes[k] = Refusal(measuring.unexpected_error(error), photo.file)
-        if pictures_folder is not None and image is not None:
-            shown = [] if seen is None else [seen.edge.px]
-            refused = isinstance(outcomes[k], Refusal)
-            drawing.draw_view(pictures_folder / f"{names[k]}.png", image, shown, _title(photo, outcomes[k]), refused)
-        done()
-    return Outlines(tuple(Result(photo, outcomes[k], names[k]) for k, photo in enumerate(photographs)))
+
+    def measured(photo: Photograph, image: pictures.Pixels, seen: silhouette.Silhouette) -> Outline:
+        nonlocal before, datum
+        meridian = Meridian.of(seen, scene)
+        outline = _outline(image, seen, meridian, scene, photo, before, datum)
+        if before is None and photo.is_zero and outline.trust != "no":
+            before, datum = (image, seen), meridian.top
+            return dataclasses.replace(outline, z=outline.z - datum, level_error=0.0, whole="top")
+        return outline
+
+    def shown(seen: silhouette.Silhouette | None, outcome: Outline | Refusal) -> tuple[list[Array], str]:
+        return [] if seen is None else [seen.edge.px], "" if isinstance(outcome, Refusal) else in_words(outcome)
+
+    every = views.each_photograph(photographs, scene, measured, shown, pictures_folder, done)
+    return Outlines(tuple(map(Result, photographs, every, measuring.file_stems(photographs))))
 
 
 def _outline(
@@ -226,14 +220,6 @@ def _outline(
         level_error=0.0 if before is not None else BASE_PX * meridian.pixel, history=photo.history, anyway=photo.anyway,
         edge_error=SHARED_PX * meridian.pixel, whole="base" if before is None else "top",
     )  # fmt: skip
-
-
-def _title(photo: Photograph, outcome: Outline | Refusal) -> str:
-    if isinstance(outcome, Refusal):
-        return f"{photo.file.name}   refused: {outcome.reason}"
-    return f"{photo.file.name}   {photo.pressure:.0f} Pa: {in_words(outcome)}" + (
-        "" if outcome.trust == "yes" else " (not trusted)"
-    )
 
 
 def in_words(outline: Outline) -> str:

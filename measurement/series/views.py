@@ -21,6 +21,7 @@ from scipy.optimize import brentq
 
 from measurement import pictures
 from measurement.outline import silhouette
+from measurement.outline.outline import Outline, OutlineError
 from measurement.screen.setup import Setup, SetupError
 from measurement.series import checks, drawing, measuring
 from measurement.series.photo_list import Photograph
@@ -482,43 +483,58 @@ def views(
         pictures_folder: Folder for a picture of each photograph with its outline; none without it.
         done: Called after each photograph.
     """
-    names = measuring.file_stems(photographs)
-    outcomes: dict[int, View | Refusal] = {}
     reference = None
+
+    def measured(photo: Photograph, image: pictures.Pixels, seen: silhouette.Silhouette) -> View:
+        nonlocal scene, reference
+        view = view_of(image, seen, scene, photo, reference)
+        if photo.is_zero and scene.sides is not None:
+            scene = scene.told_apart(view.shape, view.outline)
+            view = view_of(image, seen, scene, photo)
+        if reference is None and photo.is_zero and view.trust != "no":
+            reference = Reference(image, seen, view)
+        return view
+
+    def shown(_: silhouette.Silhouette | None, outcome: View | Refusal) -> tuple[list[Array], str]:
+        if isinstance(outcome, Refusal):
+            return [], ""
+        angle = f"angle {math.degrees(outcome.shape.angle):.2f} ± {math.degrees(outcome.angle_error):.2f} deg"
+        length = f"length {outcome.shape.length * 1e3:.3f} ± {outcome.length_error * 1e3:.3f} mm"
+        return [scene.to_pixels(outcome.outline), scene.to_pixels(outcome.shape.line)], f"{angle}, {length}"
+
+    every = each_photograph(photographs, scene, measured, shown, pictures_folder, done)
+    names = tuple(measuring.file_stems(photographs))
+    return Views(tuple(photographs), every, names, None if reference is None else reference.view)
+
+
+def each_photograph[Shown: (View, Outline)](
+    photographs: Sequence[Photograph],
+    scene: Scene,
+    measured: Callable[[Photograph, pictures.Pixels, silhouette.Silhouette], Shown],
+    shown: Callable[[silhouette.Silhouette | None, Shown | Refusal], tuple[list[Array], str]],
+    pictures_folder: Path | None,
+    done: Callable[[], None],
+) -> tuple[Shown | Refusal, ...]:
+    """Return what is ``measured`` in each photograph, or the reason why there is nothing; those without pressure come first.
+    ``shown`` gives the lines in px over its picture, and its result in words; see `views`."""
+    names, outcomes = measuring.file_stems(photographs), dict[int, Shown | Refusal]()
     for k in zero_first(photographs):
-        photo, image = photographs[k], None
-        outcome: View | Refusal
+        photo, image, seen = photographs[k], None, None
         try:
             image = pictures.read_pixels(photo.file, scene.setup.camera.size)
             seen = silhouette.find_silhouette(image, scene.setup, scene.base)
-            outcome = view_of(image, seen, scene, photo, reference)
-            if photo.is_zero and scene.sides is not None:
-                scene = scene.told_apart(outcome.shape, outcome.outline)
-                outcome = view_of(image, seen, scene, photo)
-            if reference is None and photo.is_zero and outcome.trust != "no":
-                reference = Reference(image, seen, outcome)
-        except pictures.Unmeasurable as error:
-            outcome = Refusal(str(error), photo.file)
+            outcomes[k] = measured(photo, image, seen)
+        except (pictures.Unmeasurable, OutlineError) as error:
+            outcomes[k] = Refusal(str(error), photo.file)
         except Exception as error:  # one odd photograph must not take the others with it
-            outcome = Refusal(measuring.unexpected_error(error), photo.file)
-        outcomes[k] = outcome
+            outcomes[k] = Refusal(measuring.unexpected_error(error), photo.file)
         if pictures_folder is not None and image is not None:
-            lines = (
-                [] if isinstance(outcome, Refusal) else [scene.to_pixels(outcome.outline), scene.to_pixels(outcome.shape.line)]
-            )
-            drawing.draw_view(
-                pictures_folder / f"{names[k]}.png", image, lines, _title(photo, outcome), isinstance(outcome, Refusal)
-            )
+            outcome, (lines, words) = outcomes[k], shown(seen, outcomes[k])
+            if isinstance(outcome, Refusal):
+                title = f"{photo.file.name}   refused: {outcome.reason}"
+            else:
+                weak = "" if outcome.trust == "yes" else " (not trusted)"
+                title = f"{photo.file.name}   {photo.pressure:.0f} Pa: {words}{weak}"
+            drawing.draw_view(pictures_folder / f"{names[k]}.png", image, lines, title, isinstance(outcome, Refusal))
         done()
-    every = tuple(outcomes[k] for k in range(len(photographs)))
-    return Views(tuple(photographs), every, tuple(names), None if reference is None else reference.view)
-
-
-def _title(photo: Photograph, outcome: View | Refusal) -> str:
-    if isinstance(outcome, Refusal):
-        return f"{photo.file.name}   refused: {outcome.reason}"
-    angle = f"angle {math.degrees(outcome.shape.angle):.2f} ± {math.degrees(outcome.angle_error):.2f} deg"
-    length = f"length {outcome.shape.length * 1e3:.3f} ± {outcome.length_error * 1e3:.3f} mm"
-    return f"{photo.file.name}   {photo.pressure:.0f} Pa: {angle}, {length}" + (
-        "" if outcome.trust == "yes" else " (not trusted)"
-    )
+    return tuple(outcomes[k] for k in range(len(photographs)))
