@@ -27,6 +27,14 @@ def small(seed, lamp, camera, **body):
     return dataclasses.replace(case, bench=bench, body=dataclasses.replace(top, **body))
 
 
+def trusted(case, seed):
+    """The outline of the second of a run's two photographs, which must be trusted, and how far it lies off the true one, m."""
+    setup, (outline,) = runs.measured(case, runs.pictures_of(case, seed))
+    assert isinstance(outline, Outline), outline.reason
+    assert outline.trusted, outline.reasons
+    return outline, runs.across(case, setup, outline, case.body.height)
+
+
 @pytest.mark.quick
 @pytest.mark.parametrize(
     ("seed", "lamp", "camera"),
@@ -35,10 +43,7 @@ def small(seed, lamp, camera, **body):
 def test_lamps_and_cameras_of_other_kinds_are_trusted_and_right(seed, lamp, camera, monkeypatch):
     monkeypatch.setattr(runs, "SHARES", (0.0, 1.0))
     case = small(seed, lamp, camera)
-    setup, (outline,) = runs.measured(case, runs.pictures_of(case, seed))
-    assert isinstance(outline, Outline), outline.reason
-    assert outline.trusted, outline.reasons
-    off = runs.across(case, setup, outline, case.body.height)
+    outline, off = trusted(case, seed)
     assert np.sqrt(np.mean(off**2)) < 7e-6
     assert abs(outline.height - case.body.height) < max(3.0 * outline.height_error, 3e-6)
     assert outline.height_error < 8e-6
@@ -55,10 +60,7 @@ def test_large_lamps_and_a_depth_of_field_are_trusted_and_right(seed, lamp, shap
     monkeypatch.setattr(runs, "SHARES", (0.0, 1.0))
     case = runs.large_case(seed)
     assert case.lamp == lamp and runs.SHAPES[seed % 3] == shape
-    setup, (outline,) = runs.measured(case, runs.pictures_of(case, seed))
-    assert isinstance(outline, Outline), outline.reason
-    assert outline.trusted, outline.reasons
-    off = runs.across(case, setup, outline, case.body.height)
+    outline, off = trusted(case, seed)
     stated = np.hypot(outline.error, outline.level_error if shape == "round" else 0.0)
     assert np.mean(np.abs(off) < 3.0 * stated) > 0.95
     assert np.median(stated) < error
@@ -69,10 +71,7 @@ def test_cameras_of_other_noise_and_blur_are_trusted_and_right(seed, kind, monke
     """Strong noise, JPEG of 70 to 85, motion blur of 2 px, a phone's denoising, a gamma curve, sharpening halos."""
     monkeypatch.setattr(runs, "SHARES", (0.0, 1.0))
     case = runs.other_case(seed, kind)
-    setup, (outline,) = runs.measured(case, runs.pictures_of(case, seed))
-    assert isinstance(outline, Outline), outline.reason
-    assert outline.trusted, outline.reasons
-    off = runs.across(case, setup, outline, case.body.height)
+    outline, off = trusted(case, seed)
     assert np.sqrt(np.mean(off**2)) < 5e-6
     assert abs(outline.height - case.body.height) < max(3.0 * outline.height_error, 3e-6)
     assert np.mean(np.abs(off) < 3.0 * outline.error) > 0.95
