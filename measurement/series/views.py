@@ -73,6 +73,7 @@ class Scene:
             )
 
         object.__setattr__(self, "setup", _upright(self.setup))
+        _ = self.foot  # which no camera has at some distances
 
     @functools.cached_property
     def foot(self) -> Array:

@@ -245,6 +245,11 @@ def test_camera_too_near_is_rejected():
         scene(camera_distance=(0.01, 0.0))
 
 
+def test_camera_that_cannot_see_the_scale_is_rejected_before_any_photograph():
+    with pytest.raises(SetupError, match=r"no camera at 5e\+05 mm from the scale sees it this large; check --camera-distance"):
+        scene(camera_distance=(500.0, 0.0))
+
+
 def test_case_has_depth_and_length(tmp_path):
     """By the drawing: a beam's breadth, a PneuNet's, and of a bellows that is round above its base those of both."""
     case = tmp_path / "finger.toml"
