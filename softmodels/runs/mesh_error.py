@@ -14,6 +14,7 @@ largest stretch and stress at a sharp corner have no limit (see `PEAKS`).
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Iterator, Mapping
 from time import process_time
 
@@ -66,17 +67,27 @@ class MeshErrors:
             marked = self.finer.where("limit")
             number = len(self.rows.where(lambda before: before["limit"] and before["step"] < row["step"]))
             return marked[number] if number < len(marked) else None
+        if not row["requested"]:
+            return None
         if "load_step" in row:
             same = self.finer.where(lambda other: bool(np.isclose(other["load_step"], row["load_step"], rtol=1e-9)))
         else:
             same = self.finer.where(lambda other: columns.stands_at(other, self.case, row[self.case.variable]))
-        return same[0] if row["requested"] and same else None
+        return same[0] if same else None
+
+    @functools.cached_property
+    def _by_step(self) -> dict[float, dict[str, float]]:
+        return {}
 
     def of(self, row: table.Row) -> dict[str, float]:
-        """Return half widths in SI by variable of a requested state or a limit point; empty if unknown."""
-        if (other := self.paired(row)) is None:
-            return {}
-        return {name: half_width(row[name], other[name], self.times) for name in _told(self.case, row) if name in other}
+        """Return half widths in SI by variable of a requested state of the path or a limit point; empty if unknown."""
+        if row["step"] not in self._by_step:  # asked for variable by variable
+            known, other = dict[str, float](), self.paired(row)
+            if other is not None:
+                told = [name for name in _told(self.case, row) if name in other]
+                known = {name: half_width(row[name], other[name], self.times) for name in told}
+            self._by_step[row["step"]] = known
+        return self._by_step[row["step"]]
 
     @property
     def last(self) -> tuple[table.Row | None, dict[str, float]]:
