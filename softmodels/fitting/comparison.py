@@ -763,7 +763,7 @@ def as_text(report: FitReport) -> str:
         for name, rms, mean, largest, run in residual_rows(law):
             lines.append(f"  {name}: rms {rms}, mean {mean}, largest {largest}; residual correlation length: {run}")
         lines += [
-            f"  {fit.device}: chi squared {fit.chi2:.4g} of {fit.count} values ({fit.chi2 / fit.count:.3g} per value)"
+            f"  {fit.device}: chi squared {fit.chi2:.1f} of {fit.count} values ({fit.chi2 / fit.count:.3g} per value)"
             for fit in law.devices
         ]
         lines += [f"  {text}" for text in (law.material.remark,) if text]
