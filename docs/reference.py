@@ -20,7 +20,7 @@ GROUPS = {
     "Runs": "inflate run limit load compare Case Run SolvedState Line Limit Comparison Syringe Reservoir",
     "Devices": "HollowDisk SeminarActuator PneuNet BendingBellows Cylinder Membrane Balloon Bellows Beam ChannelPlate "
     "ImportedActuator ImportedMesh",
-    "Materials": "NeoHookean MooneyRivlin Yeoh Ogden Gent Polynomial FungDemiray silicone Material Region",
+    "Materials": "NeoHookean MooneyRivlin Yeoh Ogden Gent Carroll Polynomial FungDemiray silicone Material Region",
     "Loads, contact and parts": "Gravity Mass Force Moment Rigid RigidShape Obstacle Walls Fibres Fabric Sheet Clamp",
     "Fits": "fit fit_heights fit_curves fit_leak score FitOptions TensileCurve Score Leak",
     "Design, studies, mould, export": "optimise DesignProblem Keep study Study ReducedModel mould export",

@@ -73,6 +73,7 @@ if TYPE_CHECKING:
     from softmodels.fitting.problem import FitError as FitError, FitOptions as FitOptions
     from softmodels.fitting.scoring import Score as Score, score as score
     from softmodels.materials.laws import (
+        Carroll as Carroll,
         FungDemiray as FungDemiray,
         Gent as Gent,
         Material as Material,

@@ -25,7 +25,8 @@ from softmodels.common.names import checked
 from softmodels.materials.memory import Expression, Memory
 
 __all__ = [
-    "LAWS", "FungDemiray", "Gent", "Material", "MaterialError", "MooneyRivlin", "NeoHookean", "Ogden", "Polynomial", "Yeoh",
+    "LAWS", "Carroll", "FungDemiray", "Gent", "Material", "MaterialError", "MooneyRivlin", "NeoHookean", "Ogden", "Polynomial",
+    "Yeoh",
 ]  # fmt: skip
 
 
@@ -774,6 +775,37 @@ class Yeoh(Material):
     @classmethod
     def starting_values(cls, modulus: float, strain: float = 10.0, terms: int = 0) -> dict[str, float]:
         return {"c1": modulus / 2, "c2": 0.01 * modulus / strain, "c3": 0.0}
+
+
+@register_law
+@dataclasses.dataclass(frozen=True)
+class Carroll(Material):
+    """Carroll: W = a (I1_bar - 3) + b (I1_bar^4 - 81) + c (sqrt(I2_bar) - sqrt(3)); mu = 2 a + 216 b + c / sqrt(3).
+
+    Three factors that follow rubber in pull, shear and sheet alike: the part of I2 falls with the strain as it does there, and
+    I1^4 stiffens like chains that become straight. Carroll 2011, doi 10.1007/s10659-010-9279-0, who writes A, B, C.
+    """
+
+    name: ClassVar[str] = "carroll"
+    title: ClassVar[str] = "Carroll's law"
+    source: ClassVar[str] = "Carroll 2011, J. Elast. 103:173, doi 10.1007/s10659-010-9279-0"
+    linear: ClassVar[bool] = True
+    a: float = parameter("Pa", "factor of I1")
+    b: float = parameter("Pa", "factor of I1^4", 0.0)
+    c: float = parameter("Pa", "factor of the root of I2", 0.0)
+    poisson: float = poissons_ratio()  # type: ignore[assignment]
+
+    @staticmethod
+    def shape(strain: StrainMeasures, m: Parameters) -> Expression:
+        return m.a * (strain.I1_bar - 3) + m.b * (strain.I1_bar**4 - 81) + m.c * (strain.I2_bar**0.5 - math.sqrt(3.0))
+
+    @property
+    def shear_modulus_0(self) -> float:
+        return 2 * self.a + 216 * self.b + self.c / math.sqrt(3.0)
+
+    @classmethod
+    def starting_values(cls, modulus: float, strain: float = 10.0, terms: int = 0) -> dict[str, float]:
+        return {"a": 0.4 * modulus, "b": 1e-4 * modulus / (3 + strain) ** 3, "c": 0.2 * math.sqrt(3.0) * modulus}
 
 
 @register_law

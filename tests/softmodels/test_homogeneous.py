@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from softmodels.materials.laws import FungDemiray, Gent, MooneyRivlin, NeoHookean, Ogden, Polynomial, Yeoh
+from softmodels.materials.laws import Carroll, FungDemiray, Gent, MooneyRivlin, NeoHookean, Ogden, Polynomial, Yeoh
 from softmodels.materials.specimens import balloon_limit, balloon_pressure, nominal_stress, respond, sphere_pressure
 from tests.support.closed_forms import tube_pressure
 
@@ -91,7 +91,7 @@ def test_uniaxial_compressible_meets_the_incompressible_limit():
 
 
 @pytest.mark.parametrize("mode", LAST)
-def test_polynomial_and_exponential_in_closed_form(mode):
+def test_polynomial_exponential_and_root_in_closed_form(mode):
     """S = dW/dI1 dI1/dl + dW/dI2 dI2/dl, by hand."""
     second = {"uniaxial": 2 * L + L**-2, "planar": I1["planar"], "equibiaxial": L**4 + 2 * L**-2}
     a, b, c20, c11, c02 = I1[mode] - 3, second[mode] - 3, 300.0, -50.0, 20.0
@@ -99,6 +99,8 @@ def test_polynomial_and_exponential_in_closed_form(mode):
     assert nominal_stress(Polynomial(C10, C01, c20, c11, c02), L, mode) == pytest.approx(stress, abs=1e-9 * C10)
     stress = MU / 2 * np.exp(0.05 * a) * I1_SLOPE[mode]
     assert nominal_stress(FungDemiray(MU, 0.05), L, mode) == pytest.approx(stress, abs=1e-9 * MU)
+    stress = (C10 + 4 * 0.02 * (a + 3) ** 3) * I1_SLOPE[mode] + C01 / (2 * np.sqrt(b + 3)) * I2_SLOPE[mode]
+    assert nominal_stress(Carroll(C10, 0.02, C01), L, mode) == pytest.approx(stress, abs=1e-9 * C10)
 
 
 # -- balloons ---------------------------------------------------------------------------------------------------------

@@ -8,13 +8,23 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from softmodels.materials.laws import FungDemiray, Gent, MaterialError, MooneyRivlin, NeoHookean, Ogden, Polynomial, Yeoh
+from softmodels.materials.laws import (
+    Carroll,
+    FungDemiray,
+    Gent,
+    MaterialError,
+    MooneyRivlin,
+    NeoHookean,
+    Ogden,
+    Polynomial,
+    Yeoh,
+)
 from softmodels.materials.specimens import check_rest, instabilities, judge, last_stretch, weakest, weakness
 from tests.support import runs
 
 
 @pytest.mark.parametrize("law", [NeoHookean(20e3), Yeoh(8e3, 90.0), Gent(20e3, 40.0), MooneyRivlin(8e3, 1e3),
-                                 FungDemiray(20e3, 0.01), Polynomial(8e3, 1e3, 20.0),
+                                 FungDemiray(20e3, 0.01), Carroll(8e3, 0.01, 4e3), Polynomial(8e3, 1e3, 20.0),
                                  Ogden((0.63e6, 1.2e3, -10e3), (1.3, 5.0, -2.0))])  # fmt: skip
 def test_convex_laws_are_stable_everywhere(law):
     assert instabilities(law) == ()

@@ -16,6 +16,7 @@ from softmodels.fitting.problem import FitOptions, LawChoice, law_choices
 from softmodels.materials.laws import (
     DEFAULT_POISSON_RATIO,
     LAWS,
+    Carroll,
     FungDemiray,
     Gent,
     HomogeneousStrain,
@@ -52,6 +53,7 @@ EXAMPLES = {
     "mooney-rivlin": MooneyRivlin(10e3, 5e3, 0.45),
     "yeoh": Yeoh(15e3, 1e3, 50.0, 0.45),
     "ogden": Ogden((0.63e6, 1.2e3, -10e3), (1.3, 5.0, -2.0), 0.45),
+    "carroll": Carroll(10e3, 0.02, 9e3, 0.45),
     "gent": Gent(30e3, 40.0, 0.45),
     "polynomial": Polynomial(9e3, 4e3, 300.0, -50.0, 20.0, 0.45),
     "fung-demiray": FungDemiray(30e3, 0.05, 0.45),

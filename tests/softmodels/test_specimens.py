@@ -12,6 +12,7 @@ from scipy.special import erf
 
 from softmodels.materials.laws import (
     LAWS,
+    Carroll,
     FungDemiray,
     Gent,
     HomogeneousStrain,
@@ -38,6 +39,7 @@ EXAMPLES = {
     "mooney-rivlin": MooneyRivlin(10e3, 5e3, 0.5),
     "yeoh": Yeoh(15e3, 1e3, 50.0, 0.5),
     "ogden": Ogden((0.63e6, 1.2e3, -10e3), (1.3, 5.0, -2.0), 0.5),
+    "carroll": Carroll(10e3, 0.02, 9e3, 0.5),
     "gent": Gent(30e3, 40.0, 0.5),
     "polynomial": Polynomial(10e3, 5e3, 300.0, -50.0, 20.0, 0.5),
     "fung-demiray": FungDemiray(30e3, 0.05, 0.5),

@@ -29,6 +29,7 @@ TRUTH = {
     "ogden1": {"mu1": 12e3, "alpha1": 2.5},
     "ogden2": {"mu1": 15e3, "alpha1": 1.4, "mu2": 30.0, "alpha2": 5.5},
     "ogden3": {"mu1": 15e3, "alpha1": 1.4, "mu2": 30.0, "alpha2": 5.5, "mu3": -400.0, "alpha3": -2.0},
+    "carroll": {"a": 7e3, "b": 0.01, "c": 6e3},
     "gent": {"shear_modulus": 20e3, "limit": 60.0},
     "polynomial": {"c10": 8e3, "c01": 1.5e3, "c20": 60.0, "c11": -10.0, "c02": 4.0},
     "fung-demiray": {"shear_modulus": 20e3, "stiffening": 0.05},
