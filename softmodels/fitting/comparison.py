@@ -269,29 +269,26 @@ class FittedLaw(cards.ResultCard):
 
     @functools.cached_property
     def covariance(self) -> tuple[list[str], Array]:
-        """Names of the free parameters, and `laws.FORM` where the law was fitted to curves, with their covariance for bands.
+        """Names of the free parameters, and `laws.FORM`, with their covariance for bands.
 
-        Pulls do not depend on that factor, so it is uncertain as it is without them (`laws.FORM_RANGE`); other tests narrow it.
-        What the law misses in its own curves is an error of all its moduli.
+        Pulls do not depend on that factor, so it is uncertain as it is without them (`laws.FORM_RANGE`); other tests and the
+        states of devices narrow it. What the law misses in its own curves is an error of all its moduli.
         """
         fit = self.fit
         free, labels = [p.name for p in fit.free], np.array(fit.rows.groups)
         if not self.form_error:
             return free, fit.band_covariance
-        slopes = np.zeros(fit.count)
-        for source in self._curves:
-            slopes[labels == source.label] = source.form_slopes(fit.values)
-        misfit = np.mean([source.misfit(fit.unexplained[labels == source.label]) for source in self._curves])
+        slopes = np.concatenate([source.form_slopes(fit.values) for source in fit.problem.sources])  # type: ignore[attr-defined]
+        misfits = [source.misfit(fit.unexplained[labels == source.label]) for source in self._curves]
+        misfit = np.mean(misfits) if misfits else 0.0
         moduli = np.array([fit.values[p.name] * (p.unit == "Pa" and p.name in self.choice.names) for p in fit.free] + [0.0])
         covariance = fit.covariance_with(slopes, self.form_error) + misfit * np.outer(moduli, moduli)
         return [*free, laws.FORM], names.read_only(covariance)
 
     @functools.cached_property
     def form_error(self) -> float:
-        """Standard error of the factor of `laws.form_energy`: half of how far it may lie away, see `laws.FORM_RANGE`; 0 where
-        the law was fitted to a device, whose states say more of it than a curve."""
-        if self.devices or not self._curves:
-            return 0.0
+        """Standard error of the factor of `laws.form_energy` before the data: half of how far it may lie away, see
+        `laws.FORM_RANGE`."""
         shares = self._form_shares[2]
         if not np.isfinite(shares).any():
             return 0.0
@@ -304,27 +301,32 @@ class FittedLaw(cards.ResultCard):
 
     @functools.cached_property
     def _form_shares(self) -> tuple[Array, Array, Array]:
-        """`specimens.form_shares` up to the largest strain of the curves."""
-        return specimens.form_shares(self.material, residuals.largest_strain([source.curve for source in self._curves]))
+        """`specimens.form_shares` up to the largest strain of the curves, or of the device that the law was fitted to."""
+        strain = residuals.largest_strain([source.curve for source in self._curves])
+        if self.material.fitted_stretch and not self._curves:
+            strain = float(specimens.strain_of("equibiaxial", np.array(self.material.fitted_stretch)).max())
+        return specimens.form_shares(self.material, strain)
 
     @property
     def form_note(self) -> str:
-        """How much the law's form adds to the band in equibiaxial tension, as a sentence; "" where it is not in the band."""
+        """How much the law's form adds to the band in equibiaxial tension, after a fit to a device in uniaxial tension, as a
+        sentence; "" where it is not in the band, or both kinds of data were fitted together."""
         try:
             errors = self.errors
         except materials.MaterialError:
             return ""
-        if laws.FORM not in errors.names:
+        if laws.FORM not in errors.names or 0 < len(self._curves) < len(self.fit.problem.sources):
             return ""
+        mode, narrows = ("equibiaxial", "only an equibiaxial or planar test") if self._curves else ("uniaxial", "a pull")
         stretch = self._form_shares[0]
-        response = specimens.respond(self.material, stretch[-1:], "equibiaxial", errors.names)
+        response = specimens.respond(self.material, stretch[-1:], mode, errors.names)
         halves = [
             least_squares.NORMAL_QUANTILE * float(np.linalg.norm(response.slopes @ roots)) / float(response.stress[0])
             for roots in (errors.by_cause[materials.MATERIAL], errors.roots)
         ]
         return (
-            f"95 % band in equibiaxial tension at stretch {stretch[-1]:.3g}: +-{100 * halves[1]:.2g} % of the stress, "
-            f"+-{100 * halves[0]:.2g} % without the law's form, which only an equibiaxial or planar test narrows"
+            f"95 % band in {mode} tension at stretch {stretch[-1]:.3g}: +-{100 * halves[1]:.2g} % of the stress, "
+            f"+-{100 * halves[0]:.2g} % without the law's form, which {narrows} narrows"
         )
 
     @property
@@ -665,8 +667,7 @@ def shifted(fit: least_squares.LeastSquaresFit, choice: problem.LawChoice, given
         return {}
     change = np.zeros(len(fit.residuals))
     change[: fit.count] = np.concatenate(moved) - fit.residuals[: fit.count]
-    size = np.linalg.norm(fit.jacobian, axis=0)
-    size[size == 0.0] = 1.0
+    size = least_squares.column_lengths(fit.jacobian)
     steps = np.linalg.lstsq(fit.jacobian / size, -change, rcond=least_squares.MIN_SINGULAR_VALUE)[0] / size
     return values | {p.name: fit.values[p.name] + step for p, step in zip(fit.free, steps.tolist(), strict=True)}
 

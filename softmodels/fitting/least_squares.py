@@ -171,7 +171,8 @@ class LeastSquaresFit:
         size, inside, rows = len(self.free), self.inside, len(self.residuals)
         J = np.zeros((rows + 1, len(inside) + 1))
         J[:rows, :-1], J[: self.count, -1], J[rows, -1] = self.jacobian[:, inside], slopes, 1.0 / error
-        step = np.linalg.lstsq(J, -np.append(self.residuals, 0.0), rcond=MIN_SINGULAR_VALUE)[0]
+        lengths = column_lengths(J)
+        step = np.linalg.lstsq(J / lengths, -np.append(self.residuals, 0.0), rcond=MIN_SINGULAR_VALUE)[0] / lengths
         joint = self._sandwich(J) + np.outer(step, step)
         whole = np.full((size + 1, size + 1), np.nan)
         whole[:size, :size] = self.band_covariance
@@ -181,8 +182,7 @@ class LeastSquaresFit:
         return whole
 
     def _sandwich(self, J: Array) -> Array:
-        size = np.linalg.norm(J, axis=0)
-        size[size == 0.0] = 1.0
+        size = column_lengths(J)
         bread, meat = self.information(J / size)
         eigenvalues, vectors = np.linalg.eigh(bread)
         seen = eigenvalues > MIN_SINGULAR_VALUE**2 * max(eigenvalues[-1], 1e-300)
@@ -339,6 +339,13 @@ MAX_RMS_RESIDUAL = 3.0
 """Root mean square residual in errors of the measurement above which the model does not follow the data."""
 ROUNDING_TOLERANCE = 1e-6
 """Residuals below this fraction of the model count as rounding."""
+
+
+def column_lengths(J: Array) -> Array:
+    """Return the lengths of a matrix' columns, 1 for zeros, so that columns over them do not depend on units."""
+    lengths = np.linalg.norm(J, axis=0)
+    lengths[lengths == 0.0] = 1.0
+    return np.asarray(lengths)
 
 
 @dataclasses.dataclass(frozen=True)

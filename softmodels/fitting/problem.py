@@ -199,7 +199,8 @@ Changes = Mapping[str, Change]
 class Residuals(Protocol):
     """A source of residuals. It may also carry ``unit`` (str) and ``errors`` (scalar or one per residual, in that unit):
     what a residual of 1 stands for. A fit then reports its residuals in that unit. Where only the ratios of ``errors`` are
-    known, or they are weights too, it may carry ``usual_errors``, by which a fit tells whether its model follows the data."""
+    known, or they are weights too, it may carry ``usual_errors``, by which a fit tells whether its model follows the data.
+    Sources of a law have ``form_slopes(values)``, the derivatives by the factor of `laws.form_energy`, shape (n,)."""
 
     @property
     def label(self) -> str:

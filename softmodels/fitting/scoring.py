@@ -31,11 +31,11 @@ from softmodels.fitting.outlines import inflations, views
 from softmodels.fitting.outlines.device import MeasuredDevice
 from softmodels.fitting.outlines.fit import fit_law_to_outlines, outlines_of, source_of, table_in
 from softmodels.fitting.outlines.inflations import Inflation
-from softmodels.fitting.outlines.residuals import READINGS
+from softmodels.fitting.outlines.residuals import READINGS, OutlineResiduals
 from softmodels.fitting.outlines.views import SideView
 from softmodels.fitting.problem import FitError
 from softmodels.materials import silicones, specimens
-from softmodels.materials.laws import Material
+from softmodels.materials.laws import FORM, Material
 from softmodels.mechanics import mpi
 
 COLUMNS = [
@@ -112,7 +112,7 @@ def _explained_deviance(residuals: Array, slopes: Array, free: Array, errors: Ma
     reach = math.sqrt(chdtri(len(slope), 1 - IDENTICAL_TOLERANCE))
 
     def step(shift: float) -> Array:
-        return np.asarray(-slope / np.maximum(curvature + shift, 1e-300))
+        return np.asarray(-slope / np.maximum(curvature + shift, 1e-150))
 
     shift, most = 0.0, float(np.linalg.norm(slope)) / reach  # at which the step is within reach whatever the curvature
     if most > 0.0 and np.linalg.norm(step(0.0)) > reach:
@@ -186,7 +186,7 @@ def score_outlines(
         _, J, _ = source.evaluate(fit.values, True)
         assert J is not None
         slopes = np.zeros((len(fit.residuals), len(errors.names)))  # the bench's priors do not depend on the material
-        slopes[: fit.count] = _slopes(J, source.parameters, errors)
+        slopes[: fit.count] = _slopes(J, source, fit.values, errors)
         explained = _explained_deviance(fit.residuals, slopes, fit.jacobian, errors) / freedom
     return Score(
         name,
@@ -230,7 +230,7 @@ def score_inflation(
     where = source.size_of.text(float(source.measured[at]))
     explained = math.nan
     if errors is not None:
-        slopes = weights[:, None] * _slopes(J, source.parameters, errors)
+        slopes = weights[:, None] * _slopes(J, source, values, errors)
         explained = _explained_deviance(sizes, slopes, np.zeros((len(off), 0)), errors) / len(off)
     return Score(
         name, f"{source.label} ({measured.name})", len(off), _rms(off), "Pa", _mean_square(sizes), _covered_shares(sizes),
@@ -238,9 +238,13 @@ def score_inflation(
     )  # fmt: skip
 
 
-def _slopes(J: Array, names: Sequence[str], errors: MaterialErrors) -> Array:
+def _slopes(
+    J: Array, source: OutlineResiduals | inflations.InflationResiduals, values: Mapping[str, float], errors: MaterialErrors
+) -> Array:
     """Return the columns of a Jacobian by the parameters of a material's errors; 0 of a memory's, at equilibrium."""
-    columns = dict(zip(names, J.T, strict=True))
+    columns = dict(zip(source.parameters, J.T, strict=True))
+    if FORM in errors.names:
+        columns[FORM] = source.form_slopes(values)
     return np.column_stack([columns.get(name, np.zeros(len(J))) for name in errors.names])
 
 

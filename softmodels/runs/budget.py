@@ -166,7 +166,7 @@ class Budget:
         if tolerances.GAUGE not in given and case.load.has_pressure:
             yield "the gauge ([tolerance])"
         if case.band is not None and FORM not in getattr(case.band, "names", ()):
-            yield "the law's form (a fit to curves)"
+            yield "the law's form (a fit)"
         if not self.finer:
             yield "the mesh (--mesh-error)"
 
@@ -193,7 +193,7 @@ class Budget:
         cure = {
             MESH: "use smaller cells (--finer 2)",
             MATERIAL: "test this silicone, and fit it",
-            FORM: "pull this silicone in planar or equibiaxial tension too, and fit all curves together",
+            FORM: "test this silicone in another way too (a pull, planar or equibiaxial tension), and fit all data together",
         }
         return (
             f"The largest contribution is {first.text}: {cure.get(first.name, f'measure the {first.name} of this device')}. "

@@ -18,14 +18,21 @@ from softmodels.fitting.comparison import as_json, material_toml
 from softmodels.fitting.curves.curve import TensileCurve, read_curves
 from softmodels.fitting.curves.fit import fit_curves
 from softmodels.fitting.curves.residuals import USUAL_ERROR, largest_strain
-from softmodels.fitting.problem import USUAL_GAUGE_ERROR, FitOptions
-from softmodels.materials.laws import FORM, FORM_RANGE, Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
+from softmodels.fitting.outlines.device import DeviceModel
+from softmodels.fitting.problem import USUAL_GAUGE_ERROR, FitOptions, LawChoice
+from softmodels.materials.laws import FORM, FORM_RANGE, Carroll, Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
 from softmodels.materials.specimens import form_shares, nudged, respond, sphere_pressure, strain_of
 from softmodels.mechanics import mpi
+from softmodels.mechanics.body import Body
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import System
+from tests.softmodels.test_outline_fit import DISK, PRESSURES
+from tests.support.simulated import SimulatedCamera, simulated_outlines
 
 QUICK = FitOptions(profiles=False)
 TRELOAR = Ogden((0.63e6, 1.2e3, -10e3), (1.3, 5.0, -2.0), 0.5)
 """Ogden 1972, doi 10.1098/rspa.1972.0026: of all three tests, so with a share of I2 that a pull does not show."""
+RUBBER = Carroll(8e3, 0.05, 10e3, 0.5)
 OTHERS = ("planar", "equibiaxial")
 
 
@@ -106,6 +113,30 @@ def test_another_test_narrows_the_form():
     assert wide[1] / wide[2] > 0.15 and narrow[1] / narrow[2] < 0.5 * wide[1] / wide[2]
     assert halves(one, np.array([1.6]), "uniaxial")[1] == pytest.approx(halves(one, np.array([1.6]), "uniaxial")[0], rel=1e-6)
     assert "+-" in one.form_note and "only an equibiaxial or planar test narrows" in one.form_note
+
+
+@pytest.fixture(scope="module")
+def outlines(comm, tmp_path_factory):
+    """Outlines of a disk of Carroll's rubber, whose share of I2 at small strain is 0.26."""
+    file = DISK.write(tmp_path_factory.mktemp("disk") / "disk.msh")
+    model = DeviceModel(Solver(System(Body.from_file(DISK, file, comm), RUBBER)), LawChoice.from_text("carroll", 0.5))
+    return simulated_outlines(model, RUBBER.parameters, PRESSURES, SimulatedCamera())
+
+
+def test_the_form_of_a_law_fitted_to_a_device(outlines):
+    """The disk is stretched both ways: a law of I1 fits its outlines, and misses the pull by more than its covariance says."""
+    stretch, mode = np.array([1.2, 1.5]), "uniaxial"
+    law = sm.fit(DISK, outlines, "yeoh", options=QUICK).chosen
+    assert law.sound
+    without, with_form, stress = halves(law, stretch, mode)
+    off = np.abs(stress - respond(RUBBER, stretch, mode).stress)
+    assert (off > 1.5 * without).all() and (off < with_form).all()
+    assert "95 % band in uniaxial tension" in law.form_note and "a pull narrows" in law.form_note
+    both = sm.fit(DISK, outlines, "carroll", options=QUICK, curves=pulled(RUBBER, top=1.6)).chosen
+    assert FORM in both.errors.names and not both.form_note
+    _, narrow, stress = halves(both, stretch, mode)
+    assert (narrow < 0.5 * with_form).all()
+    assert (np.abs(stress - respond(RUBBER, stretch, mode).stress) < narrow).all()
 
 
 def test_causes_add_up_to_the_covariance():
@@ -202,3 +233,17 @@ def test_a_stored_fit_keeps_the_form(tmp_path):
     whole = MaterialErrors.from_file(tmp_path / "fitted.toml")
     assert whole.names == report.chosen.errors.names and np.allclose(whole.matrix, report.chosen.errors.matrix)
     assert rough.names[-1] == FORM and rough.matrix[-1, -1] == pytest.approx(whole.matrix[-1, -1], rel=1e-3)
+
+
+def test_the_form_explains_a_misfit_of_a_device(outlines):
+    """A law of I1 fitted to the pull of Carroll's rubber; its parameters alone explain a third of what is off at the disk."""
+    law = fit_curves(pulled(RUBBER, top=2.2), "yeoh", QUICK).chosen
+    errors = law.errors
+    rest = [name for name in errors.names if name != FORM]
+    places = [errors.names.index(name) for name in rest]
+    alone = MaterialErrors(tuple(rest), tuple(map(tuple, (errors.roots @ errors.roots.T)[np.ix_(places, places)].tolist())))
+    shares = []
+    for of_material in (alone, errors):
+        (score,) = sm.score({"rubber": law.material}, device=DISK, outlines=outlines, errors={"rubber": of_material})
+        shares.append(score.chi2_material / score.chi2)
+    assert shares[0] < 0.4 and shares[1] > 0.9, shares

@@ -19,6 +19,7 @@ from softmodels.common.arrays import Array
 from softmodels.fitting import problem
 from softmodels.fitting.outlines import device, residuals
 from softmodels.fitting.outlines.shapes import OutlineFitError, Shape
+from softmodels.materials import laws
 from softmodels.mechanics import controls, newton, sensitivity
 from softmodels.mechanics.system import State
 from softmodels.path import schedule, stability
@@ -282,6 +283,16 @@ class CreepingResiduals(residuals.OutlineResiduals):
         names = [name for name in self.model.common if self.named(name) not in self.fixed]
         self._found = self.creep.photographs(own, names)
         return [self._found[i][0] for i in range(len(self.shapes))]
+
+    def form_slopes(self, values: Mapping[str, float]) -> Array:
+        """Return the derivatives of the residuals by the factor of `laws.form_energy`, shape (n,): the tests walked anew."""
+        self.matches(values)
+        known = self._found, self.creep.levels
+        try:
+            self._found = self.creep.photographs(self.own(values), [laws.FORM])
+            return super().form_slopes(values)
+        finally:
+            self._found, self.creep.levels = known
 
     def _slopes(self, number: int, state: State, names: Sequence[str]) -> tuple[dict[str, float], dict[str, Array]]:
         rates = self._found[number][1]

@@ -21,8 +21,9 @@ from softmodels.common.columns import TensileError, in_si
 from softmodels.common.names import keep_arrays
 from softmodels.fitting import least_squares, problem
 from softmodels.fitting.outlines import residuals, shapes
-from softmodels.fitting.outlines.device import DeviceModel
+from softmodels.fitting.outlines.device import DeviceModel, ModelSlopes
 from softmodels.fitting.outlines.shapes import OutlineFitError
+from softmodels.materials import laws
 from softmodels.mechanics.system import State
 from softmodels.path import continuation
 from softmodels.runs import grid
@@ -287,18 +288,13 @@ class InflationResiduals(residuals.HeightResiduals):
             self.model.set_parameters(values)
             pressures = np.array([self.model.pressure(state) for state in states])
             slopes = [self.model.slopes(state, names) for state in states]
-            by_volume = np.array([slope.along_pressure for slope in slopes])
             J = np.zeros((len(states), len(self.parameters)))
-            for name in names:
-                J[:, self.parameters.index(name)] = [slope.pressure[name] for slope in slopes]
+            J[:, [self.parameters.index(name) for name in names]] = self._at_sizes(states, slopes, names)
             if is_volume:
                 break
             places = [self.size_of.at(state) for state in states]
-            pairs = list(zip(places, slopes, strict=True))
-            along = np.array([self.size_of.rate(place, slope.along_nodes) for place, slope in pairs])
-            for name in names:
-                moved = np.array([self.size_of.rate(place, slope.nodes[name]) for place, slope in pairs])
-                J[:, self.parameters.index(name)] -= by_volume * moved / along
+            by_volume = np.array([slope.along_pressure for slope in slopes])
+            along = np.array([self.size_of.rate(place, s.along_nodes) for place, s in zip(places, slopes, strict=True)])
             step = (self.measured - np.array([place[0] for place in places])) / along
             if np.abs(step / volumes).max() < CLOSE_VOLUME:
                 pressures = pressures + by_volume * step
@@ -309,6 +305,23 @@ class InflationResiduals(residuals.HeightResiduals):
         self._volumes = volumes
         self._known = own, states, pressures, J
         return states, pressures, J
+
+    def _at_sizes(self, states: Sequence[State], slopes: Sequence[ModelSlopes], names: Sequence[str]) -> Array:
+        """Return the derivatives of the pressures in Pa by parameters of the device at fixed sizes, shape (n, m)."""
+        by = np.array([[slope.pressure[name] for name in names] for slope in slopes])
+        if self.size_of.kind != ADDED:
+            for row, state, slope in zip(by, states, slopes, strict=True):
+                place = self.size_of.at(state)
+                moved = np.array([self.size_of.rate(place, slope.nodes[name]) for name in names])
+                row -= slope.along_pressure * moved / self.size_of.rate(place, slope.along_nodes)
+        return by
+
+    def form_slopes(self, values: Mapping[str, float]) -> Array:
+        """Return the derivatives of the residuals by the factor of `laws.form_energy`, shape (n,)."""
+        states = self._solved(values)[0]
+        self.model.set_parameters(values)
+        slopes = [self.model.slopes(state, [laws.FORM]) for state in states]
+        return self._at_sizes(states, slopes, [laws.FORM])[:, 0] / self.errors
 
     def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, list[str]]:
         """See `softmodels.fitting.problem.Residuals`."""

@@ -12,6 +12,7 @@ A leak (flow through the hose between column and device) makes readings too high
 
 from __future__ import annotations
 
+import collections
 import dataclasses
 import itertools
 import math
@@ -32,6 +33,7 @@ from softmodels.fitting import least_squares, problem
 from softmodels.fitting.outlines.device import DeviceModel
 from softmodels.fitting.outlines.shapes import MAX_OUTLINE_HEIGHT, MIN_HEIGHT, OutlineFitError, Shape, kept, shadow_of
 from softmodels.fitting.problem import FitError
+from softmodels.materials import laws
 from softmodels.mechanics import newton
 from softmodels.mechanics.system import State
 from softmodels.path import continuation, stability
@@ -152,7 +154,15 @@ class OutlineResiduals:
         residuals = np.concatenate([*(f.residuals for f in matches), [matches[i].reading for i in self.read]])
         if not np.isfinite(residuals).all():
             raise problem.CannotEvaluate("a residual is not finite")
-        return residuals, self._jacobian(values, matches) if derivatives else None, self.groups
+        if not derivatives:
+            return residuals, None, self.groups
+        names = [name for name in self.model.names if self.named(name) not in self.fixed]
+        columns = self._columns(values, names)
+        return residuals, np.column_stack([columns[name] for name in self._own_names]), self.groups
+
+    def form_slopes(self, values: Mapping[str, float]) -> Array:
+        """Return the derivatives of the residuals by the factor of `laws.form_energy`, shape (n,)."""
+        return self._columns(values, [laws.FORM])[laws.FORM]
 
     def matches(self, values: Mapping[str, float]) -> list[MatchedPhotograph]:
         """Return each photograph with its state at parameter values."""
@@ -177,27 +187,28 @@ class OutlineResiduals:
         slopes, volume = self.model.slopes(state, names), self._own_hidden[number]
         return {**slopes.pressure, volume: slopes.along_pressure}, {**slopes.nodes, volume: slopes.along_nodes}
 
-    def _jacobian(self, values: Mapping[str, float], matches: Sequence[MatchedPhotograph]) -> Array:
-        J = np.zeros((self.count, len(self.parameters)))
-        column = {name: i for i, name in enumerate(self._own_names)}
+    def _columns(self, values: Mapping[str, float], names: Sequence[str]) -> Mapping[str, Array]:
+        """Return the derivatives of the residuals, shape (n,), by named parameters of the device, those of the bench and the
+        hidden ones; zeros by others."""
+        matches = self.matches(values)
         self.model.set_parameters(self.own(values))
-        names = [name for name in self.model.names if self.named(name) not in self.fixed]
+        columns: Mapping[str, Array] = collections.defaultdict(lambda: np.zeros(self.count))
         first = 0
         for place, fitting in enumerate(matches):
             rows = slice(first, first + len(fitting.shape.weight))
             pressures, nodes = self._slopes(place, fitting.state, names)
             for name, rate in nodes.items():
-                J[rows, column[name]] = fitting.moved(rate)
+                columns[name][rows] = fitting.moved(rate)
             for name, (on_points, _) in fitting.bench().items():
-                J[rows, column[name]] = on_points
+                columns[name][rows] = on_points
             if place in self.read:
                 reading = self.count - len(self.read) + self.read.index(place)
                 for name, slope in pressures.items():
-                    J[reading, column[name]] = slope / fitting.shape.pressure_error
+                    columns[name][reading] = slope / fitting.shape.pressure_error
                 for name, (_, on_reading) in fitting.bench().items():
-                    J[reading, column[name]] = on_reading
+                    columns[name][reading] = on_reading
             first = rows.stop
-        return J
+        return columns
 
 
 class MatchedPhotograph:
@@ -587,12 +598,20 @@ class HeightResiduals:
         if not derivatives:
             return residuals, None, labels
         J = np.zeros((len(states), len(self.parameters)))
-        names = [name for name in self.parameters if name not in self.fixed]
-        for row, state in enumerate(states):
-            slopes = self.model.slopes(state, names, "pressure")
-            for name in names:
-                J[row, self.parameters.index(name)] = 1e3 * slopes.nodes[name][0, 0, 1]
+        free = [name not in self.fixed for name in self.parameters]
+        J[:, free] = self._slopes(states, [name for name in self.parameters if name not in self.fixed])
         return residuals, J, labels
+
+    def _slopes(self, states: Sequence[State], names: Sequence[str]) -> Array:
+        """Return the derivatives of the heights in mm by parameters of the device at fixed pressures, shape (n, m)."""
+        slopes = [self.model.slopes(state, names, "pressure").nodes for state in states]
+        return np.array([[1e3 * nodes[name][0, 0, 1] for name in names] for nodes in slopes])
+
+    def form_slopes(self, values: Mapping[str, float]) -> Array:
+        """Return the derivatives of the residuals by the factor of `laws.form_energy`, shape (n,)."""
+        states = self.model.states(values, self.pressures, "pressure")
+        self.model.set_parameters(values)
+        return self._slopes(states, [laws.FORM])[:, 0]
 
     def shared(self, values: Mapping[str, float], lengths: Mapping[str, problem.Prior]) -> Array:
         """Return the change of the residuals by one standard error of each systematic bench error and of lengths, shape (n, 5 +
