@@ -102,13 +102,13 @@ class ImportedPart(Actuator):
             raise GeometryError("support is empty; give the held faces, such as 'x = 0 mm'")
         if len(set(self.planes)) != len(self.planes) or len(self.planes) > 3:
             raise GeometryError(f"planes is {', '.join(self.planes)}; at most three, each once")
+        _ = self.patches
+        self.check_cells()
         if self.pressure_ratios and len(self.pressure_ratios) != self.cavity_count:
             cavities = f"{self.cavity_count} cavit{'y' if self.cavity_count == 1 else 'ies'}"
             raise GeometryError(f"pressure_ratios has {len(self.pressure_ratios)} values for {cavities}; give one each")
         if self.ratios and not any(self.ratios):
             raise GeometryError("pressure_ratios are all 0; give one other than 0, below it for a vacuum")
-        _ = self.patches
-        self.check_cells()
         _ = self.reading
 
     @abc.abstractmethod
@@ -127,7 +127,8 @@ class ImportedPart(Actuator):
     @property
     def key(self) -> str:
         """Twelve digits that change with the parameters and the file's contents, not with its path."""
-        parameters = [(f.name, getattr(self, f.name)) for f in dataclasses.fields(self) if f.name not in self.files]
+        of_files = {name.partition("[")[0] for name in self.files}
+        parameters = [(f.name, getattr(self, f.name)) for f in dataclasses.fields(self) if f.name not in of_files]
         return hashlib.sha256(repr((type(self).__name__, self.digest(), parameters)).encode()).hexdigest()[:12]
 
     @property
@@ -1859,19 +1860,26 @@ class ImportedMesh(ImportedPart):
         zero=True,
         shape=False,
     )
-    air: str = schema.text_field(
-        "", "STL file of the part's air, such as cavity.stl, if the part's own file has it not, or has it filled"
+    air: tuple[str, ...] = schema.list_field(
+        (),
+        "STL files of the part's air, such as cavity.stl, if the part's own file has it not, or has it filled; each body in "
+        "them is a cavity, in their order, unless cavities are named",
     )
 
     meshed: ClassVar[bool] = True
     kind: ClassVar[str] = "mesh (--file part.msh, part.inp, part.vtu or part.stl)"
 
     def check_cells(self) -> None:
-        """Check the file of its air; a mesh is used as it is."""
-        object.__setattr__(self, "air", errors.whole_path(self.air))
+        """Check the files of its air, each body of which is a cavity in their order; a mesh is used as it is."""
+        object.__setattr__(self, "air", tuple(map(errors.whole_path, self.air)))
         stl = [Path(file).suffix.lower() == ".stl" for file in self.files.values()]
         if self.air and not all(stl):
-            raise GeometryError(f"air is {self.air!r}; give it with a part of its own as surfaces, both as .stl files")
+            raise GeometryError(f"air is {', '.join(self.air)}; give it with a part of its own as surfaces, all as .stl files")
+        if self.air and not self.cavities:
+            places = [at for file in self.air for at in surfaces.air_points(read_surfaces(file, UNITS[self.unit])[0])]
+            if len(places) > 1:
+                texts = (", ".join(f"{1e3 * x:.6g}" for x in place) for place in places)
+                object.__setattr__(self, "cavities", tuple(f"at {text} mm" for text in texts))
         if stl[0] and not self.cell_size:
             surface = read_surfaces(self.file, UNITS[self.unit])[0]
             object.__setattr__(self, "cell_size", usual_size(*_area_and_volume(surface)))
@@ -1882,7 +1890,7 @@ class ImportedMesh(ImportedPart):
 
     @property
     def files(self) -> Mapping[str, str]:
-        return {"file": self.file, "air": self.air} if self.air else {"file": self.file}
+        return {"file": self.file} | {f"air[{number}]": file for number, file in enumerate(self.air, 1)}
 
     @property
     def mesh(self) -> mesh_arrays.Tetrahedra:
@@ -1967,9 +1975,9 @@ def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra,
     mesh, surface, repairs = None, None, list[str]()
     if Path(part.file).suffix.lower() == ".stl":
         surface, repairs = read_surfaces(part.file, UNITS[part.unit])
-        if part.air:
-            space, more = read_surfaces(part.air, UNITS[part.unit])
-            surface, repairs = surfaces.without_air(part.file, surface, part.air, space), repairs + more
+        for file in part.air:
+            space, more = read_surfaces(file, UNITS[part.unit])
+            surface, repairs = surfaces.without_air(part.file, surface, file, space), repairs + more
     else:
         mesh = read_mesh(part.file, UNITS[part.unit])
         if not (_parts_of(part.file, mesh) or part.chosen_by_name):

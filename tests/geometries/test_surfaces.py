@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+import shutil
 
 import gmsh
 import meshio
@@ -15,6 +16,8 @@ import softmodels as sm
 from geometries import GeometryError, ImportedActuator, ImportedMesh, imported, mesh_arrays, meshing, surfaces
 from geometries.imported import read_surfaces
 from geometries.meshing import private_model
+from softmodels.case.case import Case, identity
+from softmodels.case.load import steps_of
 
 BODY, AIR = 20.0 * 10.0 * 10.0, 16.0 * 6.0 * 6.0
 """mm3"""
@@ -100,17 +103,71 @@ def test_the_air_of_a_part_comes_in_a_file_of_its_own(body, tmp_path):
     part = ImportedMesh(**files, support="x = 0 mm", cell_size=0.01)
     assert part.cavity_volume == pytest.approx(AIR * 1e-9, rel=1e-6)
     assert part.solid_volume == pytest.approx((BODY - AIR) * 1e-9, rel=1e-6)
-    assert part.files == files and all("coarse" in remark for remark in part.remarks)
+    assert part.files == {"file": files["file"], "air[1]": files["air"]} and all("coarse" in remark for remark in part.remarks)
     key = part.key
     write(tmp_path / "cavity.stl", soup(box((2, 17), (2, 8), (2, 8))))
     assert ImportedMesh(**files, support="x = 0 mm", cell_size=0.01).key != key
+
+
+TWO = [box((low, low + 5), (2, 8), (2, 8), level=2) for low in (2, 13)]
+"""Boxes of air of 180 mm3 each."""
+
+
+@pytest.mark.parametrize("files", [2, 1], ids=["a file each", "one file"])
+def test_each_body_of_air_is_a_cavity_in_the_order_of_the_files(files, tmp_path):
+    written = [write(tmp_path / f"air{i}.stl", soup(air)) for i, air in enumerate(TWO[::-1])]
+    air = tuple(written) if files == 2 else write(tmp_path / "air.stl", soup(*TWO))
+    given = {"file": write(tmp_path / "part.stl", soup(OUTSIDE)), "air": air, "support": "x = 0 mm", "cell_size": 0.01}
+    part = ImportedMesh(**given, pressure_ratios=(1.0, 0.5))
+    assert [float(text.split()[1].strip(",")) > 10.0 for text in part.cavities] == (
+        [True, False] if files == 2 else [False, True]
+    )
+    assert part.reading.cavity_volumes == pytest.approx((180e-9, 180e-9), rel=1e-6)
+    assert not any("bodies" in remark for remark in part.remarks)  # bodies of air that lie apart are not joined
+    case = sm.Case("part", part, sm.NeoHookean(30e3), steps_of(pressure_cm="0:1"))
+    copies = {file: f"copy-{number}.stl" for number, file in enumerate(case.files)}
+    assert len(copies) == files + 1 and all(copy in case.to_toml(copies) for copy in copies.values())
+    (tmp_path / "elsewhere").mkdir()
+    for file, copy in copies.items():
+        shutil.copy(file, tmp_path / "elsewhere" / copy)
+    again = Case.from_toml(case.to_toml(copies), tmp_path / "elsewhere")
+    assert again.actuator.key == part.key and identity(again) == identity(case)
+
+
+def mirrored(surface):
+    """The mirror image of a box at x = 5."""
+    points, triangles = surface
+    return points * [-1.0, 1.0, 1.0] + [10.0, 0.0, 0.0], triangles[:, ::-1]
+
+
+TOUCHING = {
+    "apart": (box((6, 9), (0, 5), (0, 5)), None),
+    "in a side": (box((5, 9), (0, 5), (0, 5)), "2 bodies of .* become 1, because those that touch or overlap"),
+    "in facets": (mirrored(box((0, 5), (0, 5), (0, 5))), "2 bodies of .* become 1, because those that touch or overlap"),
+    "in an edge": (box((5, 9), (5, 9), (0, 5)), None),
+    "inside a side": (box((5, 9), (1, 4), (1, 4)), "2 bodies of .* become 1, because those that touch or overlap"),
+}
+
+
+@pytest.mark.parametrize("name", TOUCHING)
+def test_bodies_that_touch_are_joined_and_others_are_not(name, tmp_path):
+    other, said = TOUCHING[name]
+    surface, remarks = read_surfaces(write(tmp_path / "part.stl", soup(box((0, 5), (0, 5), (0, 5)), other)), 1e-3)
+    assert volume(surface) == pytest.approx(125.0 + np.prod(np.ptp(other[0], axis=0)), rel=1e-6)
+    assert len(remarks) == (said is not None) and all(re.search(said, remark) for remark in remarks)
+
+
+def test_a_surface_written_with_both_sides_is_one_surface(tmp_path):
+    corners = hollow()
+    surface, (remark,) = read_surfaces(write(tmp_path / "part.stl", np.concatenate([corners, corners[:, ::-1]])), 1e-3)
+    assert volume(surface) == pytest.approx(BODY - AIR, rel=1e-6) and f"{len(corners)} doubled" in remark
 
 
 def test_air_that_is_not_in_the_part_is_refused(tmp_path):
     body, air = write(tmp_path / "part.stl", soup(OUTSIDE)), write(tmp_path / "cavity.stl", soup(INSIDE) + 15.0)
     with pytest.raises(GeometryError, match="does not lie in the part"):
         ImportedMesh(file=body, air=air, support="x = 0 mm")
-    with pytest.raises(GeometryError, match=r"both as \.stl files"):
+    with pytest.raises(GeometryError, match=r"all as \.stl files"):
         ImportedMesh(file=body, air=str(tmp_path / "cavity.step"), support="x = 0 mm")
 
 
