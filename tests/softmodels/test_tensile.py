@@ -12,6 +12,7 @@ import pytest
 from softmodels.common.columns import recognise
 from softmodels.common.errors import spoken
 from softmodels.fitting.curves.curve import MIN_POINTS_FOR_NOISE, Specimen, TensileError, small_modulus
+from softmodels.fitting.curves.fit import prepared
 from softmodels.fitting.curves.residuals import StressError, noise
 from softmodels.materials.laws import NeoHookean
 from softmodels.materials.specimens import balloon_pressure, respond
@@ -87,6 +88,18 @@ TOLD = {
     "strain=1,stress=2": table(["a", "b"], 100 * (L - 1), S / 1e3).replace("b\n", "b\n%,kPa\n"),
     "strain=1[],stress=2[kPa]": table(["a", "b"], L - 1, S / 1e3).replace("b\n", "b\n%,MPa\n"),
     "strain=strain,stress=stress": table(["strain [%]", "stress [kPa]", "stress (MPa)"], 100 * (L - 1), S / 1e3, S),
+}
+
+
+HEADED = table(["Time (s)", "Strain [%]", "Stress [MPa]"], L, 100 * (L - 1), S / 1e6)
+TOLD |= {
+    "strain=2,stress=3": HEADED,  # units of the header above the numbers
+    "strain=Dehnung,stress=Spannung": HEADED.replace("Strain", "Dehnung").replace("Stress", "Spannung"),
+    "strain=2,stress=3[MPa]": HEADED.replace("Strain", "x").replace("Stress", "y"),
+    # the rest by the headers
+    "stress=3[MPa]": HEADED.replace("Stress [MPa]", "stress"),
+    "strain=2[%]": HEADED.replace("Strain [%]", "strain"),
+    "stress=y[MPa]": HEADED.replace("Stress [MPa]", "y"),
 }
 
 
@@ -288,7 +301,7 @@ REFUSED = {
     "units that contradict the header": (
         table(["strain", "stress (kPa)"], L - 1, S / 1e3).replace("(kPa)\n", "(kPa)\n%,MPa\n"),
         {},
-        "'stress .kPa.' is kPa in its header and MPa in line 2; correct one of them, or give --columns stress=2.kPa",
+        "'stress .kPa.' is kPa in its header and MPa in line 2; correct one of them, or give --columns 'stress=2.kPa.'",
     ),
     "percents that contradict the header": (
         table(["strain (-)", "stress"], L - 1, S / 1e3).replace("stress\n", "stress\n%,kPa\n"),
@@ -314,7 +327,9 @@ REFUSED = {
     "balloon": (table(["stretch", "pressure (kPa)"], L, S / 1e3), {"test": "balloon"}, "--radius and --thickness"),
     "unknown test": (PLAIN, {"test": "torsion"}, "test 'torsion' is not one of uniaxial"),
     "told a foreign kind": (PLAIN, {"columns": "strein=1,stress=2"}, "'strein=1' is not KIND=COLUMN"),
-    "told half": (PLAIN, {"columns": "strain=1"}, "one deformation.*and one load"),
+    "told twice": (PLAIN, {"columns": "strain=1,stretch=2"}, "no more than one deformation.*and one load"),
+    "told half, of no header": (table(["a", "b"], L, S), {"columns": "strain=1"}, "no line names a deformation and a load"),
+    "told a column that is not there": (PLAIN, {"columns": "stress=7[kPa]"}, "no line names a deformation and a load"),
     "told absent": (
         PLAIN,
         {"columns": "strain=Dehnung,stress=Spannung"},
@@ -485,3 +500,20 @@ def test_lines_of_numbers_are_not_searched_for_a_header(write, monkeypatch):
     rows = "".join(f"{1 + i / 500:.4f},{i}\n" for i in range(1000))
     assert len(read_curve(write("stretch,stress (kPa)\n" + rows)).stretch) == 1000
     assert len(asked) < 10
+
+
+def test_the_peaks_of_a_stepwise_test_are_no_jumps(write):
+    """Eight steps, each held while a tenth of the stress relaxes: among the readings at which the stretch still rises a peak
+    stands alone, but not among all."""
+    stretch, stress = [1.0], [0.0]
+    for step in range(8):
+        rise = np.linspace(stretch[-1], 1.2 + 0.2 * step, 9)[1:]
+        hold = rise[-1] + 1e-5 * np.sin(np.arange(60.0))
+        relaxed = MU * (rise[-1] - rise[-1] ** -2) * (1 - 0.1 * (1 - np.exp(-np.arange(60) / 5)))
+        stretch += [*rise, *hold]
+        stress += [*(MU * (rise - rise**-2)), *relaxed]
+    file = write(
+        table(["time (s)", "stretch", "stress (kPa)"], np.arange(len(stretch)), np.array(stretch), np.array(stress) / 1e3)
+    )
+    (curve,) = prepared([read_curve(file)])
+    assert not any("jump" in remark for remark in curve.remarks)

@@ -311,7 +311,7 @@ def _stretch(x: Array, column: CurveColumn, specimen: Specimen) -> Array:
     if column.kind in ("strain", "true-strain") and (most := float(np.abs(values).max())) > MAX_STRAIN:
         raise TensileError(
             f"the column {column.header!r} reaches a strain of {most:.4g}; if it is in percent, give "
-            f"--columns {column.kind}={column.place + 1}[%],..."
+            f"--columns '{column.kind}={column.place + 1}[%]'"
         )
     if column.kind == "strain":
         stretch = 1 + values
@@ -328,7 +328,8 @@ def _stretch(x: Array, column: CurveColumn, specimen: Specimen) -> Array:
     else:
         stretch = values
     if stretch.min() <= 0.0:
-        hint = "; a column starting at 0 holds strains" if column.kind == "stretch" else ""
+        strains = f"; a column starting at 0 holds strains: --columns strain={column.place + 1}"
+        hint = strains if column.kind == "stretch" else ""
         raise TensileError(f"the column {column.header!r} gives a stretch of {stretch.min():.4g}{hint}")
     if column.kind != "strain" and stretch.max() > MAX_STRAIN:
         raise TensileError(f"the column {column.header!r} gives a stretch of {stretch.max():.4g}; check its unit")
@@ -344,21 +345,21 @@ def _check_start(x: Array, y: Array, column: CurveColumn, specimen: Specimen) ->
         unit = "[%]" if column.unit == "percent" else ""
         raise TensileError(
             f"the column {name!r} starts at {shown} instead of near 0, so it seems to hold stretches; rename it to "
-            f"'stretch' or give --columns stretch={place}{unit},...; if the curve really starts at that strain, give "
-            f"--columns {column.kind}={place}{unit},..."
+            f"'stretch' or give --columns stretch={place}{unit}; if the curve really starts at that strain, give "
+            f"--columns {column.kind}={place}{unit}"
         )
     length = specimen.gauge_length
     if column.kind == "extension" and length and values.min() >= MAX_FIRST_STRAIN * length:
         raise TensileError(
             f"the column {name!r} begins at {x.min():.5g} {column.unit} instead of near 0, so it seems to "
             f"hold the specimen's length; subtract the first length, or give "
-            f"--columns extension={place}[{column.unit}],... if the curve really starts there"
+            f"--columns 'extension={place}[{column.unit}]' if the curve really starts there"
         )
     at_rest = abs(y[np.argmin(values)]) < AT_REST * np.abs(y).max()
     if column.kind == "stretch" and 0.0 < values.min() < MIN_FIRST_STRETCH and at_rest:
         raise TensileError(
             f"the column {name!r} begins at {x.min():.5g} without stress instead of near 1, so it seems "
-            f"to hold strains; rename it to 'strain' or give --columns strain={place},..."
+            f"to hold strains; rename it to 'strain' or give --columns strain={place}"
         )
 
 
