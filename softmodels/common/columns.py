@@ -175,7 +175,8 @@ _COMPRESSION = re.compile(
 _TENSION = re.compile(r"\btens(ile|ion)|\bzug|拉伸|\btra[ck]tion|\btracci[oó]n|\btrazione", re.IGNORECASE)
 """What says in a header that positive numbers are compression, or tension; in the languages of test machines."""
 COMPRESSION_TEST = re.compile(r"(?<!de)[ck]ompres+[iã][oóv]|stauch|druckversuch|压缩|圧縮", re.IGNORECASE)
-"""What says in a line above the columns, or in a file's name, that the test is one."""
+BENDING_TEST = re.compile(r"\bflex(ur\w*|ion\w*|ão)?\b|\bbend(ing)?\b|biege|弯曲|曲げ", re.IGNORECASE)
+"""What says in a line above the columns, in a header or in a file's name that the test is one."""
 _CLOCK = re.compile(r"(?:(\d{4}-\d\d-\d\d)[ T])?(?:(\d+):)?(\d+):(\d+(?:[.,]\d+)?)")
 _TAIL = re.compile(
     r"[ _](%|percent|g?pa|kpa|mpa|hpa|psi|ksi|bar|mbar|cmh2o|mmhg|mn|kn|n|lbf|ml|cc|mm3|cm3|m3|mm|cm|m|um|"
@@ -219,7 +220,7 @@ class CurveTable:
     """A specimen's two columns with their raw numbers x and y, shape (n,), and the line of each row; times in s since the
     first row, shape (n,), or None and a clause why they cannot be used; what reads the same rows with other loads; the
     specimen's name where there are several, and its sizes in SI units by the names of `SIZES`; what above its columns says
-    that the test is a compression, or empty."""
+    that the test is a compression or bends, or empty."""
 
     deformation: CurveColumn
     load: CurveColumn
@@ -231,7 +232,7 @@ class CurveTable:
     others: Sequence[Callable[[], CurveTable]] = ()
     label: str = ""
     sizes: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    compression: str = ""
+    title: str = ""
 
 
 def recognise(header: str, place: int, layout: Layout = CURVE) -> CurveColumn | None:
@@ -377,7 +378,7 @@ class _Block:
     known: tuple[CurveColumn, ...]
     told: bool
     sizes: Mapping[str, float]
-    compression: str
+    title: str
     names: Sequence[str] = ()
 
 
@@ -477,8 +478,9 @@ def _blocks(sheet: tables.Worksheet, told: Mapping[str, tuple[str, str | None]],
             last -= 1  # text above the next header
         lines = [row for _, row in rows[above : start - 1]]
         sizes = sizes_of(lines) or (blocks[-1].sizes if blocks else {})
-        said = next((cell.strip() for row in lines for cell in row if COMPRESSION_TEST.search(cell)), "")
-        said = said or (blocks[-1].compression if blocks else "")
+        kinds = (COMPRESSION_TEST, BENDING_TEST)
+        said = next((cell.strip() for row in lines for cell in row if any(kind.search(cell) for kind in kinds)), "")
+        said = said or (blocks[-1].title if blocks else "")
         names = rows[start - 2][1] if start > 1 else ()
         blocks.append(_Block(start, last, columns, bool(told), sizes, said, names))
         above = last
@@ -616,7 +618,7 @@ def _specimens(sheet: tables.Worksheet, block: _Block, sure: Collection[str], la
         for name, rows in _named_rows(sheet, block, lines):
             table = _numbers(sheet, rows, columns)
             more = [functools.partial(_numbers, sheet, rows, (columns[0], other)) for other in further]
-            table = dataclasses.replace(table, label=name or label, sizes=block.sizes, compression=block.compression)
+            table = dataclasses.replace(table, label=name or label, sizes=block.sizes, title=block.title)
             made.append(dataclasses.replace(table, others=more))
     return made
 

@@ -326,6 +326,12 @@ REFUSED = {
     "pressure": (table(["stretch", "pressure (kPa)"], L, S / 1e3), {}, "cannot have a column"),
     "balloon": (table(["stretch", "pressure (kPa)"], L, S / 1e3), {"test": "balloon"}, "--radius and --thickness"),
     "unknown test": (PLAIN, {"test": "torsion"}, "test 'torsion' is not one of uniaxial"),
+    "a bending test by a line above": (
+        "Results : Flexure extension at Maximum Load,1.5,mm\n" + PLAIN,
+        {},
+        "'Results : Flexure extension at Maximum Load' says bending.*curve.csv:tension",
+    ),
+    "a bending test by its header": (table(["Biegedehnung (%)", "Biegespannung (kPa)"], L, S), {}, "says bending"),
     "told a foreign kind": (PLAIN, {"columns": "strein=1,stress=2"}, "'strein=1' is not KIND=COLUMN"),
     "told twice": (PLAIN, {"columns": "strain=1,stretch=2"}, "no more than one deformation.*and one load"),
     "told half, of no header": (table(["a", "b"], L, S), {"columns": "strain=1"}, "no line names a deformation and a load"),
@@ -517,3 +523,18 @@ def test_the_peaks_of_a_stepwise_test_are_no_jumps(write):
     )
     (curve,) = prepared([read_curve(file)])
     assert not any("jump" in remark for remark in curve.remarks)
+
+
+@pytest.mark.parametrize(("sign", "name"), [(1, "tension"), (-1, "compression")])
+def test_a_position_of_the_crosshead_is_no_extension(sign, name, write):
+    """The machine's position is 12 mm where the strip of 33 mm is taut, and the first reading has a small preload."""
+    stretch = np.linspace(1.0 + sign * 0.01, 1.0 + sign * 0.5, 60)
+    stress = MU * (stretch - stretch**-2)
+    moved, force = 12.0 + 33.0 * np.abs(stretch - 1.0), np.abs(stress) * SECTION
+    text = table(["Position (mm)", "Load (N)"], moved, force)
+    curve = read_curve(write(text), test=name, specimen=Specimen(cross_section=SECTION, gauge_length=LENGTH))
+    (shifted,) = prepared([curve])
+    assert shifted.origin.slack == pytest.approx(sign * 12.0 / 33.0, abs=5e-3)
+    assert any("counts from elsewhere" in remark for remark in shifted.remarks)
+    (plain,) = prepared([read_curve(write(table(["stretch", "stress (kPa)"], stretch, stress / 1e3)), test="uniaxial")])
+    assert plain.origin is None

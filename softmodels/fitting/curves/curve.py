@@ -267,9 +267,17 @@ def _pressed(table: CurveTable) -> CurveTable:
 
 
 def _check_title(path: Path, tables: Sequence[CurveTable]) -> None:
-    """Reject numbers that count as tension where the lines above them or the file's name say compression."""
+    """Reject numbers that count as tension where the lines above them or the file's name say compression or bending."""
     for table in tables:
-        said = table.compression or (path.name if machine.COMPRESSION_TEST.search(path.name) else "")
+        said = table.title
+        for name in (path.name, table.deformation.header, table.load.header):
+            said = said or (name if machine.BENDING_TEST.search(name.replace("_", " ")) else "")
+        if machine.BENDING_TEST.search(said.replace("_", " ")):
+            raise TensileError(
+                f"{path}: {said!r} says bending, and a force over a deflection is no curve of tension; for a test of tension "
+                f"give {path.name}:tension"
+            )
+        said = said or (path.name if machine.COMPRESSION_TEST.search(path.name) else "")
         rest = 1.0 if table.deformation.kind == "stretch" else 0.0
         if said and not table.deformation.sign and not table.load.sign and (table.x - rest).sum() > 0.0:
             raise TensileError(
@@ -738,6 +746,9 @@ def _jumps(values: Array, noise: float | Array, stretch: Array) -> npt.NDArray[n
 # Slack of the specimen and the load cell's zero: rows at constant load while the strain rises, and a first stress off zero.
 
 
+START_SHARE, MIN_OFFSET, MIN_SECANT_SHARE = 0.2, 0.02, 0.4
+"""First part of a test's travel on which its slope is measured; a first stretch off 1 from which, and the slope to the origin
+over that slope below which, a test counts from elsewhere: a rubber's first slope is the steepest."""
 SLACK_ROWS, SLACK_LEAST = 3, 0.005
 """Least number of rows at constant load, and least change of the stretch over them."""
 MAX_LEVEL_SLOPE, MIN_STEEPER_ERRORS = 0.2, 6.0
@@ -762,20 +773,24 @@ def taut(curve: TensileCurve) -> TensileCurve:
     else:
         way, leg = direction(curve.stretch), slice(0, turns(curve.stretch)[1] + 1)
     x, y = way * (curve.stretch[leg] - curve.stretch[leg][0]), way * curve.stress[leg]
-    start = _start(x, y)
-    if start is None:
-        return curve
-    first = float(curve.stretch[leg][0])
-    if start.slack:
+    start, first = _start(x, y), float(curve.stretch[leg][0])
+    if start is not None and start.slack:
         origin = Origin(first + way * start.slack - 1.0, way * start.zero, zero_error=start.error)
-        moved = dataclasses.replace(curve, stretch=curve.stretch - origin.slack, stress=curve.stress - origin.zero)
-        loaded = way * (moved.stretch - 1.0) > 0.0
         said = (
             f"slack: over its first {start.slack:.3g} of stretch the load stays at {origin.zero / 1e3:.3g} kPa; "
-            f"{int((~loaded).sum())} rows of a slack specimen are left out, and the slack and the load cell's zero are fitted"
+            "{} rows of a slack specimen are left out, and the slack and the load cell's zero are fitted"
         )
-        return _kept_rows(dataclasses.replace(moved, origin=origin, remarks=(*curve.remarks, said)), loaded)
-    if abs(first - 1.0) > AT_STRETCH_1:
+        return _counted_from(curve, origin, way, said)
+    begun, offset = x <= START_SHARE * x.max(), way * (first - 1.0)
+    load, slope = np.polynomial.polynomial.polyfit(x[begun], y[begun], 1) if begun.sum() > 3 else (0.0, 0.0)
+    if MIN_OFFSET < offset < x.max() / START_SHARE and load < MIN_SECANT_SHARE * slope * offset:
+        origin = Origin(first - 1.0 - way * float(load / slope), 0.0, zero_error=1e-3 * float(np.abs(y).max()))
+        said = (
+            f"the stretch begins at {first:.4g} with {way * load / 1e3:.3g} kPa, too little for that stretch: it counts from "
+            "elsewhere, as a position of the crosshead does; where the specimen is taut is fitted"
+        )
+        return _counted_from(curve, origin, way, said)
+    if start is None or abs(first - 1.0) > AT_STRETCH_1:
         return curve
     # The same first stress would come of a slack below zero: a preload at which the stretch was set to 1.
     origin = Origin(0.0, way * start.zero, slack_error=start.zero / start.slope)
@@ -785,6 +800,14 @@ def taut(curve: TensileCurve) -> TensileCurve:
     )
     stress = curve.stress - origin.zero
     return dataclasses.replace(curve, stress=stress, origin=origin, remarks=(*curve.remarks, said))
+
+
+def _counted_from(curve: TensileCurve, origin: Origin, way: int, said: str) -> TensileCurve:
+    """Return a curve that counts from an origin, with the rows at which its specimen is loaded, and a remark on the others."""
+    moved = dataclasses.replace(curve, stretch=curve.stretch - origin.slack, stress=curve.stress - origin.zero)
+    loaded = way * (moved.stretch - 1.0) > 0.0
+    remarks = (*curve.remarks, said.format(int((~loaded).sum())))
+    return _kept_rows(dataclasses.replace(moved, origin=origin, remarks=remarks), loaded)
 
 
 def _kept_rows(curve: TensileCurve, kept: npt.NDArray[np.bool_]) -> TensileCurve:
