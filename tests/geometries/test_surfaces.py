@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import re
 import shutil
+import zipfile
 
 import gmsh
 import meshio
@@ -167,7 +168,7 @@ def test_air_that_is_not_in_the_part_is_refused(tmp_path):
     body, air = write(tmp_path / "part.stl", soup(OUTSIDE)), write(tmp_path / "cavity.stl", soup(INSIDE) + 15.0)
     with pytest.raises(GeometryError, match="does not lie in the part"):
         ImportedMesh(file=body, air=air, support="x = 0 mm")
-    with pytest.raises(GeometryError, match=r"all as \.stl files"):
+    with pytest.raises(GeometryError, match=r"all as surfaces \(\.stl"):
         ImportedMesh(file=body, air=str(tmp_path / "cavity.step"), support="x = 0 mm")
 
 
@@ -276,3 +277,78 @@ def test_a_file_that_was_cut_off_is_named(tmp_path):
     (tmp_path / "part.stl").write_bytes(binary(corners, len(corners))[:-70])
     with pytest.raises(GeometryError, match=rf"announces {len(corners)} triangles .* cut off"):
         read_surfaces(str(tmp_path / "part.stl"), 1e-3)
+
+
+def three_mf(path, models, unit="millimeter", main="3D/3dmodel.model"):
+    """A 3MF package of models by their files: their resources and what the first builds."""
+    core, production = (
+        f"http://schemas.microsoft.com/3dmanufacturing/{name}" for name in ("core/2015/02", "production/2015/06")
+    )
+    with zipfile.ZipFile(path, "w") as package:
+        for file, body in models.items():
+            package.writestr(file, f'<model unit="{unit}" xmlns="{core}" xmlns:p="{production}">{body}</model>')
+    return str(path)
+
+
+def three_mf_object(number, surface):
+    points, triangles = surface
+    vertices = "".join(f'<vertex x="{x}" y="{y}" z="{z}"/>' for x, y, z in points)
+    corners = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in triangles)
+    return f'<object id="{number}"><mesh><vertices>{vertices}</vertices><triangles>{corners}</triangles></mesh></object>'
+
+
+HOLLOW_OBJECTS = three_mf_object(1, OUTSIDE) + three_mf_object(2, (INSIDE[0] - [2.0, 0.0, 0.0], INSIDE[1][:, ::-1]))
+TURNED = '<build><item objectid="3" transform="0 1 0 -1 0 0 0 0 1 50 0 0"/><item objectid="1" printable="0"/></build>'
+PARTS = (
+    '<object id="3"><components><component{} objectid="1"/>'
+    '<component{} objectid="2" transform="1 0 0 0 1 0 0 0 1 2 0 0"/></components></object>'
+)
+
+
+@pytest.mark.parametrize("kind", ["obj", "ply", "3mf", "3mf in several files", "3mf in inches"])
+def test_surfaces_come_as_other_files_too(kind, tmp_path):
+    """A block with air; quads in the OBJ; in the 3MF it is put together from two objects, turned and moved."""
+    if kind in ("obj", "ply"):
+        file = tmp_path / f"part.{kind}"
+        if kind == "ply":
+            (
+                pyvista.PolyData.from_regular_faces(*OUTSIDE)
+                + pyvista.PolyData.from_regular_faces(INSIDE[0], INSIDE[1][:, ::-1])
+            ).save(file)
+        else:
+            corners = [
+                (x, y, z) for part in ((0, 20, 0, 10), (2, 18, 2, 8)) for x in part[:2] for y in part[2:] for z in part[2:]
+            ]
+            sides = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+            faces = [*(sides + 1), *(sides[:, ::-1] - 8)]  # the last eight by their numbers from the end
+            file.write_text(
+                "".join(f"v {x} {y} {z}\n" for x, y, z in corners) + "".join(f"f {a} {b} {c} {d}\n" for a, b, c, d in faces)
+            )
+    elif kind == "3mf in several files":
+        parts = PARTS.format(*[' p:path="/3D/Objects/own.model"'] * 2)
+        models = {"3D/Objects/own.model": f"<resources>{HOLLOW_OBJECTS}</resources>",
+                  "3D/3dmodel.model": f"<resources>{parts}</resources>{TURNED}"}  # fmt: skip
+        file = three_mf(tmp_path / "part.3mf", models)
+    else:
+        text = f"<resources>{HOLLOW_OBJECTS}{PARTS.format('', '')}</resources>{TURNED}"
+        file = three_mf(tmp_path / "part.3mf", {"3D/3dmodel.model": text}, unit="inch" if "inches" in kind else "millimeter")
+    surface, _ = read_surfaces(str(file), 1e-3)
+    scale = 25.4 if "inches" in kind else 1.0
+    assert volume(surface) == pytest.approx((BODY - AIR) * scale**3, rel=1e-6)
+    low, high = 1e3 * surface[0].min(axis=0) / scale, 1e3 * surface[0].max(axis=0) / scale
+    turned = kind.startswith("3mf")
+    assert low == pytest.approx([40, 0, 0] if turned else [0, 0, 0], abs=1e-4)
+    assert high == pytest.approx([50, 20, 10] if turned else [20, 10, 10], abs=1e-4)
+
+
+def test_a_package_without_a_model_is_a_sentence(tmp_path):
+    for name, models in (
+        ("empty", {}),
+        ("unbuilt", {"3D/3dmodel.model": "<resources/>"}),
+        ("broken", {"3D/3dmodel.model": "<a"}),
+    ):
+        with pytest.raises(GeometryError, match="is not a mesh of the format of its extension"):
+            read_surfaces(three_mf(tmp_path / f"{name}.3mf", models), 1e-3)
+    (tmp_path / "text.3mf").write_text("no package")
+    with pytest.raises(GeometryError, match="is not a mesh of the format of its extension"):
+        read_surfaces(str(tmp_path / "text.3mf"), 1e-3)
