@@ -538,3 +538,11 @@ def test_a_position_of_the_crosshead_is_no_extension(sign, name, write):
     assert any("counts from elsewhere" in remark for remark in shifted.remarks)
     (plain,) = prepared([read_curve(write(table(["stretch", "stress (kPa)"], stretch, stress / 1e3)), test="uniaxial")])
     assert plain.origin is None
+
+
+def test_a_specimen_may_be_slack_over_half_of_its_length(write):
+    stretch = np.linspace(1.0, 3.0, 101)
+    taut = np.maximum(stretch - 0.6, 1.0)
+    curve = read_curve(write(table(["strain", "stress (kPa)"], stretch - 1.0, 20.0 * (taut - taut**-2))))
+    (read,) = prepared([curve])
+    assert read.origin.slack == pytest.approx(0.6, abs=0.03) and small_modulus(read) == pytest.approx(20e3, rel=0.1)

@@ -127,7 +127,7 @@ class TensileCurve:
                 f"the stress at stretch 1 is {at_rest.min() / 1e3:.4g} kPa instead of zero, more than half of the largest one; "
                 "subtract the load cell's offset first"
             )
-        modulus, least = small_modulus(self), SOFTEST_TEST
+        modulus, least = small_modulus(taut(self)), SOFTEST_TEST
         if not modulus > 0.0:
             yield "the stress decreases with the stretch; check its sign and the columns"
         if not modulus >= least:
