@@ -49,6 +49,12 @@ SAME = {
     "psi": table(["stretch", "stress (psi)"], L, S / 6894.757293168),
     "N/mm2": table(["stretch (-)", "stress (N/mm2)"], L, S / 1e6),
     "machine": table(["Time (s)", "Extension (mm)", "Load (N)"], L, (L - 1) * LENGTH * 1e3, S * SECTION),
+    "a list of the columns": table(["% end"], L, 100 * (L - 1), S / 1e3, separator=", ").replace(
+        "% end", "% by a program\n% column 1: Time [s]\n% column 2: Strain, engineering [%]\n% column 3: Stress [kPa]\n% end"
+    ),
+    "a list of the columns in comments": table(["#"], L - 1, S / 1e3, separator="\t").replace(
+        "#", "# Column 1 = strain\n# Column 2 = stress (kPa)\n# 2, 3"
+    ),
     "tabs": table(["strain", "stress (kPa)"], L - 1, S / 1e3, separator="\t"),
     "comments": table(["strain", "stress (kPa)"], L - 1, S / 1e3, above="# a, b\n# stress (MPa), strain\n"),
     "two headers": table(["strain", "stress"], L - 1, S / 1e3).replace("stress\n", "stress (kPa)\n-,kPa\n"),
