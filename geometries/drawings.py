@@ -29,6 +29,8 @@ from softmodels.common.errors import GeometryError
 FLATTENING_TOLERANCE = 2e-5
 """Largest distance (m) between a curve and its polyline."""
 MAX_STROKES = 2_000
+NO_LENGTH = 1e-9
+"""Extent of a line in m that draws nothing."""
 MAX_DOT_RATIO = 3.0
 """Diameter of a dot over the widest stroke, up to which it is an inlet."""
 M_PER_PX = 0.0254 / 96
@@ -72,7 +74,8 @@ def read(file: str, radius: float, offset: float, width: float, *, outlined: boo
         raise GeometryError(f"network {file} has more than {MAX_STROKES} lines; leave out what is no channel")
     closed = [stroke for stroke in strokes if stroke.closed]
     outer = None if outlined else max(closed, key=lambda stroke: stroke.area, default=None)
-    rest = [stroke for stroke in strokes if stroke is not outer]
+    # A line without a length draws nothing; a single point is a dot.
+    rest = [s for s in strokes if s is not outer and (len(s.line) == 1 or np.ptp(s.line, axis=0).max() > NO_LENGTH)]
     if width:
         span = np.ptp(outer.line if outer else np.concatenate([stroke.line for stroke in strokes]), axis=0)[0]
         rest = [dataclasses.replace(s, line=s.line * width / span, radius=s.radius * width / span) for s in rest]
@@ -113,9 +116,7 @@ def read(file: str, radius: float, offset: float, width: float, *, outlined: boo
 def _channel(file: str, stroke: Stroke, offset: float) -> Channel:
     """Return the channel of a stroke."""
     line = np.vstack([stroke.line, stroke.line[:1]]) if stroke.closed else stroke.line
-    line = line[np.append(True, np.linalg.norm(np.diff(line, axis=0), axis=1) > 1e-9)]
-    if len(line) < 2:
-        raise GeometryError(f"network {file}: {stroke.name} {shown_at(*stroke.line[0])} has no length; remove it")
+    line = line[np.append(True, np.linalg.norm(np.diff(line, axis=0), axis=1) > NO_LENGTH)]
     if not stroke.radius:
         raise GeometryError(
             f"network {file}: {stroke.name} {shown_at(*line[0])} is an open line without a stroke; give it a "

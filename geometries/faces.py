@@ -35,7 +35,11 @@ class Faces:
     colour: Colour | None = None
 
 
-FORMATS: Mapping[str, str] = {".msh": "gmsh", ".inp": "abaqus", ".stl": "stl", ".vtk": "vtk", ".vtu": "vtu"}
+SURFACES = (".stl", ".obj", ".ply", ".3mf")
+"""Endings of the files that are read as surfaces."""
+FORMATS: Mapping[str, str] = {
+    ".msh": "gmsh", ".inp": "abaqus", ".vtk": "vtk", ".vtu": "vtu", **{ending: ending[1:] for ending in SURFACES},
+}  # fmt: skip
 """Endings of the files that are read, and meshio's names for them."""
 DRAWINGS = (".svg", ".dxf")
 """Endings of the drawings of networks that are read."""

@@ -13,23 +13,26 @@ import re
 import tempfile
 import unicodedata
 import warnings
+import zipfile
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
 from geometries import abaqus, actuator, mesh_arrays, meshing, registry, revolved, surfaces
 from geometries.actuator import Actuator, CutPlane, Hold, Vector
-from geometries.faces import FORMATS, UNITS, Colour, Faces, faces, point
+from geometries.faces import FORMATS, SURFACES, UNITS, Colour, Faces, faces, point
 from geometries.inlets import CUT_TOLERANCE, AirSpace, Inlet, air_spaces, on_plate, plugged, whole
 from geometries.surfaces import Surface
 from softmodels.common import errors, files, schema
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError, MeshingError
-from softmodels.common.lazy import gmsh, scipy
+from softmodels.common.lazy import gmsh, pyvista, scipy
+from softmodels.common.units import quantity
 
 OUTER = "outer"
 """Role of the faces that have no other."""
@@ -102,13 +105,13 @@ class ImportedPart(Actuator):
             raise GeometryError("support is empty; give the held faces, such as 'x = 0 mm'")
         if len(set(self.planes)) != len(self.planes) or len(self.planes) > 3:
             raise GeometryError(f"planes is {', '.join(self.planes)}; at most three, each once")
+        _ = self.patches
+        self.check_cells()
         if self.pressure_ratios and len(self.pressure_ratios) != self.cavity_count:
             cavities = f"{self.cavity_count} cavit{'y' if self.cavity_count == 1 else 'ies'}"
             raise GeometryError(f"pressure_ratios has {len(self.pressure_ratios)} values for {cavities}; give one each")
         if self.ratios and not any(self.ratios):
             raise GeometryError("pressure_ratios are all 0; give one other than 0, below it for a vacuum")
-        _ = self.patches
-        self.check_cells()
         _ = self.reading
 
     @abc.abstractmethod
@@ -127,7 +130,8 @@ class ImportedPart(Actuator):
     @property
     def key(self) -> str:
         """Twelve digits that change with the parameters and the file's contents, not with its path."""
-        parameters = [(f.name, getattr(self, f.name)) for f in dataclasses.fields(self) if f.name not in self.files]
+        of_files = {name.partition("[")[0] for name in self.files}
+        parameters = [(f.name, getattr(self, f.name)) for f in dataclasses.fields(self) if f.name not in of_files]
         return hashlib.sha256(repr((type(self).__name__, self.digest(), parameters)).encode()).hexdigest()[:12]
 
     @property
@@ -810,7 +814,7 @@ class Boundary(abc.ABC):
         file = self.part.file
         if not inner:
             where = "close it where it is drawn"
-            if Path(file).suffix.lower() in FORMATS and not file.lower().endswith(".stl"):
+            if Path(file).suffix.lower() in {*FORMATS} - {*SURFACES}:
                 where = (
                     "inlets of a mesh are closed where it has no regions and no face is picked by name; else take its STEP or "
                     "STL file"
@@ -1344,6 +1348,10 @@ class ImportedActuator(ImportedPart):
 
 MAX_COORDINATE = 1e3
 """Distance in m of a corner of a surface from the origin, above which its file is damaged or in another unit."""
+MAIN_MODEL, MAX_MODEL_BYTES = "/3D/3dmodel.model", 500_000_000
+"""The model of a 3MF package, and the largest size of all of its parts."""
+MIN_EXTENT, USUAL_EXTENT, MAX_EXTENT = 5e-4, 0.1, 10.0
+"""Diagonals in m between which a part lies, and one of many; beyond them its file is in another unit."""
 MIN_EDGE_ANGLE = math.radians(40.0)
 """Angle between triangles of an STL file from which their edge is one of the part."""
 FILL_SIZES = (1.0, 0.9, 0.8)
@@ -1408,6 +1416,12 @@ def _by_meshio(file: str, format_name: str) -> Any:
                     mesh = meshio.read(plain.name, format_name)
             elif format_name == "abaqus":
                 mesh = abaqus.Deck(file, content.decode("utf-8", errors="replace")).mesh()
+            elif format_name == "3mf":
+                corners = _three_mf(file)
+                mesh = meshio.Mesh(corners, [("triangle", np.arange(len(corners)).reshape(-1, 3))])
+            elif format_name in ("obj", "ply"):
+                read = pyvista.read(file).extract_surface().triangulate()
+                mesh = meshio.Mesh(np.asarray(read.points), [("triangle", np.asarray(read.regular_faces))])
             elif format_name == "stl" and len(corners := _binary_stl(file)):
                 mesh = meshio.Mesh(corners, [("triangle", np.arange(len(corners)).reshape(-1, 3))])
             else:
@@ -1428,6 +1442,41 @@ def _by_meshio(file: str, format_name: str) -> Any:
     if not len(mesh.points) or not np.isfinite(mesh.points).all() or np.shape(mesh.points)[1] != 3:
         raise GeometryError(f"file {file} has no nodes in three dimensions")
     return mesh
+
+
+def _three_mf(file: str) -> Array:
+    """Return the corners in mm of the triangles of a 3MF package, three of each, shape (3 t, 3): those of the models that it
+    builds, where it puts them (3MF core and production specifications)."""
+    with zipfile.ZipFile(file) as package:
+        if sum(member.file_size for member in package.infolist()) > MAX_MODEL_BYTES:
+            raise GeometryError(f"file {file} has models of more than {MAX_MODEL_BYTES / 1e6:g} MB; save it as STL")
+        models = {
+            f"/{name}": ElementTree.fromstring(package.read(name)) for name in package.namelist() if name.endswith(".model")
+        }
+
+    def moved(item: ElementTree.Element) -> Array:
+        move = np.eye(4)
+        if text := item.get("transform"):
+            move[:, :3] = np.array(text.split(), dtype=float).reshape(4, 3)
+        return move
+
+    def of_object(path: str, number: str | None, move: Array) -> Iterator[Array]:
+        for entry in models[path].iterfind("{*}resources/{*}object"):
+            if entry.get("id") != number or entry.get("type", "model") != "model":
+                continue
+            places = [[float(v.get(axis, "nan")) for axis in "xyz"] for v in entry.iterfind("{*}mesh/{*}vertices/{*}vertex")]
+            ends = [[int(t.attrib[v]) for v in ("v1", "v2", "v3")] for t in entry.iterfind("{*}mesh/{*}triangles/{*}triangle")]
+            if ends:
+                yield (np.array(places) @ move[:3, :3] + move[3, :3])[np.ravel(ends)]
+            for part in entry.iterfind("{*}components/{*}component"):
+                elsewhere = next((text for name, text in part.items() if name.endswith("}path")), path)
+                yield from of_object(elsewhere, part.get("objectid"), moved(part) @ move)
+
+    main = MAIN_MODEL if MAIN_MODEL in models else next(iter(models))
+    unit = 1e3 * quantity(f"1 {models[main].get('unit', 'millimeter')}", "m")
+    items = [item for item in models[main].iterfind("{*}build/{*}item") if item.get("printable") != "0"]
+    corners = [array for item in items for array in of_object(main, item.get("objectid"), moved(item))]
+    return unit * np.concatenate(corners)
 
 
 def _binary_stl(file: str) -> Array:
@@ -1580,11 +1629,11 @@ def _each_once(
 
 
 def read_surfaces(file: str, unit: float) -> tuple[Surface, list[str]]:
-    """Return the closed surfaces of an STL file, repaired, and what was done to them, in words. GeometryError for no such file,
+    """Return the closed surfaces of a file, repaired, and what was done to them, in words. GeometryError for no such file,
     no STL, or a surface that is not closed."""
-    if Path(file).suffix.lower() != ".stl":
-        raise GeometryError(f"file is {file!r}; surfaces are read from .stl")
-    arrays = _by_meshio(file, "stl")
+    if (kind := Path(file).suffix.lower()) not in SURFACES:
+        raise GeometryError(f"file is {file!r}; surfaces are read from {', '.join(SURFACES)}")
+    arrays = _by_meshio(file, FORMATS[kind])
     triangles = [np.asarray(block.data, dtype=np.int64) for block in arrays.cells if block.type == "triangle"]
     if not triangles:
         raise GeometryError(f"file {file} has no triangles")
@@ -1844,45 +1893,54 @@ def cavity_volumes(
 @registry.register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ImportedMesh(ImportedPart):
-    """A part from a mesh: ``.msh`` of Gmsh, ``.inp`` of Abaqus and CalculiX, ``.vtk`` or ``.vtu``, or an ``.stl`` of its
-    surfaces, air's included.
+    """A part from a mesh: ``.msh`` of Gmsh, ``.inp`` of Abaqus and CalculiX, ``.vtk`` or ``.vtu``, or an ``.stl``,
+    ``.obj``, ``.ply`` or ``.3mf`` of its surfaces, air's included.
 
     Cells are tetrahedra, of 4 or of 10 nodes, and are taken as they are; hexahedra and wedges of decks are split. An STL file
     is filled with cells of ``cell_size``. Faces are picked as of a drawing, "named x" by a node set, a set of triangles or a
     physical surface; cells with a name are a region.
     """
 
-    unit: str = schema.choice_field("mm", tuple(UNITS), "unit of the file's lengths, which such files do not store")
+    unit: str = schema.choice_field(
+        "mm", tuple(UNITS), "unit of the file's lengths, which such files do not store (3MF does: leave it)"
+    )
     cell_size: float = schema.length_field(
         0.0,
         "longest edge of the cells, only for an STL file; 0: 3 mm, or what makes a few thousand cells of a part",
         zero=True,
         shape=False,
     )
-    air: str = schema.text_field(
-        "", "STL file of the part's air, such as cavity.stl, if the part's own file has it not, or has it filled"
+    air: tuple[str, ...] = schema.list_field(
+        (),
+        "STL files of the part's air, such as cavity.stl, if the part's own file has it not, or has it filled; each body in "
+        "them is a cavity, in their order, unless cavities are named",
     )
 
     meshed: ClassVar[bool] = True
-    kind: ClassVar[str] = "mesh (--file part.msh, part.inp, part.vtu or part.stl)"
+    kind: ClassVar[str] = "mesh (--file part.msh, part.inp or part.vtu) or surface (part.stl, part.obj or part.3mf)"
 
     def check_cells(self) -> None:
-        """Check the file of its air; a mesh is used as it is."""
-        object.__setattr__(self, "air", errors.whole_path(self.air))
-        stl = [Path(file).suffix.lower() == ".stl" for file in self.files.values()]
-        if self.air and not all(stl):
-            raise GeometryError(f"air is {self.air!r}; give it with a part of its own as surfaces, both as .stl files")
-        if stl[0] and not self.cell_size:
+        """Check the files of its air, each body of which is a cavity in their order; a mesh is used as it is."""
+        object.__setattr__(self, "air", tuple(map(errors.whole_path, self.air)))
+        if self.air and not all(Path(file).suffix.lower() in SURFACES for file in self.files.values()):
+            endings = ", ".join(SURFACES)
+            raise GeometryError(f"air is {', '.join(self.air)}; give it with a part of its own, all as surfaces ({endings})")
+        if self.air and not self.cavities:
+            places = [at for file in self.air for at in surfaces.air_points(read_surfaces(file, UNITS[self.unit])[0])]
+            if len(places) > 1:
+                texts = (", ".join(f"{1e3 * x:.6g}" for x in place) for place in places)
+                object.__setattr__(self, "cavities", tuple(f"at {text} mm" for text in texts))
+        if self.refinable and not self.cell_size:
             surface = read_surfaces(self.file, UNITS[self.unit])[0]
             object.__setattr__(self, "cell_size", usual_size(*_area_and_volume(surface)))
 
     @property
     def refinable(self) -> bool:
-        return Path(self.file).suffix.lower() == ".stl"
+        return Path(self.file).suffix.lower() in SURFACES
 
     @property
     def files(self) -> Mapping[str, str]:
-        return {"file": self.file, "air": self.air} if self.air else {"file": self.file}
+        return {"file": self.file} | {f"air[{number}]": file for number, file in enumerate(self.air, 1)}
 
     @property
     def mesh(self) -> mesh_arrays.Tetrahedra:
@@ -1965,15 +2023,25 @@ def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra,
     """Read the file and check every choice against it. Another digest, of another content, is another reading."""
     air, wall, size = np.zeros(0), 0.0, part.cell_size
     mesh, surface, repairs = None, None, list[str]()
-    if Path(part.file).suffix.lower() == ".stl":
+    if part.refinable:
         surface, repairs = read_surfaces(part.file, UNITS[part.unit])
-        if part.air:
-            space, more = read_surfaces(part.air, UNITS[part.unit])
-            surface, repairs = surfaces.without_air(part.file, surface, part.air, space), repairs + more
+        for file in part.air:
+            space, more = read_surfaces(file, UNITS[part.unit])
+            surface, repairs = surfaces.without_air(part.file, surface, file, space), repairs + more
     else:
         mesh = read_mesh(part.file, UNITS[part.unit])
         if not (_parts_of(part.file, mesh) or part.chosen_by_name):
             surface = mesh.surface
+    given = surface[0] if surface else mesh.points if mesh else np.zeros((1, 3))
+    extent = float(np.linalg.norm(np.ptp(given, axis=0)))
+    if not MIN_EXTENT < extent < MAX_EXTENT:
+        likely = min(
+            UNITS, key=lambda unit: abs(math.log10(max(extent, 1e-300) / UNITS[part.unit] * UNITS[unit] / USUAL_EXTENT))
+        )
+        raise GeometryError(
+            f"file {part.file} spans {1e3 * extent:.4g} mm with unit {part.unit!r}; give the unit of its lengths, such as "
+            f"--unit {likely}"
+        )
     plugs: list[Inlet] = []
     if surface:
         points, triangles = surface
@@ -1992,10 +2060,6 @@ def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra,
             wall, size = 2.0 * volume / area, size or usual_size(area, volume)
             mesh = meshed_solid(part.file, surface, size / part.finer)
     assert mesh is not None
-    if not 1e-5 < mesh.extent < 10.0:
-        raise GeometryError(
-            f"file {part.file} spans {1e3 * mesh.extent:.4g} mm with unit {part.unit!r}; give the unit of its lengths"
-        )
     _parts_of(part.file, mesh)
     boundary = Triangles(part, mesh)
     roles = boundary.roles()

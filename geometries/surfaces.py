@@ -3,6 +3,8 @@ in a file of its own. What is done is said."""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from geometries import actuator, mesh_arrays
@@ -23,6 +25,8 @@ ZERO_VOLUME_TOLERANCE = 1e-9
 """Six times the volume of a surface, in cubes of its extent, that is no more than rounding."""
 SAME_VOLUME_TOLERANCE = 1e-6
 """Share of a body's volume that is no more than rounding."""
+SAME_ANGLE = 1e-6
+"""Angle between faces that lie on each other."""
 MAX_HALVINGS = 6
 """Tolerances tried in turn, each half of the last."""
 SIMPLIFIED_VOLUME_TOLERANCE = 5e-4
@@ -37,10 +41,15 @@ def repaired(file: str, places: Array, triangles: mesh_arrays.Ints) -> tuple[Sur
     remarks = []
     extent = float(np.linalg.norm(np.ptp(places, axis=0)))
     points, triangles = _merged(places, triangles, np.arange(len(places)), CORNER_TOLERANCE * extent)
-    _, first = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)
-    if doubled := len(triangles) - len(first):
+    first = np.sort(np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)[1])
+    once = triangles[first]
+    readings = [(points, once)]
+    if len(_open_edges(once)):  # facets that lie on each other may be those of bodies that touch
+        readings += [_parted(points, once), _parted(points, triangles)]
+    doubled = len(triangles)
+    points, triangles = min(readings, key=lambda surface: len(_open_edges(surface[1])))
+    if doubled := doubled - len(triangles):
         remarks.append(f"{doubled} doubled facets of {file} are left out")
-        triangles = triangles[np.sort(first)]
     for gap in SEAM_TOLERANCES:
         if not (gaps := _open_edges(triangles)).size:
             break
@@ -80,9 +89,10 @@ def _turned(file: str, points: Array, triangles: mesh_arrays.Ints, remarks: list
     outwards[volumes[shell] < 0.0] = outwards[volumes[shell] < 0.0][:, ::-1]
     spans = np.array([np.linalg.norm(np.ptp(points[outwards[shell == i]].reshape(-1, 3), axis=0)) for i in range(len(volumes))])
     outside = int(spans.argmax())
-    if len(volumes) > 1 and (bodies := _overlapping(points / size, outwards, shell, outside)):
-        joined, count = bodies
-        remarks.append(f"{count} bodies of {file} that overlap are joined")
+    if len(volumes) > 1 and (bodies := _bodies(points / size, outwards, shell, outside)):
+        joined, count, left = bodies
+        if left < count:
+            remarks.append(f"{count} bodies of {file} become {left}, because those that touch or overlap are joined")
         return size * joined[0], joined[1]
     outwards[shell != outside] = outwards[shell != outside][:, ::-1]
     return points, outwards
@@ -97,11 +107,11 @@ def turned_outwards(points: Array, triangles: mesh_arrays.Ints) -> mesh_arrays.I
     return np.asarray(turned.regular_faces, dtype=np.int64)
 
 
-def _overlapping(
+def _bodies(
     points: Array, outwards: mesh_arrays.Ints, shell: mesh_arrays.Ints, outside: int
-) -> tuple[Surface, int] | None:
-    """Return the joined surface of shells that are not all cavities of the outside one, and how many bodies they are; None if
-    all are."""
+) -> tuple[Surface, int, int] | None:
+    """Return the joined surface of shells that are not all cavities of the outside one, how many bodies they are, and how many
+    where those that touch or overlap are one; None if all are cavities."""
     shells = [mesh_arrays.manifold(points, outwards[shell == i]) for i in range(shell.max() + 1)]
     solid, others = shells[outside], [part for i, part in enumerate(shells) if i != outside]
     if any(part.is_empty() for part in shells):
@@ -115,9 +125,10 @@ def _overlapping(
         return None
     for part in beside:
         solid += part
+    left = sum(part.volume() > 0.0 for part in solid.decompose())
     for part in inside:
         solid -= part
-    return mesh_arrays.surface_of(solid), len(beside) + 1
+    return mesh_arrays.surface_of(solid), len(beside) + 1, left
 
 
 def without_air(file: str, body: Surface, air_file: str, air: Surface) -> Surface:
@@ -139,6 +150,27 @@ def without_air(file: str, body: Surface, air_file: str, air: Surface) -> Surfac
         return body
     points, triangles = mesh_arrays.surface_of(solid - space)
     return size * points, triangles
+
+
+def air_points(air: Surface) -> list[Array]:
+    """Return a point (m) in each body that a closed surface bounds: halfway through it from the middle of its largest face."""
+    points, triangles = air
+    shell = actuator.joined(np.concatenate([triangles[:, :2], triangles[:, 1:]]), len(points))[triangles[:, 0]]
+    places = []
+    for number in np.unique(shell):
+        own = triangles[shell == number]
+        a, b, c = np.moveaxis(points[own], 1, 0)
+        normal = np.cross(b - a, c - a)
+        if np.einsum("ij,ij->", a - a[0], normal) < 0.0:
+            continue  # an island in the air
+        largest = int((normal**2).sum(axis=1).argmax())
+        start, extent = (a + b + c)[largest] / 3.0, float(np.linalg.norm(np.ptp(a, axis=0)))
+        way = -extent * normal[largest] / np.linalg.norm(normal[largest])
+        hits, _ = pyvista.PolyData.from_regular_faces(points / extent, own).ray_trace(
+            (start + 1e-6 * way) / extent, (start + 2.0 * way) / extent
+        )
+        places.append(0.5 * (start + extent * min(hits, key=lambda hit: float(hit @ way))))
+    return places
 
 
 def simplified(surface: Surface, tolerance: float) -> Surface:
@@ -184,6 +216,50 @@ def _open_edges(triangles: mesh_arrays.Ints) -> mesh_arrays.Ints:
     edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     known, count = np.unique(edges, axis=0, return_counts=True)
     return known[count != 2]
+
+
+def _parted(points: Array, triangles: mesh_arrays.Ints) -> Surface:
+    """Return a surface with corners of its own for each sheet, where it touches itself or others at corners and edges."""
+    corners, after = triangles.ravel(), triangles[:, [1, 2, 0]].ravel()
+    side = np.arange(len(corners))
+    following = side // 3 * 3 + (side + 1) % 3
+    _, number, count = np.unique(np.sort([corners, after], axis=0).T, axis=0, return_inverse=True, return_counts=True)
+    order = np.argsort(number, kind="stable")
+    pairs = [order[count[number[order]] == 2].reshape(-1, 2)]
+    for sides in np.split(order, np.cumsum(count)[:-1]) if (count > 2).any() else []:
+        if len(sides) > 2:
+            pairs.append(_around_an_edge(points, corners[sides], after[sides], corners[following[following[sides]]], sides))
+    met = np.concatenate(pairs)
+    # Two triangles with a common side have the corners at both of its ends in common.
+    same = corners[met[:, 0]] == corners[met[:, 1]]
+    first, second = np.where(same, met[:, 1], following[met[:, 1]]), np.where(same, following[met[:, 1]], met[:, 1])
+    group = actuator.joined(
+        np.concatenate([np.stack([met[:, 0], first], 1), np.stack([following[met[:, 0]], second], 1)]), len(side)
+    )
+    _, place, own = np.unique(group, return_index=True, return_inverse=True)
+    return points[corners[place]], own.reshape(-1, 3)
+
+
+def _around_an_edge(
+    points: Array, begin: mesh_arrays.Ints, end: mesh_arrays.Ints, third: mesh_arrays.Ints, sides: mesh_arrays.Ints
+) -> mesh_arrays.Ints:
+    """Return which of the sides of triangles at an edge meet, shape (n, 2): those of two triangles with solid between them,
+    the ones next to each other around the edge. None where the triangles are not turned away from solids."""
+    forwards = begin < end
+    if 2 * forwards.sum() != len(sides):
+        return np.zeros((0, 2), dtype=np.int64)
+    low, high = points[min(begin[0], end[0])], points[max(begin[0], end[0])]
+    along = (high - low) / np.linalg.norm(high - low)
+    arm = points[third] - low
+    arm -= np.outer(arm @ along, along)
+    start = int(np.flatnonzero(~forwards)[0])
+    angle = np.arctan2(np.cross(arm[start], arm) @ along, arm @ arm[start]) % math.tau
+    angle = np.where(angle > math.tau - SAME_ANGLE, 0.0, angle)
+    angle[forwards & (angle < SAME_ANGLE)] = math.tau
+    order = np.lexsort([~forwards, np.round(angle / SAME_ANGLE)])
+    order = np.roll(order, -int(np.flatnonzero(order == start)[0]))
+    met = order.reshape(-1, 2)
+    return sides[met] if not forwards[met[:, 0]].any() and forwards[met[:, 1]].all() else np.zeros((0, 2), dtype=np.int64)
 
 
 def _merged(points: Array, triangles: mesh_arrays.Ints, among: mesh_arrays.Ints, near: float) -> Surface:

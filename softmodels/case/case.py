@@ -429,7 +429,7 @@ class Case:
         for name, entry in entries().items():
             for table, values in entry.write(getattr(self, name), units.exact_text).items():
                 tables.setdefault(table, {}).update(values)
-        return tomli_w.dumps({"name": self.name, **_with_files(tables, files or {})})
+        return tomli_w.dumps({"name": self.name, **_with_files(tables, lambda file: (files or {}).get(file, file))})
 
     @classmethod
     def from_toml(cls, text: str, folder: Path | None = None) -> Case:
@@ -568,24 +568,21 @@ def listed_options[Call: Callable[..., object]](options: type) -> Callable[[Call
 
 
 FILE_KEYS = ("file", "air")
-"""Entries of tables that are files; so is a ``network`` that is a drawing, not a family."""
+"""Entries of tables that are files, or lists of them; so is a ``network`` that is a drawing, not a family."""
 
 
-def _file_of(key: str, value: object) -> str:
-    """Return the file that an entry of a table names; empty for one that names none."""
-    named = isinstance(value, str) and (key in FILE_KEYS or (key == "network" and value.lower().endswith(faces.DRAWINGS)))
-    return str(value) if named else ""
-
-
-def _with_files(table: Mapping[str, object], files: Mapping[str, str]) -> dict[str, object]:
+def _with_files(table: Mapping[str, object], renamed: Callable[[str], str]) -> dict[str, object]:
     """Return the tables with other names of files."""
-    written: dict[str, object] = {}
-    for key, value in table.items():
+
+    def written(key: str, value: object) -> object:
         if isinstance(value, Mapping):
-            written[key] = _with_files(value, files)
-        else:
-            written[key] = files.get(_file_of(key, value), value)
-    return written
+            return _with_files(value, renamed)
+        if isinstance(value, list | tuple) and key in FILE_KEYS:
+            return [written(key, file) for file in value]
+        drawn = key == "network" and isinstance(value, str) and value.lower().endswith(faces.DRAWINGS)
+        return renamed(value) if isinstance(value, str) and value and (key in FILE_KEYS or drawn) else value
+
+    return {key: written(key, value) for key, value in table.items()}
 
 
 def _check_tables(tables: Tables, needed: tuple[str, ...]) -> None:
@@ -616,19 +613,20 @@ def _with_absolute_paths(tables: Tables, folder: Path | None) -> Tables:
     folder has none."""
     home = (folder or Path()).resolve()
 
-    def absolute(table: object, only_there: bool) -> object:
-        if not isinstance(table, Mapping):
-            return table
-        named = {key: file for key, value in table.items() if (file := _file_of(key, value))}
-        there = {key: str(home / file) for key, file in named.items() if only_there or (home / file).is_file()}
-        return {**table_of({"": table}, ""), **there} if there else table
+    def absolute(file: str) -> str:
+        return str(home / file)
 
-    resolved = {**tables, "geometry": absolute(table_of(tables, "geometry"), True)}
-    resolved |= {name: absolute(tables[name], False) for name in ("material", "band") if name in tables}
-    for name in ("region", "contact"):
-        if isinstance(named := tables.get(name), Mapping):
-            resolved[name] = {key: absolute(value, False) for key, value in named.items()}
-    return resolved
+    def absolute_if_there(file: str) -> str:
+        return absolute(file) if (home / file).is_file() else file
+
+    given = {
+        name: value for name in ("material", "band", "region", "contact") if isinstance(value := tables.get(name), Mapping)
+    }
+    return {
+        **tables,
+        **{name: _with_files(value, absolute_if_there) for name, value in given.items()},
+        "geometry": _with_files(table_of(tables, "geometry"), absolute),
+    }
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -653,8 +651,9 @@ def identity(case: Case) -> dict[str, str]:
             "load": f"{case.load.driven.quantity} of {case.load.driven_part.where}",
             "load.preload": f"{case.load.preload!r} Pa",
         }
-    for name, path in case.actuator.files.items():
-        texts[f"actuator.{name}"] = f"SHA-256 {files.file_digest(path)}"
+    for path in case.actuator.files.values():
+        digest = f"SHA-256 {files.file_digest(path)}"
+        texts |= {name: text.replace(repr(path), digest) for name, text in texts.items() if name.startswith("actuator.")}
     return texts
 
 

@@ -480,7 +480,7 @@ def _way(values: Sequence[float], what: str) -> int:
     return -1
 
 
-def _decimal_comma(text: str, what: str) -> str:
+def _decimal_comma(text: str, what: str, unit: str = "") -> str:
     """Return a sentence on two short numbers with a comma between them, which may be a decimal comma; not after a single
     zero, and not between two tens, such as 10,20, because no one writes the last zero of a decimal."""
     match = SHORT_PAIR.fullmatch(text.strip())
@@ -488,8 +488,8 @@ def _decimal_comma(text: str, what: str) -> str:
         return ""
     first, second = match.groups()
     return (
-        f"{what} {text.strip()!r} is read as two values, {first} and {second}; decimals have a point, so write "
-        f"{first}.{second} for that value, or {first}:{second} for both values without this note"
+        f"{what} '{text.strip()}{unit}' is read as two values, {first} and {second}{unit}; decimals have a point, so write "
+        f"'{first}.{second}{unit}' for that value, or '{first}:{second}{unit}' for both values without this note"
     )
 
 
@@ -547,8 +547,7 @@ def of_text(unit: str, text: str, what: str, pascal_in_cm: float) -> Typed:
     else pressures, also in ``"cm"`` of the column; `SeriesError` as for `series`, or for the unit."""
     values, own = split_text(text)
     amount = _reader(unit, text, own, what, pascal_in_cm)
-    read = series(values, what)
-    return _typed(map(amount, read), read.doubt)
+    return _typed(map(amount, series(values, what)), _decimal_comma(values, what, f" {own}"))
 
 
 def one_of_text(unit: str, text: str, what: str, pascal_in_cm: float) -> units.Amount:

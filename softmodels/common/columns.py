@@ -175,7 +175,8 @@ _COMPRESSION = re.compile(
 _TENSION = re.compile(r"\btens(ile|ion)|\bzug|拉伸|\btra[ck]tion|\btracci[oó]n|\btrazione", re.IGNORECASE)
 """What says in a header that positive numbers are compression, or tension; in the languages of test machines."""
 COMPRESSION_TEST = re.compile(r"(?<!de)[ck]ompres+[iã][oóv]|stauch|druckversuch|压缩|圧縮", re.IGNORECASE)
-"""What says in a line above the columns, or in a file's name, that the test is one."""
+BENDING_TEST = re.compile(r"\bflex(ur\w*|ion\w*|ão)?\b|\bbend(ing)?\b|biege|弯曲|曲げ", re.IGNORECASE)
+"""What says in a line above the columns, in a header or in a file's name that the test is one."""
 _CLOCK = re.compile(r"(?:(\d{4}-\d\d-\d\d)[ T])?(?:(\d+):)?(\d+):(\d+(?:[.,]\d+)?)")
 _TAIL = re.compile(
     r"[ _](%|percent|g?pa|kpa|mpa|hpa|psi|ksi|bar|mbar|cmh2o|mmhg|mn|kn|n|lbf|ml|cc|mm3|cm3|m3|mm|cm|m|um|"
@@ -219,7 +220,7 @@ class CurveTable:
     """A specimen's two columns with their raw numbers x and y, shape (n,), and the line of each row; times in s since the
     first row, shape (n,), or None and a clause why they cannot be used; what reads the same rows with other loads; the
     specimen's name where there are several, and its sizes in SI units by the names of `SIZES`; what above its columns says
-    that the test is a compression, or empty."""
+    that the test is a compression or bends, or empty."""
 
     deformation: CurveColumn
     load: CurveColumn
@@ -231,7 +232,7 @@ class CurveTable:
     others: Sequence[Callable[[], CurveTable]] = ()
     label: str = ""
     sizes: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    compression: str = ""
+    title: str = ""
 
 
 def recognise(header: str, place: int, layout: Layout = CURVE) -> CurveColumn | None:
@@ -336,7 +337,8 @@ def _unit(text: str, kind: str) -> str:
 
 
 def columns_of_text(text: str, layout: Layout = CURVE) -> dict[str, tuple[str, str | None]]:
-    """Read ``"strain=Engineering Strain[%],stress=5[MPa]"``: by kind, a header or a number from 1, and a unit or None."""
+    """Read ``"strain=Engineering Strain[%],stress=5[MPa]"``: by kind, a header or a number from 1, and a unit or None. What is
+    not named is left to the headers."""
     told: dict[str, tuple[str, str | None]] = {}
     for part in re.findall(r"[^,\[]+(?:\[[^\]]*\])?", text):
         kind, column_name, rest = part.strip().partition("=")
@@ -344,14 +346,18 @@ def columns_of_text(text: str, layout: Layout = CURVE) -> dict[str, tuple[str, s
             raise TensileError(f"columns {text!r}: {part.strip()!r} is not KIND=COLUMN[UNIT] with {', '.join(layout.kinds)}")
         name, _, unit = rest.partition("[")
         told[kind] = (name.strip(), unit.rstrip("]").strip() if "[" in rest else None)
-    count = len(set(told) & set(layout.read))
-    if len(set(told) & set(layout.along)) != 1 or not count or (layout is CURVE and count > 1):
-        along, read = layout.words
+    along, read = ([kind for kind in told if kind in kinds] for kinds in (layout.along, layout.read))
+    if not told or len(along) > 1 or (layout is CURVE and len(read) > 1):
         raise TensileError(
-            f"columns {text!r} must name one {along} ({', '.join(layout.along)}) and one {read} ({', '.join(layout.read)})"
-            + (", and perhaps time" if layout.further else "")
+            f"columns {text!r} must name no more than one {layout.words[0]} ({', '.join(layout.along)}) and one "
+            f"{layout.words[1]} ({', '.join(layout.read)})" + (", and perhaps time" if layout.further else "")
         )
     return told
+
+
+def _complete(told: Mapping[str, tuple[str, str | None]], layout: Layout) -> bool:
+    """Return whether given columns need no header."""
+    return all(any(kind in told for kind in kinds) for kinds in (layout.along, layout.read))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -372,7 +378,7 @@ class _Block:
     known: tuple[CurveColumn, ...]
     told: bool
     sizes: Mapping[str, float]
-    compression: str
+    title: str
     names: Sequence[str] = ()
 
 
@@ -414,7 +420,7 @@ def _no_header(sheets: Sequence[tables.Worksheet], told: Mapping[str, tuple[str,
     if not any(sheet.rows for sheet in sheets):
         return TensileError("the file is empty")
     where = f"no row of {tables.named(sheets)}" if tables.named(sheets) else "no line"
-    if told:
+    if _complete(told, layout):
         names = " and ".join(repr(name) for name, _ in told.values())
         return TensileError(f"{where} of the file has the columns {names}")
     if layout is CURVE and any(_blocks(sheet, {}, OSCILLATION) for sheet in sheets):
@@ -451,7 +457,7 @@ def _count(sheet: tables.Worksheet, block: _Block) -> int:
 
 def _blocks(sheet: tables.Worksheet, told: Mapping[str, tuple[str, str | None]], layout: Layout = CURVE) -> list[_Block] | None:
     rows = sheet.rows
-    if told:
+    if _complete(told, layout):
         heads = _told_headers(rows, told, layout)
     else:
         heads = []
@@ -459,6 +465,7 @@ def _blocks(sheet: tables.Worksheet, told: Mapping[str, tuple[str, str | None]],
             if len(row) < 2 or any(_is_number(cell) for cell in row):
                 continue  # fast check for most lines of a long file
             known = [column for place, cell in enumerate(row) if (column := recognise(cell, place, layout))]
+            known = _with_told(known, row, told, layout)
             if _first(known, layout.along) and _first(known, layout.read) not in (None, "temperature"):
                 heads.append((i + 1, tuple(known)))
     if not heads:
@@ -471,12 +478,29 @@ def _blocks(sheet: tables.Worksheet, told: Mapping[str, tuple[str, str | None]],
             last -= 1  # text above the next header
         lines = [row for _, row in rows[above : start - 1]]
         sizes = sizes_of(lines) or (blocks[-1].sizes if blocks else {})
-        said = next((cell.strip() for row in lines for cell in row if COMPRESSION_TEST.search(cell)), "")
-        said = said or (blocks[-1].compression if blocks else "")
+        kinds = (COMPRESSION_TEST, BENDING_TEST)
+        said = next((cell.strip() for row in lines for cell in row if any(kind.search(cell) for kind in kinds)), "")
+        said = said or (blocks[-1].title if blocks else "")
         names = rows[start - 2][1] if start > 1 else ()
         blocks.append(_Block(start, last, columns, bool(told), sizes, said, names))
         above = last
     return blocks
+
+
+def _with_told(
+    known: list[CurveColumn], row: Sequence[str], told: Mapping[str, tuple[str, str | None]], layout: Layout
+) -> list[CurveColumn]:
+    """Return the columns of a header with those that a user named in the place of others of their kinds; none without them."""
+    cells = [cell.strip().strip('"') for cell in row]
+    places = {kind: _place_of(name, cells) for kind, (name, _) in told.items()}
+    if not all(0 <= place < len(row) for place in places.values()):
+        return []
+    groups = [group for group in (layout.along, layout.read) if any(kind in told for kind in group)]
+    settled = {kind for group in groups for kind in group} | {*told}
+    own = [
+        _told_column(kind, told[kind][1], place, row[place], _sign(kind, row[place]), layout) for kind, place in places.items()
+    ]
+    return own + [column for column in known if column.kind not in settled and column.place not in places.values()]
 
 
 def _is_numeric(row: Sequence[str], known: Sequence[CurveColumn]) -> bool:
@@ -535,20 +559,11 @@ def _told_headers(
         made = {}
         cells = [cell.strip().strip('"') for cell in row]
         for kind, (name, unit) in told.items():
-            if name.isdigit():
-                place = int(name) - 1
-            elif name in cells:
-                place = cells.index(name)
-            else:
-                bare = [re.sub(r"\s*[(\[].*", "", cell) for cell in cells]
-                place = bare.index(name) if name in bare else -1
+            place = _place_of(name, cells)
             if not 0 <= place < len(row):
                 break
-            said = recognise(row[place], place, layout)
-            of_header = said.unit if said else ""
-            unit = of_header if unit is None else _unit(unit, kind)
             told_over = [line[place] for _, line in rows[:i] if place < len(line)] if name.isdigit() else [row[place]]
-            made[kind] = CurveColumn(kind, unit, place, row[place].strip(), _sign(kind, " ".join(told_over)))
+            made[kind] = _told_column(kind, unit, place, row[place], _sign(kind, " ".join(told_over)), layout)
         else:
             if numbers and not all(_is_number(row[column.place]) for kind, column in made.items() if kind != "time"):
                 continue
@@ -557,8 +572,33 @@ def _told_headers(
                 heads.append((i + 1, columns))
                 continue
             above = [_cell(rows[i - 1][1], column) if i else "" for column in columns]
-            return [(i - 1 if _row_of_units(columns, above) else i, columns)]
+            start = i - 1 if _row_of_units(columns, above) else i
+            names = rows[start - 1][1] if start else []
+            headed = [
+                _told_column(column.kind, told[column.kind][1], column.place, header, column.sign, layout)
+                if (header := _cell(names, column)) and not _is_number(header)
+                else column
+                for column in columns
+            ]
+            return [(start, tuple(headed))]
     return heads
+
+
+def _place_of(name: str, cells: Sequence[str]) -> int:
+    """Return the place of a column that a user named by its number from 1 or its header, with its unit or without; -1 if the
+    cells of a row do not have it."""
+    if name.isdigit():
+        return int(name) - 1
+    bare = cells if name in cells else [re.sub(r"\s*[(\[].*", "", cell) for cell in cells]
+    return bare.index(name) if name in bare else -1
+
+
+def _told_column(kind: str, unit: str | None, place: int, header: str, sign: int, layout: Layout) -> CurveColumn:
+    """Return a column that a user named, with the given unit or that of its header."""
+    if unit is None:
+        said = recognise(header, place, layout)
+        unit = said.unit if said else next(filter(_is_any_unit, map(str.strip, _BRACKET.findall(header))), "")
+    return CurveColumn(kind, _unit(unit, kind), place, header.strip(), sign)
 
 
 def _specimens(sheet: tables.Worksheet, block: _Block, sure: Collection[str], layout: Layout) -> list[CurveTable]:
@@ -578,7 +618,7 @@ def _specimens(sheet: tables.Worksheet, block: _Block, sure: Collection[str], la
         for name, rows in _named_rows(sheet, block, lines):
             table = _numbers(sheet, rows, columns)
             more = [functools.partial(_numbers, sheet, rows, (columns[0], other)) for other in further]
-            table = dataclasses.replace(table, label=name or label, sizes=block.sizes, compression=block.compression)
+            table = dataclasses.replace(table, label=name or label, sizes=block.sizes, title=block.title)
             made.append(dataclasses.replace(table, others=more))
     return made
 
@@ -771,7 +811,7 @@ def _beside(columns: Sequence[CurveColumn], units: Sequence[str], sure: Collecti
         if column.unit and unit != column.unit and not same:
             raise TensileError(
                 f"the unit of the column {column.header!r} is {column.unit} in its header and {unit} in {where}; correct "
-                f"one of them, or give --columns {column.kind}={column.place + 1}[{column.unit}],..."
+                f"one of them, or give --columns '{column.kind}={column.place + 1}[{column.unit}]'"
             )
         made.append(_settled(dataclasses.replace(column, unit=column.unit or unit)))
     return made
@@ -837,7 +877,7 @@ def in_si(values: Array, column: CurveColumn) -> Array:
         example = {"Pa": "kPa", "m": "mm", "m^3": "ml", "1/s": "rad/s"}.get(wanted, wanted)
         raise TensileError(
             f"the column {column.header!r} has no unit; write it into the header, such as '{column.kind} ({example})', or give "
-            f"it with --columns {column.kind}={column.place + 1}[{example}],..."
+            f"it with --columns '{column.kind}={column.place + 1}[{example}]'"
         )
     try:
         return values * quantity(f"1 {column.unit}", wanted)

@@ -315,7 +315,7 @@ def _give_up_output() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-CASE_SUFFIXES = (".toml", ".step", ".stp", ".msh", ".inp", ".stl")
+CASE_SUFFIXES = (".toml", ".step", ".stp", ".msh", ".inp", ".vtk", ".vtu", ".stl", ".obj", ".ply", ".3mf")
 """File endings of cases, drawings and meshes."""
 
 

@@ -272,7 +272,9 @@ class Length(Quantity):
         if self.zero and size == 0.0:
             return length
         if size <= 0.0:
-            raise errors.FieldError(f"{name} is {shown(size, 'm')}; it must be {'0 or more' if self.zero else 'larger than 0'}")
+            raise errors.FieldError(
+                f"{name} is {shown(size, 'm')}; it must {'not be negative' if self.zero else 'be larger than 0'}"
+            )
         if size < MIN_LENGTH * (1 - BOUND_TOLERANCE):
             raise errors.FieldError(f"{name} is {size * 1e6:.6g} um; lengths below {MIN_LENGTH * 1e6:g} um cannot be modelled")
         if size > MAX_LENGTH * (1 + BOUND_TOLERANCE):
@@ -362,7 +364,7 @@ class Flag(Kind):
 
 @dataclasses.dataclass(frozen=True)
 class Several(Kind):
-    """Any number of texts, or of numbers of one kind."""
+    """Any number of texts, or of numbers of one kind; a single text needs no list."""
 
     of: Quantity | Words
     unit: str = dataclasses.field(init=False, default="")
@@ -373,6 +375,8 @@ class Several(Kind):
 
     def settled(self, name: str, value: object) -> tuple[object, ...]:
         value = _plain(name, value)
+        if isinstance(value, str) and isinstance(self.of, Words):
+            value = [value] if value else []
         if isinstance(value, list | tuple):
             value = [_plain(name, item) for item in value]
         if not isinstance(value, list | tuple) or not all(isinstance(item, self._wanted) for item in value):

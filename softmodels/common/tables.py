@@ -120,6 +120,8 @@ MAX_ROWS, MAX_COLUMNS = 1_048_576, 256
 """Of a sheet; the rows are Excel's own limit. Cells further right are not read."""
 MAX_TAGS = 500_000
 """Of a row, a shared text or what else of a workbook is held in memory at once; a full row of Excel has 120,000."""
+_LISTED = re.compile(r"\W*col(?:umn|\.)?\s*(\d+)\s*[:=]\s*(\S.*?)\s*$", re.IGNORECASE)
+"""A line that names a column by its number, such as ``% column 2: True Strain``."""
 _ENDS = re.compile(rb"</(?:\w+:)?(?:row|si)>")
 ZIP, OLE = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
 """First bytes of a workbook, and of one in the format before 2007 or with a password."""
@@ -239,8 +241,22 @@ def _text(path: Path, data: bytes) -> str:
     return text
 
 
+def _with_header(lines: Sequence[tuple[int, str]], separator: str) -> list[tuple[int, str]]:
+    """Return the lines of a text without comments; a list of its columns, a line each, becomes one line of headers."""
+    listed = [(number, match) for number, line in lines if (match := _LISTED.match(line))]
+    header, count = -1, len(listed)
+    if count > 1 and [int(match[1]) for _, match in listed] == list(range(1, count + 1)):
+        last = listed[-1][0]
+        header = last if any(number > last and line.count(separator) >= count - 1 for number, line in lines) else -1
+    joined = separator.join(match[2].replace(separator, " ") for _, match in listed)
+    # a quote in a comment opens no cell
+    return [
+        (number, joined if number == header else line) for number, line in lines if number == header or not _is_comment(line)
+    ]
+
+
 def _cells(lines: Sequence[tuple[int, str]], separator: str) -> Iterator[Line]:
-    kept = [pair for pair in lines if not _is_comment(pair[1])]  # a quote in a comment opens no cell
+    kept = _with_header(lines, separator)
     if separator == SEPARATORS[-1]:
         yield from ((number, re.split(r"\s{2,}", line.strip())) for number, line in kept)
         return

@@ -213,6 +213,14 @@ def test_a_drawing_that_changes_is_read_again(tmp_path):
     assert len(plate.drawn.channels) == before[0] + 1 and plate.key != before[1]
 
 
+def test_a_line_without_a_length_draws_nothing(tmp_path):
+    file = tmp_path / "leaf.svg"
+    file.write_text(LEAF)
+    plain = ChannelPlate(network=str(file)).drawn
+    file.write_text(LEAF.replace("</svg>", '<path d="M20 26 L20 26 z" stroke="#1f77b4" stroke-width="2" fill="none"/></svg>'))
+    assert ChannelPlate(network=str(file)).drawn == plain
+
+
 def _area_of_blade():
     """Area in m2 of the leaf's blade by Gmsh's Bezier curves and CAD kernel."""
     with meshing.private_model():

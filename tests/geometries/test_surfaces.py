@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import re
+import shutil
+import zipfile
 
 import gmsh
 import meshio
@@ -15,6 +17,8 @@ import softmodels as sm
 from geometries import GeometryError, ImportedActuator, ImportedMesh, imported, mesh_arrays, meshing, surfaces
 from geometries.imported import read_surfaces
 from geometries.meshing import private_model
+from softmodels.case.case import Case, identity
+from softmodels.case.load import steps_of
 
 BODY, AIR = 20.0 * 10.0 * 10.0, 16.0 * 6.0 * 6.0
 """mm3"""
@@ -100,17 +104,71 @@ def test_the_air_of_a_part_comes_in_a_file_of_its_own(body, tmp_path):
     part = ImportedMesh(**files, support="x = 0 mm", cell_size=0.01)
     assert part.cavity_volume == pytest.approx(AIR * 1e-9, rel=1e-6)
     assert part.solid_volume == pytest.approx((BODY - AIR) * 1e-9, rel=1e-6)
-    assert part.files == files and all("coarse" in remark for remark in part.remarks)
+    assert part.files == {"file": files["file"], "air[1]": files["air"]} and all("coarse" in remark for remark in part.remarks)
     key = part.key
     write(tmp_path / "cavity.stl", soup(box((2, 17), (2, 8), (2, 8))))
     assert ImportedMesh(**files, support="x = 0 mm", cell_size=0.01).key != key
+
+
+TWO = [box((low, low + 5), (2, 8), (2, 8), level=2) for low in (2, 13)]
+"""Boxes of air of 180 mm3 each."""
+
+
+@pytest.mark.parametrize("files", [2, 1], ids=["a file each", "one file"])
+def test_each_body_of_air_is_a_cavity_in_the_order_of_the_files(files, tmp_path):
+    written = [write(tmp_path / f"air{i}.stl", soup(air)) for i, air in enumerate(TWO[::-1])]
+    air = tuple(written) if files == 2 else write(tmp_path / "air.stl", soup(*TWO))
+    given = {"file": write(tmp_path / "part.stl", soup(OUTSIDE)), "air": air, "support": "x = 0 mm", "cell_size": 0.01}
+    part = ImportedMesh(**given, pressure_ratios=(1.0, 0.5))
+    assert [float(text.split()[1].strip(",")) > 10.0 for text in part.cavities] == (
+        [True, False] if files == 2 else [False, True]
+    )
+    assert part.reading.cavity_volumes == pytest.approx((180e-9, 180e-9), rel=1e-6)
+    assert not any("bodies" in remark for remark in part.remarks)  # bodies of air that lie apart are not joined
+    case = sm.Case("part", part, sm.NeoHookean(30e3), steps_of(pressure_cm="0:1"))
+    copies = {file: f"copy-{number}.stl" for number, file in enumerate(case.files)}
+    assert len(copies) == files + 1 and all(copy in case.to_toml(copies) for copy in copies.values())
+    (tmp_path / "elsewhere").mkdir()
+    for file, copy in copies.items():
+        shutil.copy(file, tmp_path / "elsewhere" / copy)
+    again = Case.from_toml(case.to_toml(copies), tmp_path / "elsewhere")
+    assert again.actuator.key == part.key and identity(again) == identity(case)
+
+
+def mirrored(surface):
+    """The mirror image of a box at x = 5."""
+    points, triangles = surface
+    return points * [-1.0, 1.0, 1.0] + [10.0, 0.0, 0.0], triangles[:, ::-1]
+
+
+TOUCHING = {
+    "apart": (box((6, 9), (0, 5), (0, 5)), None),
+    "in a side": (box((5, 9), (0, 5), (0, 5)), "2 bodies of .* become 1, because those that touch or overlap"),
+    "in facets": (mirrored(box((0, 5), (0, 5), (0, 5))), "2 bodies of .* become 1, because those that touch or overlap"),
+    "in an edge": (box((5, 9), (5, 9), (0, 5)), None),
+    "inside a side": (box((5, 9), (1, 4), (1, 4)), "2 bodies of .* become 1, because those that touch or overlap"),
+}
+
+
+@pytest.mark.parametrize("name", TOUCHING)
+def test_bodies_that_touch_are_joined_and_others_are_not(name, tmp_path):
+    other, said = TOUCHING[name]
+    surface, remarks = read_surfaces(write(tmp_path / "part.stl", soup(box((0, 5), (0, 5), (0, 5)), other)), 1e-3)
+    assert volume(surface) == pytest.approx(125.0 + np.prod(np.ptp(other[0], axis=0)), rel=1e-6)
+    assert len(remarks) == (said is not None) and all(re.search(said, remark) for remark in remarks)
+
+
+def test_a_surface_written_with_both_sides_is_one_surface(tmp_path):
+    corners = hollow()
+    surface, (remark,) = read_surfaces(write(tmp_path / "part.stl", np.concatenate([corners, corners[:, ::-1]])), 1e-3)
+    assert volume(surface) == pytest.approx(BODY - AIR, rel=1e-6) and f"{len(corners)} doubled" in remark
 
 
 def test_air_that_is_not_in_the_part_is_refused(tmp_path):
     body, air = write(tmp_path / "part.stl", soup(OUTSIDE)), write(tmp_path / "cavity.stl", soup(INSIDE) + 15.0)
     with pytest.raises(GeometryError, match="does not lie in the part"):
         ImportedMesh(file=body, air=air, support="x = 0 mm")
-    with pytest.raises(GeometryError, match=r"both as \.stl files"):
+    with pytest.raises(GeometryError, match=r"all as surfaces \(\.stl"):
         ImportedMesh(file=body, air=str(tmp_path / "cavity.step"), support="x = 0 mm")
 
 
@@ -219,3 +277,78 @@ def test_a_file_that_was_cut_off_is_named(tmp_path):
     (tmp_path / "part.stl").write_bytes(binary(corners, len(corners))[:-70])
     with pytest.raises(GeometryError, match=rf"announces {len(corners)} triangles .* cut off"):
         read_surfaces(str(tmp_path / "part.stl"), 1e-3)
+
+
+def three_mf(path, models, unit="millimeter", main="3D/3dmodel.model"):
+    """A 3MF package of models by their files: their resources and what the first builds."""
+    core, production = (
+        f"http://schemas.microsoft.com/3dmanufacturing/{name}" for name in ("core/2015/02", "production/2015/06")
+    )
+    with zipfile.ZipFile(path, "w") as package:
+        for file, body in models.items():
+            package.writestr(file, f'<model unit="{unit}" xmlns="{core}" xmlns:p="{production}">{body}</model>')
+    return str(path)
+
+
+def three_mf_object(number, surface):
+    points, triangles = surface
+    vertices = "".join(f'<vertex x="{x}" y="{y}" z="{z}"/>' for x, y, z in points)
+    corners = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in triangles)
+    return f'<object id="{number}"><mesh><vertices>{vertices}</vertices><triangles>{corners}</triangles></mesh></object>'
+
+
+HOLLOW_OBJECTS = three_mf_object(1, OUTSIDE) + three_mf_object(2, (INSIDE[0] - [2.0, 0.0, 0.0], INSIDE[1][:, ::-1]))
+TURNED = '<build><item objectid="3" transform="0 1 0 -1 0 0 0 0 1 50 0 0"/><item objectid="1" printable="0"/></build>'
+PARTS = (
+    '<object id="3"><components><component{} objectid="1"/>'
+    '<component{} objectid="2" transform="1 0 0 0 1 0 0 0 1 2 0 0"/></components></object>'
+)
+
+
+@pytest.mark.parametrize("kind", ["obj", "ply", "3mf", "3mf in several files", "3mf in inches"])
+def test_surfaces_come_as_other_files_too(kind, tmp_path):
+    """A block with air; quads in the OBJ; in the 3MF it is put together from two objects, turned and moved."""
+    if kind in ("obj", "ply"):
+        file = tmp_path / f"part.{kind}"
+        if kind == "ply":
+            (
+                pyvista.PolyData.from_regular_faces(*OUTSIDE)
+                + pyvista.PolyData.from_regular_faces(INSIDE[0], INSIDE[1][:, ::-1])
+            ).save(file)
+        else:
+            corners = [
+                (x, y, z) for part in ((0, 20, 0, 10), (2, 18, 2, 8)) for x in part[:2] for y in part[2:] for z in part[2:]
+            ]
+            sides = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+            faces = [*(sides + 1), *(sides[:, ::-1] - 8)]  # the last eight by their numbers from the end
+            file.write_text(
+                "".join(f"v {x} {y} {z}\n" for x, y, z in corners) + "".join(f"f {a} {b} {c} {d}\n" for a, b, c, d in faces)
+            )
+    elif kind == "3mf in several files":
+        parts = PARTS.format(*[' p:path="/3D/Objects/own.model"'] * 2)
+        models = {"3D/Objects/own.model": f"<resources>{HOLLOW_OBJECTS}</resources>",
+                  "3D/3dmodel.model": f"<resources>{parts}</resources>{TURNED}"}  # fmt: skip
+        file = three_mf(tmp_path / "part.3mf", models)
+    else:
+        text = f"<resources>{HOLLOW_OBJECTS}{PARTS.format('', '')}</resources>{TURNED}"
+        file = three_mf(tmp_path / "part.3mf", {"3D/3dmodel.model": text}, unit="inch" if "inches" in kind else "millimeter")
+    surface, _ = read_surfaces(str(file), 1e-3)
+    scale = 25.4 if "inches" in kind else 1.0
+    assert volume(surface) == pytest.approx((BODY - AIR) * scale**3, rel=1e-6)
+    low, high = 1e3 * surface[0].min(axis=0) / scale, 1e3 * surface[0].max(axis=0) / scale
+    turned = kind.startswith("3mf")
+    assert low == pytest.approx([40, 0, 0] if turned else [0, 0, 0], abs=1e-4)
+    assert high == pytest.approx([50, 20, 10] if turned else [20, 10, 10], abs=1e-4)
+
+
+def test_a_package_without_a_model_is_a_sentence(tmp_path):
+    for name, models in (
+        ("empty", {}),
+        ("unbuilt", {"3D/3dmodel.model": "<resources/>"}),
+        ("broken", {"3D/3dmodel.model": "<a"}),
+    ):
+        with pytest.raises(GeometryError, match="is not a mesh of the format of its extension"):
+            read_surfaces(three_mf(tmp_path / f"{name}.3mf", models), 1e-3)
+    (tmp_path / "text.3mf").write_text("no package")
+    with pytest.raises(GeometryError, match="is not a mesh of the format of its extension"):
+        read_surfaces(str(tmp_path / "text.3mf"), 1e-3)

@@ -112,14 +112,14 @@ def test_case_files(change, words):
 @pytest.mark.parametrize("text", ["2,8", "0,5", "1,25", "20,45", " 2,8 "])
 def test_two_short_numbers_are_told_of(text):
     first, second = text.strip().split(",")
-    words = f"read as two values, {first} and {second}; decimals have a point, so write {first}.{second}"
-    for case in (
-        Case.from_toml(CASE.format(membrane="6 mm", load=f'pressure_cm = "{text}"', more="")),
-        Case.from_toml(CASE.format(membrane="6 mm", load=f'volume_ml = "{text}"', more="")),
-        case_of(HollowDisk(), sm.NeoHookean(30e3), f"{text} kPa"),
+    for case, unit in (
+        (Case.from_toml(CASE.format(membrane="6 mm", load=f'pressure_cm = "{text}"', more="")), ""),
+        (Case.from_toml(CASE.format(membrane="6 mm", load=f'volume_ml = "{text}"', more="")), ""),
+        (case_of(HollowDisk(), sm.NeoHookean(30e3), f"{text} kPa"), " kPa"),
     ):
         (note,) = case.load.doubts
-        assert words in note and f"{first}:{second} for both" in note
+        assert f"read as two values, {first} and {second}{unit}; decimals have a point" in note
+        assert f"write '{first}.{second}{unit}' for" in note and f"'{first}:{second}{unit}' for both" in note
     both = Case.from_toml(CASE.format(membrane="6 mm", load=f'pressure_cm = "{first}:{second}"', more=""))
     assert [value / both.column.pascal for value in both.values] == pytest.approx([float(first), float(second)], rel=1e-12)
 

@@ -12,6 +12,7 @@ import pytest
 from softmodels.common.columns import recognise
 from softmodels.common.errors import spoken
 from softmodels.fitting.curves.curve import MIN_POINTS_FOR_NOISE, Specimen, TensileError, small_modulus
+from softmodels.fitting.curves.fit import prepared
 from softmodels.fitting.curves.residuals import StressError, noise
 from softmodels.materials.laws import NeoHookean
 from softmodels.materials.specimens import balloon_pressure, respond
@@ -48,6 +49,12 @@ SAME = {
     "psi": table(["stretch", "stress (psi)"], L, S / 6894.757293168),
     "N/mm2": table(["stretch (-)", "stress (N/mm2)"], L, S / 1e6),
     "machine": table(["Time (s)", "Extension (mm)", "Load (N)"], L, (L - 1) * LENGTH * 1e3, S * SECTION),
+    "a list of the columns": table(["% end"], L, 100 * (L - 1), S / 1e3, separator=", ").replace(
+        "% end", "% by a program\n% column 1: Time [s]\n% column 2: Strain, engineering [%]\n% column 3: Stress [kPa]\n% end"
+    ),
+    "a list of the columns in comments": table(["#"], L - 1, S / 1e3, separator="\t").replace(
+        "#", "# Column 1 = strain\n# Column 2 = stress (kPa)\n# 2, 3"
+    ),
     "tabs": table(["strain", "stress (kPa)"], L - 1, S / 1e3, separator="\t"),
     "comments": table(["strain", "stress (kPa)"], L - 1, S / 1e3, above="# a, b\n# stress (MPa), strain\n"),
     "two headers": table(["strain", "stress"], L - 1, S / 1e3).replace("stress\n", "stress (kPa)\n-,kPa\n"),
@@ -87,6 +94,18 @@ TOLD = {
     "strain=1,stress=2": table(["a", "b"], 100 * (L - 1), S / 1e3).replace("b\n", "b\n%,kPa\n"),
     "strain=1[],stress=2[kPa]": table(["a", "b"], L - 1, S / 1e3).replace("b\n", "b\n%,MPa\n"),
     "strain=strain,stress=stress": table(["strain [%]", "stress [kPa]", "stress (MPa)"], 100 * (L - 1), S / 1e3, S),
+}
+
+
+HEADED = table(["Time (s)", "Strain [%]", "Stress [MPa]"], L, 100 * (L - 1), S / 1e6)
+TOLD |= {
+    "strain=2,stress=3": HEADED,  # units of the header above the numbers
+    "strain=Dehnung,stress=Spannung": HEADED.replace("Strain", "Dehnung").replace("Stress", "Spannung"),
+    "strain=2,stress=3[MPa]": HEADED.replace("Strain", "x").replace("Stress", "y"),
+    # the rest by the headers
+    "stress=3[MPa]": HEADED.replace("Stress [MPa]", "stress"),
+    "strain=2[%]": HEADED.replace("Strain [%]", "strain"),
+    "stress=y[MPa]": HEADED.replace("Stress [MPa]", "y"),
 }
 
 
@@ -288,7 +307,7 @@ REFUSED = {
     "units that contradict the header": (
         table(["strain", "stress (kPa)"], L - 1, S / 1e3).replace("(kPa)\n", "(kPa)\n%,MPa\n"),
         {},
-        "'stress .kPa.' is kPa in its header and MPa in line 2; correct one of them, or give --columns stress=2.kPa",
+        "'stress .kPa.' is kPa in its header and MPa in line 2; correct one of them, or give --columns 'stress=2.kPa.'",
     ),
     "percents that contradict the header": (
         table(["strain (-)", "stress"], L - 1, S / 1e3).replace("stress\n", "stress\n%,kPa\n"),
@@ -313,8 +332,16 @@ REFUSED = {
     "pressure": (table(["stretch", "pressure (kPa)"], L, S / 1e3), {}, "cannot have a column"),
     "balloon": (table(["stretch", "pressure (kPa)"], L, S / 1e3), {"test": "balloon"}, "--radius and --thickness"),
     "unknown test": (PLAIN, {"test": "torsion"}, "test 'torsion' is not one of uniaxial"),
+    "a bending test by a line above": (
+        "Results : Flexure extension at Maximum Load,1.5,mm\n" + PLAIN,
+        {},
+        "'Results : Flexure extension at Maximum Load' says bending.*curve.csv:tension",
+    ),
+    "a bending test by its header": (table(["Biegedehnung (%)", "Biegespannung (kPa)"], L, S), {}, "says bending"),
     "told a foreign kind": (PLAIN, {"columns": "strein=1,stress=2"}, "'strein=1' is not KIND=COLUMN"),
-    "told half": (PLAIN, {"columns": "strain=1"}, "one deformation.*and one load"),
+    "told twice": (PLAIN, {"columns": "strain=1,stretch=2"}, "no more than one deformation.*and one load"),
+    "told half, of no header": (table(["a", "b"], L, S), {"columns": "strain=1"}, "no line names a deformation and a load"),
+    "told a column that is not there": (PLAIN, {"columns": "stress=7[kPa]"}, "no line names a deformation and a load"),
     "told absent": (
         PLAIN,
         {"columns": "strain=Dehnung,stress=Spannung"},
@@ -485,3 +512,43 @@ def test_lines_of_numbers_are_not_searched_for_a_header(write, monkeypatch):
     rows = "".join(f"{1 + i / 500:.4f},{i}\n" for i in range(1000))
     assert len(read_curve(write("stretch,stress (kPa)\n" + rows)).stretch) == 1000
     assert len(asked) < 10
+
+
+def test_the_peaks_of_a_stepwise_test_are_no_jumps(write):
+    """Eight steps, each held while a tenth of the stress relaxes: among the readings at which the stretch still rises a peak
+    stands alone, but not among all."""
+    stretch, stress = [1.0], [0.0]
+    for step in range(8):
+        rise = np.linspace(stretch[-1], 1.2 + 0.2 * step, 9)[1:]
+        hold = rise[-1] + 1e-5 * np.sin(np.arange(60.0))
+        relaxed = MU * (rise[-1] - rise[-1] ** -2) * (1 - 0.1 * (1 - np.exp(-np.arange(60) / 5)))
+        stretch += [*rise, *hold]
+        stress += [*(MU * (rise - rise**-2)), *relaxed]
+    file = write(
+        table(["time (s)", "stretch", "stress (kPa)"], np.arange(len(stretch)), np.array(stretch), np.array(stress) / 1e3)
+    )
+    (curve,) = prepared([read_curve(file)])
+    assert not any("jump" in remark for remark in curve.remarks)
+
+
+@pytest.mark.parametrize(("sign", "name"), [(1, "tension"), (-1, "compression")])
+def test_a_position_of_the_crosshead_is_no_extension(sign, name, write):
+    """The machine's position is 12 mm where the strip of 33 mm is taut, and the first reading has a small preload."""
+    stretch = np.linspace(1.0 + sign * 0.01, 1.0 + sign * 0.5, 60)
+    stress = MU * (stretch - stretch**-2)
+    moved, force = 12.0 + 33.0 * np.abs(stretch - 1.0), np.abs(stress) * SECTION
+    text = table(["Position (mm)", "Load (N)"], moved, force)
+    curve = read_curve(write(text), test=name, specimen=Specimen(cross_section=SECTION, gauge_length=LENGTH))
+    (shifted,) = prepared([curve])
+    assert shifted.origin.slack == pytest.approx(sign * 12.0 / 33.0, abs=5e-3)
+    assert any("counts from elsewhere" in remark for remark in shifted.remarks)
+    (plain,) = prepared([read_curve(write(table(["stretch", "stress (kPa)"], stretch, stress / 1e3)), test="uniaxial")])
+    assert plain.origin is None
+
+
+def test_a_specimen_may_be_slack_over_half_of_its_length(write):
+    stretch = np.linspace(1.0, 3.0, 101)
+    taut = np.maximum(stretch - 0.6, 1.0)
+    curve = read_curve(write(table(["strain", "stress (kPa)"], stretch - 1.0, 20.0 * (taut - taut**-2))))
+    (read,) = prepared([curve])
+    assert read.origin.slack == pytest.approx(0.6, abs=0.03) and small_modulus(read) == pytest.approx(20e3, rel=0.1)

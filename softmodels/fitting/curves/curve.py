@@ -127,7 +127,7 @@ class TensileCurve:
                 f"the stress at stretch 1 is {at_rest.min() / 1e3:.4g} kPa instead of zero, more than half of the largest one; "
                 "subtract the load cell's offset first"
             )
-        modulus, least = small_modulus(self), SOFTEST_TEST
+        modulus, least = small_modulus(taut(self)), SOFTEST_TEST
         if not modulus > 0.0:
             yield "the stress decreases with the stretch; check its sign and the columns"
         if not modulus >= least:
@@ -267,9 +267,17 @@ def _pressed(table: CurveTable) -> CurveTable:
 
 
 def _check_title(path: Path, tables: Sequence[CurveTable]) -> None:
-    """Reject numbers that count as tension where the lines above them or the file's name say compression."""
+    """Reject numbers that count as tension where the lines above them or the file's name say compression or bending."""
     for table in tables:
-        said = table.compression or (path.name if machine.COMPRESSION_TEST.search(path.name) else "")
+        said = table.title
+        for name in (path.name, table.deformation.header, table.load.header):
+            said = said or (name if machine.BENDING_TEST.search(name.replace("_", " ")) else "")
+        if machine.BENDING_TEST.search(said.replace("_", " ")):
+            raise TensileError(
+                f"{path}: {said!r} says bending, and a force over a deflection is no curve of tension; for a test of tension "
+                f"give {path.name}:tension"
+            )
+        said = said or (path.name if machine.COMPRESSION_TEST.search(path.name) else "")
         rest = 1.0 if table.deformation.kind == "stretch" else 0.0
         if said and not table.deformation.sign and not table.load.sign and (table.x - rest).sum() > 0.0:
             raise TensileError(
@@ -311,7 +319,7 @@ def _stretch(x: Array, column: CurveColumn, specimen: Specimen) -> Array:
     if column.kind in ("strain", "true-strain") and (most := float(np.abs(values).max())) > MAX_STRAIN:
         raise TensileError(
             f"the column {column.header!r} reaches a strain of {most:.4g}; if it is in percent, give "
-            f"--columns {column.kind}={column.place + 1}[%],..."
+            f"--columns '{column.kind}={column.place + 1}[%]'"
         )
     if column.kind == "strain":
         stretch = 1 + values
@@ -328,7 +336,8 @@ def _stretch(x: Array, column: CurveColumn, specimen: Specimen) -> Array:
     else:
         stretch = values
     if stretch.min() <= 0.0:
-        hint = "; a column starting at 0 holds strains" if column.kind == "stretch" else ""
+        strains = f"; a column starting at 0 holds strains: --columns strain={column.place + 1}"
+        hint = strains if column.kind == "stretch" else ""
         raise TensileError(f"the column {column.header!r} gives a stretch of {stretch.min():.4g}{hint}")
     if column.kind != "strain" and stretch.max() > MAX_STRAIN:
         raise TensileError(f"the column {column.header!r} gives a stretch of {stretch.max():.4g}; check its unit")
@@ -344,21 +353,21 @@ def _check_start(x: Array, y: Array, column: CurveColumn, specimen: Specimen) ->
         unit = "[%]" if column.unit == "percent" else ""
         raise TensileError(
             f"the column {name!r} starts at {shown} instead of near 0, so it seems to hold stretches; rename it to "
-            f"'stretch' or give --columns stretch={place}{unit},...; if the curve really starts at that strain, give "
-            f"--columns {column.kind}={place}{unit},..."
+            f"'stretch' or give --columns stretch={place}{unit}; if the curve really starts at that strain, give "
+            f"--columns {column.kind}={place}{unit}"
         )
     length = specimen.gauge_length
     if column.kind == "extension" and length and values.min() >= MAX_FIRST_STRAIN * length:
         raise TensileError(
             f"the column {name!r} begins at {x.min():.5g} {column.unit} instead of near 0, so it seems to "
             f"hold the specimen's length; subtract the first length, or give "
-            f"--columns extension={place}[{column.unit}],... if the curve really starts there"
+            f"--columns 'extension={place}[{column.unit}]' if the curve really starts there"
         )
     at_rest = abs(y[np.argmin(values)]) < AT_REST * np.abs(y).max()
     if column.kind == "stretch" and 0.0 < values.min() < MIN_FIRST_STRETCH and at_rest:
         raise TensileError(
             f"the column {name!r} begins at {x.min():.5g} without stress instead of near 1, so it seems "
-            f"to hold strains; rename it to 'strain' or give --columns strain={place},..."
+            f"to hold strains; rename it to 'strain' or give --columns strain={place}"
         )
 
 
@@ -737,6 +746,9 @@ def _jumps(values: Array, noise: float | Array, stretch: Array) -> npt.NDArray[n
 # Slack of the specimen and the load cell's zero: rows at constant load while the strain rises, and a first stress off zero.
 
 
+START_SHARE, MIN_OFFSET, MIN_SECANT_SHARE = 0.2, 0.02, 0.4
+"""First part of a test's travel on which its slope is measured; a first stretch off 1 from which, and the slope to the origin
+over that slope below which, a test counts from elsewhere: a rubber's first slope is the steepest."""
 SLACK_ROWS, SLACK_LEAST = 3, 0.005
 """Least number of rows at constant load, and least change of the stretch over them."""
 MAX_LEVEL_SLOPE, MIN_STEEPER_ERRORS = 0.2, 6.0
@@ -761,20 +773,24 @@ def taut(curve: TensileCurve) -> TensileCurve:
     else:
         way, leg = direction(curve.stretch), slice(0, turns(curve.stretch)[1] + 1)
     x, y = way * (curve.stretch[leg] - curve.stretch[leg][0]), way * curve.stress[leg]
-    start = _start(x, y)
-    if start is None:
-        return curve
-    first = float(curve.stretch[leg][0])
-    if start.slack:
+    start, first = _start(x, y), float(curve.stretch[leg][0])
+    if start is not None and start.slack:
         origin = Origin(first + way * start.slack - 1.0, way * start.zero, zero_error=start.error)
-        moved = dataclasses.replace(curve, stretch=curve.stretch - origin.slack, stress=curve.stress - origin.zero)
-        loaded = way * (moved.stretch - 1.0) > 0.0
         said = (
             f"slack: over its first {start.slack:.3g} of stretch the load stays at {origin.zero / 1e3:.3g} kPa; "
-            f"{int((~loaded).sum())} rows of a slack specimen are left out, and the slack and the load cell's zero are fitted"
+            "{} rows of a slack specimen are left out, and the slack and the load cell's zero are fitted"
         )
-        return _kept_rows(dataclasses.replace(moved, origin=origin, remarks=(*curve.remarks, said)), loaded)
-    if abs(first - 1.0) > AT_STRETCH_1:
+        return _counted_from(curve, origin, way, said)
+    begun, offset = x <= START_SHARE * x.max(), way * (first - 1.0)
+    load, slope = np.polynomial.polynomial.polyfit(x[begun], y[begun], 1) if begun.sum() > 3 else (0.0, 0.0)
+    if MIN_OFFSET < offset < x.max() / START_SHARE and load < MIN_SECANT_SHARE * slope * offset:
+        origin = Origin(first - 1.0 - way * float(load / slope), 0.0, zero_error=1e-3 * float(np.abs(y).max()))
+        said = (
+            f"the stretch begins at {first:.4g} with {way * load / 1e3:.3g} kPa, too little for that stretch: it counts from "
+            "elsewhere, as a position of the crosshead does; where the specimen is taut is fitted"
+        )
+        return _counted_from(curve, origin, way, said)
+    if start is None or abs(first - 1.0) > AT_STRETCH_1:
         return curve
     # The same first stress would come of a slack below zero: a preload at which the stretch was set to 1.
     origin = Origin(0.0, way * start.zero, slack_error=start.zero / start.slope)
@@ -784,6 +800,14 @@ def taut(curve: TensileCurve) -> TensileCurve:
     )
     stress = curve.stress - origin.zero
     return dataclasses.replace(curve, stress=stress, origin=origin, remarks=(*curve.remarks, said))
+
+
+def _counted_from(curve: TensileCurve, origin: Origin, way: int, said: str) -> TensileCurve:
+    """Return a curve that counts from an origin, with the rows at which its specimen is loaded, and a remark on the others."""
+    moved = dataclasses.replace(curve, stretch=curve.stretch - origin.slack, stress=curve.stress - origin.zero)
+    loaded = way * (moved.stretch - 1.0) > 0.0
+    remarks = (*curve.remarks, said.format(int((~loaded).sum())))
+    return _kept_rows(dataclasses.replace(moved, origin=origin, remarks=remarks), loaded)
 
 
 def _kept_rows(curve: TensileCurve, kept: npt.NDArray[np.bool_]) -> TensileCurve:

@@ -481,7 +481,10 @@ def prepared(curves: Curves, stretch: tuple[float, float] | None = None, history
     given = [curves] if isinstance(curves, TensileCurve | Path | str) else curves
     read: list[TensileCurve] = []
     for curve in given:
-        read += [without_jumps(curve)] if isinstance(curve, TensileCurve) else read_curves(Path(curve), history=history)
+        if not isinstance(curve, TensileCurve):
+            read += read_curves(Path(curve), history=history)
+        else:  # a file's jumps were left out among all its readings: those of its ramp only are no neighbours in time
+            read.append(without_jumps(curve) if curve.raw is None else curve)
     read = [taut((given_curve if history else given_curve.ramp()).check()) for given_curve in read]
     if not read:
         return []
