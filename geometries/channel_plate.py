@@ -175,7 +175,7 @@ class ChannelPlate(actuator.Actuator):
         if field in ("scale_x", "scale_y"):
             return all(abs(normal["xy".index(field[-1])]) in (0.0, 1.0) for normal in normals)
         if field in NODE_LISTS:
-            places, across = self.nodes.places[int(number) - 1], normals[:, NODE_LISTS.index(field)].any()
+            places, across = self.nodes.places[int(number) - 1], bool(normals[:, NODE_LISTS.index(field)].any())
         elif field in RADIUS_LISTS:
             places, across = np.array(self.drawn.channels[int(number) - 1].points), False
         else:

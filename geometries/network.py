@@ -376,7 +376,7 @@ class Distance:
             centre = points[block].mean(axis=0)
             wide = 2.0 * float(np.linalg.norm(points[block] - centre, axis=1).max()) + 2.0 * (self.fillet + move)
             *_, distance = self._cones(centre[None], None)
-            yield block, np.flatnonzero(distance[0] < distance.min() + MAX_DISTANCE_SLOPE * wide)
+            yield block, np.flatnonzero(distance[0] <= distance.min() + MAX_DISTANCE_SLOPE * wide)
 
     def distances(self, points: Array) -> Array:
         """Return the distances of many points, shape (n,)."""

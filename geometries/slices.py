@@ -149,6 +149,11 @@ def cut(
         away = np.where(on.any(axis=1), np.linalg.norm(points[:, :2], axis=1), np.abs(points @ normal))
         on[:, k] = away < SNAP_SHARE * edge
         points = projected(distance, points, normals, on)
+        # Two neighbours that are both moved onto the axis become one.
+        places = np.round(points / (ON_MIRROR * edge)).astype(np.int64)
+        _, first, number_of = np.unique(places, axis=0, return_index=True, return_inverse=True)
+        triangles = first[number_of.ravel()][triangles]
+        triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
         height = np.where(on[:, k], 0.0, -(points @ normal))
         ends = np.unique(np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
         ends = ends[height[ends].prod(axis=1) < 0.0]

@@ -118,9 +118,10 @@ def test_mirrors_of_a_drawing(given, copies):
     [
         {"channels": _rays(0, 90, 180, 270), **DISK, "gauge_point": "at -4, 3 mm"},
         {"network": "radial:6", **DISK},  # air on the axis
+        {"network": "radial:3", "outline": "circle 50 mm", "support": "free"},  # two corners near to it
         {"network": "rings:2", "outline": "circle 40 mm", "support": "free"},
     ],
-    ids=["wedge elsewhere", "axis", "rings"],
+    ids=["wedge elsewhere", "axis", "two corners", "rings"],
 )
 def test_walls_of_a_slice_end_on_its_cut_planes(tmp_path, given):
     plate = ChannelPlate(**given, around=8, cell_size=4e-3)
@@ -166,6 +167,11 @@ def test_a_crease_is_rounded_only_where_channels_meet_at_an_angle():
         1e-4 - 0.25 * (1 - math.exp(-2)) * 4e-4  # the air reaches further
     )
     assert both.of(corner + 1e-6 * steps)[0] - rounded == pytest.approx(1e-6, rel=1e-3)
+
+
+def test_the_distance_of_one_point_without_roundings():
+    line = network.Channel.along("c", 1e-3 * np.array([(0, 0), (8, 0)]), 0.0, (1e-3, 1e-3))
+    assert network.Distance([line], 0.0).distances(1e-3 * np.array([(4, 3, 0)])) == pytest.approx([2e-3])
 
 
 @pytest.mark.parametrize("turn", [30, 60, 90, 120])
