@@ -56,7 +56,7 @@ SLICES = {
         outline="rectangle 30 x 16 mm", channels=("6, 0 to 24, 0 mm radius 1.2 to 1 mm", "12, -5 to 12, 5 mm"), **COARSE
     ),
     "wedge": ChannelPlate(
-        outline="circle 24 mm", support="edge", channels=("-8, 0 to 8, 0 mm", "0, -8 to 0, 8 mm"), fillet=5e-4, **COARSE
+        outline="circle 24 mm", support="edge", channels=("-8, 0 to 8, 0 mm", "0, -8 to 0, 8 mm"), fillet=4e-4, **COARSE
     ),
 }  # fmt: skip
 FOLLOWED = {
