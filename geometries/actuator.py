@@ -44,6 +44,11 @@ class Designable:
         """Names of the parameters that `carried` can follow, among those of `parameter_names`."""
         return ()
 
+    def why_not_movable(self, name: str) -> str:
+        """Return the sentence on a parameter of the shape that is not among `movable`."""
+        known = f"it follows {', '.join(self.movable)}" if self.movable else "it can follow none"
+        return f"the mesh of this {type(self).__name__} cannot follow {name}; {known}"
+
     def carried(self, other: Self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return where points on the boundary of this device lie on another one.
 
@@ -308,6 +313,11 @@ class Actuator(Designable, Castable, DeviceLabels, ABC):
     @abstractmethod
     def copies(self) -> int:
         """Number of slices in the device; 1 for an axisymmetric mesh, which represents all of it."""
+
+    @property
+    def portion(self) -> str:
+        """What part of the device is meshed; a clause for messages."""
+        return f"1/{self.copies}"
 
     @property
     def fuller(self) -> str:

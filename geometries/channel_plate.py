@@ -14,14 +14,14 @@ import itertools
 import math
 import re
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries import actuator, faces, mesh_arrays, meshing, network, registry, revolved
+from geometries import actuator, faces, mesh_arrays, meshing, network, registry, revolved, slices
 from geometries.actuator import Hold, Vector
 from geometries.network import Channel, Network, Nodes, Place
 from softmodels.common import errors, schema, units
@@ -36,7 +36,7 @@ class ChannelPlate(actuator.Actuator):
     """A plate with a network of round air channels: drawn (SVG, DXF), of a family ("radial:8"), or written as texts.
 
     Physical groups: volume "solid"; surfaces "cavity", "cavity2", ... (the walls of the channels, a cavity for each colour or
-    layer), "support", "top", "bottom" and "edge". Lengths are in m.
+    layer), "support", "top", "bottom" and "edge", the cut planes "plane0" and "plane1" of a half or a wedge. Lengths are in m.
     """
 
     network: str = schema.text_field(
@@ -85,6 +85,10 @@ class ChannelPlate(actuator.Actuator):
     )
     cell_size: float = schema.length_field(0.0025, "edge length of the cells far from the channels", shape=False)
     around: float = schema.number_field(10.0, "cells around the narrowest channel's section", shape=False)
+    symmetry: str = schema.choice_field(
+        "auto", ("auto", "none"), "auto: only a half or a wedge is meshed where drawing and support are their own mirror "
+        "image on lines through x = y = 0; none: the whole plate"
+    )  # fmt: skip
 
     stem: ClassVar = "plate"
     pressures: ClassVar = "0:100"
@@ -138,7 +142,7 @@ class ChannelPlate(actuator.Actuator):
     @property
     def nodes(self) -> Nodes:
         """The network's nodes where they were drawn."""
-        return Nodes.of(_as_drawn(self, self.digest()).channels)
+        return _nodes(self, self.digest())
 
     def entries(self, field: str) -> tuple[float, ...]:
         """Return a list's values, of nodes and radii that are not given those drawn."""
@@ -154,7 +158,29 @@ class ChannelPlate(actuator.Actuator):
     @property
     def movable(self) -> tuple[str, ...]:
         fixed = {name for name in ("fillet", "width") if not getattr(self, name)}
-        return tuple(name for name in actuator.parameter_names(self) if name not in fixed)
+        return tuple(name for name in actuator.parameter_names(self) if name not in fixed and self._keeps_mirrors(name))
+
+    def why_not_movable(self, name: str) -> str:
+        if self._keeps_mirrors(name):
+            return super().why_not_movable(name)
+        return (
+            f"{name} breaks the mirror symmetry of this plate, of which only 1/{self.copies} is meshed; give symmetry = 'none' "
+            f"with its geometry ({self.fuller})"
+        )
+
+    def _keeps_mirrors(self, name: str) -> bool:
+        """Return whether the drawing is still its own mirror image when a parameter changes by itself."""
+        field, _, number = name.rstrip("]").partition("[")
+        normals = np.array(self.normals).reshape(-1, 3)
+        if field in ("scale_x", "scale_y"):
+            return all(abs(normal["xy".index(field[-1])]) in (0.0, 1.0) for normal in normals)
+        if field in NODE_LISTS:
+            places, across = self.nodes.places[int(number) - 1], bool(normals[:, NODE_LISTS.index(field)].any())
+        elif field in RADIUS_LISTS:
+            places, across = np.array(self.drawn.channels[int(number) - 1].points), False
+        else:
+            return True
+        return not across and bool(slices.on_mirrors(places, normals, slices.SYMMETRY_TOLERANCE * self.size).all())
 
     def carried(self, other: Self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         return carried(self, other, np.asarray(points, dtype=float))
@@ -174,6 +200,13 @@ class ChannelPlate(actuator.Actuator):
         return self.drawn.remarks
 
     @property
+    def portion(self) -> str:
+        if not self.normals:
+            return super().portion
+        what = "half" if self.copies == 2 else f"wedge of {360.0 / self.copies:.4g} degrees"
+        return f"{what}, {super().portion}, as the drawing is its own mirror image; --symmetry none meshes all of it"
+
+    @property
     def expected_cells(self) -> float:
         area, volume = 0.0, outline_area(self.paths) * self.thickness
         for each in self.drawn.channels:
@@ -191,8 +224,17 @@ class ChannelPlate(actuator.Actuator):
         return {name: math.tau * radius / self.around for name, radius in least.items()}
 
     @property
+    def normals(self) -> tuple[Vector, ...]:
+        """Outward unit normals of the slice that is meshed, of a half or a wedge; none of the whole plate."""
+        return _normals(self, self.digest())
+
+    @property
     def copies(self) -> int:
-        return 1
+        return len(actuator.reflected(self.normals))
+
+    @property
+    def fuller(self) -> str:
+        return "--symmetry none"
 
     @property
     def size(self) -> float:
@@ -200,7 +242,7 @@ class ChannelPlate(actuator.Actuator):
 
     @property
     def cut_planes(self) -> tuple[actuator.CutPlane, ...]:
-        return ()
+        return tuple(actuator.CutPlane(f"plane{k}", normal) for k, normal in enumerate(self.normals))
 
     @property
     def ratios(self) -> tuple[float, ...]:
@@ -247,6 +289,11 @@ class ChannelPlate(actuator.Actuator):
     def holds(self) -> tuple[Hold, ...]:
         if self.support != "free":
             return (Hold("support", None),)
+        if self.normals:
+            # Mirrors leave a half the motions in its plane, a wedge that along the axis.
+            half = (-self.normals[0][1], self.normals[0][0], 0.0) if self.copies == 2 else None
+            ends = (("anchor0", self.lift), ("anchor0", half), ("anchor1", self.lift)) if half else (("anchor0", self.lift),)
+            return tuple(Hold(name, way, point=True) for name, way in ends)
         first, second, _ = np.array(self.held)
         along = (second - first) / np.linalg.norm(second - first)
         x, y = (float(value) for value in along)
@@ -282,15 +329,15 @@ class ChannelPlate(actuator.Actuator):
     def cavity_volume(self) -> float:
         """Sum of the cavities in m3, each times its pressure ratio, within the walls of the mesh."""
         volumes = (volume(*air) for air in self.air.values())
-        return sum(ratio * air for ratio, air in zip(self.ratios, volumes, strict=True))
+        return self.copies * sum(ratio * air for ratio, air in zip(self.ratios, volumes, strict=True))
 
     @property
     def solid_volume(self) -> float:
-        return outline_area(self.paths) * self.thickness - sum(volume(*air) for air in self.air.values())
+        return outline_area(self.paths) * self.thickness - self.copies * sum(volume(*air) for air in self.air.values())
 
     @property
     def air(self) -> dict[str, tuple[Array, mesh_arrays.Ints]]:
-        """Curved walls of each cavity by its role: nodes in m, and triangles of six turned out of the air."""
+        """Curved walls of each cavity in the slice by its role: nodes in m, and triangles of six turned out of the air."""
         return _air(self, self.digest())
 
     def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -314,15 +361,28 @@ class ChannelPlate(actuator.Actuator):
 
     def curve(self) -> None:
         """Move the nodes inside the edges on the channels' walls onto them, and back those that spoil cells in creases."""
+        groups = {gmsh.model.getPhysicalName(*group): group for group in gmsh.model.getPhysicalGroups(2)}
+        planes = [gmsh.model.mesh.getNodesForPhysicalGroup(*groups[plane.name])[0] for plane in self.cut_planes]
+        normals = np.array(self.normals).reshape(-1, 3)
+        curved = []
         for name, role in zip(self.drawn.cavities, actuator.cavity_roles(self), strict=True):
-            (group,) = (group for group in gmsh.model.getPhysicalGroups(2) if gmsh.model.getPhysicalName(*group) == role)
-            tags, places = gmsh.model.mesh.getNodesForPhysicalGroup(*group)
+            tags, places = gmsh.model.mesh.getNodesForPhysicalGroup(*groups[role])
             distance = network.Distance([each for each in self.drawn.channels if each.cavity == name], self.fillet)
-            moved = distance.projected(places.reshape(-1, 3) / meshing.MM_PER_M) * meshing.MM_PER_M
-            for tag, place in zip(tags.tolist(), moved, strict=True):
-                gmsh.model.mesh.setNode(tag, place, [])
-        gmsh.model.mesh.optimize("HighOrderElastic")
+            on = np.array([np.isin(tags, own) for own in planes], dtype=bool).reshape(-1, len(tags)).T
+            moved = slices.projected(distance, places.reshape(-1, 3) / meshing.MM_PER_M, normals, on) * meshing.MM_PER_M
+            curved += list(zip(tags.tolist(), moved, strict=True))
+        _set_nodes(curved)
+        try:
+            gmsh.model.mesh.optimize("HighOrderElastic")
+        except Exception:  # bare: its solver gave up, and has put walls back on straight edges
+            _set_nodes(curved)
         meshing.straighten(3, EASED_SHARES)
+
+
+def _set_nodes(places: Sequence[tuple[int, Array]]) -> None:
+    """Move nodes of the mesh in the current Gmsh model to places in mm."""
+    for tag, place in places:
+        gmsh.model.mesh.setNode(tag, place, [])
 
 
 RECTANGLE = "rectangle 40 x 15 mm"
@@ -429,16 +489,32 @@ def _on_side(path: tuple[Place, ...], place: Array) -> bool:
     return False
 
 
+@functools.lru_cache(maxsize=64)
+def _nodes(plate: ChannelPlate, digest: str) -> Nodes:
+    return Nodes.of(_as_drawn(plate, digest).channels)
+
+
+@functools.lru_cache(maxsize=64)
+def _normals(plate: ChannelPlate, digest: str) -> tuple[Vector, ...]:
+    """Return the outward normals of the slice of a plate that holds its gauge."""
+    if plate.symmetry == "none":
+        return ()
+    held = () if plate.support in ("bottom", "top", "edge", "free") else plate.held
+    ((x, y, _),) = plate.probes.values()
+    return slices.outward_normals(slices.mirrors(plate.drawn, held), (x, y))
+
+
 @functools.lru_cache(maxsize=8)
 def _air(plate: ChannelPlate, digest: str) -> dict[str, tuple[Array, mesh_arrays.Ints]]:
-    walls = {}
+    walls, normals = {}, np.array(plate.normals).reshape(-1, 3)
     finer = plate.replaced(finer=1.0) if plate.finer != 1.0 else plate
     for (name, edge), role in zip(finer.edges.items(), actuator.cavity_roles(plate), strict=True):
         own = [each for each in plate.drawn.channels if each.cavity == name]
-        corners, triangles = network.air_surface(own, plate.fillet, edge / plate.finer)
+        corners, triangles = slices.air_surface(own, plate.fillet, edge / plate.finer, normals)
         ends = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-        edges, number = np.unique(ends, axis=0, return_inverse=True)
-        middles = network.Distance(own, plate.fillet).projected(corners[edges].mean(axis=1))
+        edges, number, count = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
+        on = slices.on_mirrors(corners, normals, slices.ON_MIRROR * edge)[edges].all(axis=1) & (count == 1)[:, None]
+        middles = slices.projected(network.Distance(own, plate.fillet), corners[edges].mean(axis=1), normals, on)
         walls[role] = np.concatenate([corners, middles]), np.hstack([triangles, len(corners) + number.reshape(-1, 3)])
     return walls
 
@@ -456,7 +532,9 @@ def volume(nodes: Array, triangles: mesh_arrays.Ints) -> float:
 def carried(plate: ChannelPlate, other: ChannelPlate, points: Array) -> Array:
     """Return where points on the boundary of a plate lie on another; see `Actuator.carried`."""
     revolved.check_alike(plate, other, ("network", "support"), ("fillet",))
-    here, there = plate.drawn, other.drawn
+    here, there, normals = plate.drawn, other.drawn, np.array(plate.normals).reshape(-1, 3)
+    if plate.normals != other.normals:
+        raise GeometryError("two plates have other mirrors, so that another part is meshed; give symmetry = none")
     if [(len(c.points), c.cavity) for c in here.channels] != [(len(c.points), c.cavity) for c in there.channels]:
         raise GeometryError("two plates have channels of other lines or cavities; a mesh cannot follow that, make a new one")
     (low, high), (its_low, its_high) = plate.box, other.box
@@ -482,66 +560,219 @@ def carried(plate: ChannelPlate, other: ChannelPlate, points: Array) -> Array:
         nearest[near] = away[near]
         result[near] = mine.carried(its, walls[near])
     moved[inside] = result
+    for normal, near in zip(normals, slices.on_mirrors(points, normals, 1e-9 * plate.size).T, strict=True):
+        moved[near] -= np.outer(moved[near] @ normal, normal)
     return moved
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The plate in Gmsh: a prism of its outline, and the channels' walls as triangles that stay.
+# The plate in Gmsh: a prism of its outline, or the slice of it between mirrors, and the channels' walls as triangles that stay.
 
 
 def build_plate(plate: ChannelPlate) -> None:
-    """Fill the current Gmsh model (mm) with a plate, its roles and its cell sizes."""
-    geo, half = gmsh.model.geo, 0.5 * meshing.MM_PER_M * plate.thickness
-    marked = {place: name for name, place in _marks(plate).items()}
+    """Fill the current Gmsh model (mm) with a plate or its slice, its roles and its cell sizes."""
+    geo, sketch, half = gmsh.model.geo, Sketch(), 0.5 * plate.thickness
     roles: dict[str, list[int]] = defaultdict(list)
-    loops: tuple[list[int], list[int]] = ([], [])
-    named: dict[str, int] = {}
-    for path in _with_gauge(plate):
-        runs = _runs(plate, path, set(marked))
-        places = {place: [geo.addPoint(*(meshing.MM_PER_M * np.array(place)), z) for z in (-half, half)] for place in path}
-        ends = {run[0][0]: geo.addLine(*places[run[0][0]]) for run in runs}
-        sides: tuple[list[int], list[int]] = ([], [])
-        for run, held in runs:
-            low, high = ([places[place][k] for place in run] for k in (0, 1))
-            curves = [geo.addSpline(line) if len(line) > 2 else geo.addLine(*line) for line in (low, high)]
-            around = geo.addCurveLoop([curves[0], ends[run[-1]], -curves[1], -ends[run[0]]])
-            roles["support" if held else "edge"].append(geo.addSurfaceFilling([around]))
-            for level in (0, 1):
-                sides[level].append(curves[level])
-        for level in (0, 1):
-            loops[level].append(geo.addCurveLoop(sides[level]))
-        named |= {
-            marked[place]: places[place][0 if marked[place].startswith("anchor") else 1] for place in places if place in marked
-        }
-    bottom, top = (geo.addPlaneSurface(loop) for loop in loops)
+    rims: tuple[list[Line], list[Line]] = ([], [])
+    ends: list[Place] = []
+    for run, held in (each for path in outline_sides(plate) for each in _runs(path)):
+        if not _inside(plate, run):
+            continue
+        low, high = (sketch.line(*((*place, z) for place in run)) for z in (-half, half))
+        first, last = (sketch.line(*((*place, z) for z in (-half, half))) for place in (run[0], run[-1]))
+        around = geo.addCurveLoop([low.tag, last.tag, -high.tag, -first.tag])
+        roles["support" if held else "edge"].append(geo.addSurfaceFilling([around]))
+        rims[0].append(low)
+        rims[1].append(high)
+        ends += [run[0], run[-1]]
+    walls = {role: [Wall(sketch, *shell) for shell in _shells(*air)] for role, air in plate.air.items()}
+    pieces = [wall for shells in walls.values() for wall in shells]
+    ((gauge, top_place),) = plate.probes.items()
+    for plane in plate.cut_planes:
+        across = np.array(plane.normal)
+        axis = [z for wall in pieces for z in wall.axis] if plate.copies > 2 else None
+        lines = [line for wall in pieces for line in wall.rim if line.lies_on(across)]
+        for k, line in _cut_lines(sketch, across, half, ends, axis, top_place):
+            lines.append(line)
+            if k is not None:
+                rims[k].append(line)
+        roles[plane.name] += sketch.faces(lines, np.array([-across[1], across[0], 0.0]))
+    (bottom,), (top,) = (sketch.faces(rim, np.array([1.0, 0.0, 0.0])) for rim in rims)
     for name, tag in (("bottom", bottom), ("top", top)):
         roles["support" if plate.support == name else name].append(tag)
-    ((x, y, _),) = plate.probes.values()
-    (gauge,) = plate.probes
-    if gauge not in named:
-        named[gauge] = geo.addPoint(meshing.MM_PER_M * x, meshing.MM_PER_M * y, half)
-    outside = geo.addSurfaceLoop([tag for tags in roles.values() for tag in tags])
+    named = {name: sketch.point((*place, -half)) for name, place in _anchors(plate, ends).items()}
+    on_line = sketch.has(top_place)
+    named[gauge] = sketch.point(top_place)
+    open_pieces = [wall for wall in pieces if wall.rim]
     geo.synchronize()
-    if (x, y) not in marked:
+    if not on_line:
         gmsh.model.mesh.embed(0, [named[gauge]], 2, top)
-    walls = [outside]
-    for role, (nodes, triangles) in plate.air.items():
-        corners = triangles[:, :3]
-        shell = actuator.joined(np.concatenate([corners[:, :2], corners[:, 1:]]), len(nodes))[corners[:, 0]]
-        for number in np.unique(shell):
-            used, own = np.unique(corners[shell == number], return_inverse=True)
-            tag = gmsh.model.addDiscreteEntity(2)
-            first = int(gmsh.model.mesh.getMaxNodeTag()) + 1
-            gmsh.model.mesh.addNodes(2, tag, first + np.arange(len(used)), (meshing.MM_PER_M * nodes[used]).ravel())
-            gmsh.model.mesh.addElementsByType(tag, 2, [], (first + own).ravel())
-            walls.append(geo.addSurfaceLoop([tag]))
-            roles[role].append(tag)
-    solid = geo.addVolume(walls)
+    _set_sizes(plate)
+    gmsh.option.setNumber("Mesh.MeshOnlyEmpty", 1)  # the ends of walls on the cut planes stay as they are
+    for line in (line for wall in open_pieces for line in wall.rim):
+        gmsh.model.mesh.setTransfiniteCurve(line.tag, 2)
+    gmsh.model.mesh.generate(1)
+    outside = [tag for tags in roles.values() for tag in tags]
+    for role, shells in walls.items():
+        roles[role] = [wall.add() for wall in shells]
+    outside += [wall.tag for wall in open_pieces]
+    loops = [geo.addSurfaceLoop(outside), *(geo.addSurfaceLoop([wall.tag]) for wall in pieces if not wall.rim)]
+    solid = geo.addVolume(loops)
     geo.synchronize()
     meshing.name_group(3, [solid], "solid")
     meshing.name_groups(2, roles)
     meshing.name_groups(0, {name: [tag] for name, tag in named.items() if name.startswith("anchor")})
-    _set_sizes(plate)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Line:
+    """A line of the Gmsh model, a spline through more than two places (m): its tag, and the tags of its ends."""
+
+    tag: int
+    ends: tuple[int, int]
+    places: Array
+
+    def lies_on(self, normal: Array) -> bool:
+        """Return whether it lies in a plane through the origin."""
+        return bool(np.abs(self.places @ normal).max() < SAME_PLACE)
+
+
+class Sketch:
+    """Points and lines of the current Gmsh model (mm), each once, by their places in m; and the plane faces between lines."""
+
+    def __init__(self) -> None:
+        self.points: dict[tuple[int, ...], int] = {}
+        self.lines: dict[tuple[int, ...], Line] = {}
+
+    def has(self, place: Sequence[float]) -> bool:
+        return self._key(place) in self.points
+
+    def point(self, place: Sequence[float]) -> int:
+        if not self.has(place):
+            self.points[self._key(place)] = gmsh.model.geo.addPoint(*(meshing.MM_PER_M * np.array(place)))
+        return self.points[self._key(place)]
+
+    @staticmethod
+    def _key(place: Sequence[float]) -> tuple[int, ...]:
+        return tuple(round(value / SAME_PLACE) for value in place)
+
+    def line(self, *places: Sequence[float]) -> Line:
+        tags = tuple(self.point(place) for place in places)
+        if tags not in self.lines:
+            add = gmsh.model.geo.addSpline(tags) if len(tags) > 2 else gmsh.model.geo.addLine(*tags)
+            self.lines[tags] = Line(add, (tags[0], tags[-1]), np.array(places))
+        return self.lines[tags]
+
+    def faces(self, lines: Sequence[Line], along: Array) -> list[int]:
+        """Return the plane faces between closed loops of lines: one whose extent along a direction lies within that of another
+        is a hole in it."""
+        at: dict[int, list[Line]] = defaultdict(list)
+        for line in lines:
+            for end in line.ends:
+                at[end].append(line)
+        left = dict.fromkeys(lines)
+        faces: list[tuple[float, float, list[int]]] = []
+        loops = []
+        while left:
+            line = next(iter(left))
+            end, tags, extent = line.ends[0], [], []
+            while line in left:
+                del left[line]
+                forward = line.ends[0] == end
+                tags.append(line.tag if forward else -line.tag)
+                extent += (line.places @ along).tolist()
+                end = line.ends[forward]
+                line = next((other for other in at[end] if other in left), line)
+            loops.append((min(extent), max(extent), gmsh.model.geo.addCurveLoop(tags)))
+        for low, high, tag in sorted(loops):
+            around = next((holes for start, stop, holes in faces if start < low and high < stop), None)
+            if around is None:
+                faces.append((low, high, [tag]))
+            else:
+                around.append(tag)
+        return [gmsh.model.geo.addPlaneSurface(tags) for *_, tags in faces]
+
+
+class Wall:
+    """A connected piece of the channels' walls, corners (m) and triangles: the lines and the heights on the axis where it ends
+    on cut planes, and its surface in the Gmsh model."""
+
+    def __init__(self, sketch: Sketch, corners: Array, triangles: mesh_arrays.Ints):
+        ends = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        edges, count = np.unique(ends, axis=0, return_counts=True)
+        self.corners, self.triangles = corners, triangles
+        self.rim = [sketch.line(*corners[edge]) for edge in edges[count == 1]]
+        self.points = {int(node): sketch.point(corners[node]) for node in np.unique(edges[count == 1])}
+        self.axis = [float(corners[n, 2]) for n in self.points if np.abs(corners[n, :2]).max() < SAME_PLACE]
+
+    def add(self) -> int:
+        """Return the tag of its surface, added once the ends of its lines have nodes."""
+        self.tag: int = gmsh.model.addDiscreteEntity(2, boundary=[line.tag for line in self.rim])
+        number = int(gmsh.model.mesh.getMaxNodeTag()) + 1 + np.arange(len(self.corners))
+        inner = np.ones(len(number), dtype=bool)
+        for node, point in self.points.items():
+            number[node], inner[node] = gmsh.model.mesh.getNodes(0, point)[0][0], False
+        gmsh.model.mesh.addNodes(2, self.tag, number[inner], (meshing.MM_PER_M * self.corners[inner]).ravel())
+        gmsh.model.mesh.addElementsByType(self.tag, 2, [], number[self.triangles].ravel())
+        return self.tag
+
+
+def _shells(nodes: Array, triangles: mesh_arrays.Ints) -> Iterator[tuple[Array, mesh_arrays.Ints]]:
+    """Yield corners and triangles of the connected pieces of walls of triangles of six nodes."""
+    corners = triangles[:, :3]
+    shell = actuator.joined(np.concatenate([corners[:, :2], corners[:, 1:]]), len(nodes))[corners[:, 0]]
+    for number in np.unique(shell):
+        used, own = np.unique(corners[shell == number], return_inverse=True)
+        yield nodes[used], own.reshape(-1, 3)
+
+
+def _cut_lines(
+    sketch: Sketch, normal: Array, half: float, ends: Sequence[Place], axis: Sequence[float] | None, gauge: Vector
+) -> Iterator[tuple[int | None, Line]]:
+    """Yield the lines around a cut plane of a plate, of half a thickness, without those of walls; with 0 those below, with 1
+    those on top.
+
+    Args:
+        ends: Places where the outline ends on cut planes.
+        axis: Heights at which walls end on the axis; None for a half.
+        gauge: A place that a line on top has to pass through, if it lies in the plane.
+    """
+    along = np.array([-normal[1], normal[0]])
+    own = dict.fromkeys(place for place in ends if abs(np.dot(place, normal[:2])) < SAME_PLACE)
+    places = sorted(own, key=lambda place: float(np.dot(place, along)))
+    if len(places) % 2:
+        places.append((0.0, 0.0))
+        places.sort(key=lambda place: float(np.dot(place, along)))
+    for a, b in itertools.batched(places, 2):
+        for k, z in enumerate((-half, half)):
+            between = k == 1 and _on_side((a, b), np.array(gauge[:2])) and gauge[:2] not in (a, b)
+            way = (a, gauge[:2], b) if between else (a, b)
+            yield from ((k, sketch.line((*p, z), (*q, z))) for p, q in itertools.pairwise(way))
+        for place in (a, b):
+            heights = sorted((-half, half, *(axis if axis and place == (0.0, 0.0) else ())))
+            yield from ((None, sketch.line((*place, low), (*place, high))) for low, high in itertools.batched(heights, 2))
+
+
+SAME_PLACE = 1e-9
+"""Places nearer than this (m) are one."""
+
+
+def _inside(plate: ChannelPlate, run: Sequence[Place]) -> bool:
+    """Return whether a piece of the outline lies in the slice that is meshed."""
+    k = (len(run) - 1) // 2
+    middle = 0.5 * np.add(run[k], run[k + 1])
+    return all(float(middle @ normal[:2]) < 0.0 for normal in plate.normals)
+
+
+def _anchors(plate: ChannelPlate, ends: Sequence[Place]) -> dict[str, Place]:
+    """Return the places that hold a free plate, on its outline, by name: of a slice those where it ends on the first plane."""
+    if plate.support != "free":
+        return {}
+    if not plate.normals:
+        return {f"anchor{k}": place for k, place in enumerate(plate.held)}
+    x, y, _ = plate.normals[0]
+    own = sorted((p for p in ends if abs(np.dot(p, (x, y))) < SAME_PLACE), key=lambda p: float(np.dot(p, (y, -x))))
+    return {"anchor0": own[0], "anchor1": own[-1]} if plate.copies == 2 else {"anchor0": own[0]}
 
 
 def whole_plate(plate: ChannelPlate) -> None:
@@ -550,7 +781,7 @@ def whole_plate(plate: ChannelPlate) -> None:
     loops = []
     for path in plate.paths:
         places = {place: occ.addPoint(mm * place[0], mm * place[1], -mm * half) for place in path}
-        lines = [[places[place] for place in run] for run, _ in _runs(plate, path, set())]
+        lines = [[places[place] for place in run] for run, _ in _runs([(place, False, False) for place in path])]
         loops.append(occ.addCurveLoop([occ.addSpline(line) if len(line) > 2 else occ.addLine(*line) for line in lines]))
     face = occ.addPlaneSurface(loops)
     prism = [entity for entity in occ.extrude([(2, face)], 0, 0, mm * plate.thickness) if entity[0] == 3]
@@ -571,48 +802,51 @@ def whole_plate(plate: ChannelPlate) -> None:
     occ.synchronize()
 
 
-def _with_gauge(plate: ChannelPlate) -> tuple[tuple[Place, ...], ...]:
-    """Return the closed paths of the outline, with the gauge's place among their corners if it lies on one."""
-    (place,) = ((x, y) for x, y, _ in plate.probes.values())
-    return tuple(
-        tuple(
-            itertools.chain.from_iterable(
-                (a, place) if a != place != b and _on_side((a, b), np.array(place)) else (a,)
-                for a, b in itertools.pairwise((*path, path[0]))
-            )
-        )
-        for path in plate.paths
-    )
+def outline_sides(plate: ChannelPlate) -> list[list[tuple[Place, bool, bool]]]:
+    """Return the closed paths of the outline, with the gauge's place and those on cut planes among their corners: of each
+    corner its place, whether it has to be a vertex of the mesh, and whether the side behind it is held."""
+    ((x, y, _),) = plate.probes.values()
+    held = {*plate.held} if plate.support not in ("bottom", "top", "free") else set()
+    marks = {(x, y), *(plate.held if plate.support == "free" else ())}
+    normals = np.array(plate.normals).reshape(-1, 3)[:, :2]
+    near = slices.SYMMETRY_TOLERANCE * float(np.ptp(plate.paths[0], axis=0).max())
+    paths = []
+    for path in plate.paths:
+        corners = []
+        for a, b in itertools.pairwise((*path, path[0])):
+            shares = {0.0: a in marks}
+            if a != (x, y) != b and _on_side((a, b), np.array((x, y))):
+                shares[math.dist(a, (x, y)) / math.dist(a, b)] = True
+            for p, q in zip(normals @ a, normals @ b, strict=True):
+                if p * q < 0.0 and min(abs(p), abs(q)) > near:
+                    shares[float(p / (p - q))] = True
+            for share in sorted(shares):
+                place = np.array(a) + share * np.subtract(b, a)
+                on = np.abs(normals @ place) < near
+                for normal in normals[on]:
+                    place -= (place @ normal) * normal
+                corners.append(((float(place[0]), float(place[1])), shares[share] or bool(on.any()), a in held and b in held))
+        paths.append(corners)
+    return paths
 
 
-def _marks(plate: ChannelPlate) -> dict[str, Place]:
-    """Return places of the outline that have to be vertices of the mesh, by name."""
-    ((name, (x, y, _)),) = plate.probes.items()
-    anchors = {f"anchor{k}": place for k, place in enumerate(plate.held)} if plate.support == "free" else {}
-    on_outline = any((x, y) in path for path in _with_gauge(plate))
-    return {**anchors, **({name: (x, y)} if on_outline else {})}
-
-
-def _runs(plate: ChannelPlate, path: tuple[Place, ...], marked: set[Place]) -> list[tuple[list[Place], bool]]:
-    """Return the smooth pieces of a closed path between its corners, two or more, and whether each is held."""
-    places = np.array(path)
+def _runs(path: Sequence[tuple[Place, bool, bool]]) -> list[tuple[list[Place], bool]]:
+    """Return the smooth pieces of a closed path between its corners, two or more, and whether each is held; a path as of
+    `outline_sides`."""
+    places = np.array([place for place, _, _ in path])
     along = np.roll(places, -1, axis=0) - places
     before = np.roll(along, 1, axis=0)
     turn = np.abs(np.arctan2(before[:, 0] * along[:, 1] - before[:, 1] * along[:, 0], (before * along).sum(axis=1)))
-    held = {*plate.held} if plate.support not in ("bottom", "top", "free") else set()
-    piece_held = [path[k] in held and path[(k + 1) % len(path)] in held for k in range(len(path))]
     breaks = {
-        k
-        for k in range(len(path))
-        if turn[k] > network.MIN_CORNER_TURN or path[k] in marked or piece_held[k] != piece_held[k - 1]
+        k for k, (_, vertex, held) in enumerate(path) if turn[k] > network.MIN_CORNER_TURN or vertex or held != path[k - 1][2]
     }
     while len(breaks) < 2:
         breaks.add(0 if not breaks else (min(breaks) + len(path) // 2) % len(path))
     ordered = sorted(breaks)
-    runs = []
-    for start, end in itertools.pairwise([*ordered, ordered[0] + len(path)]):
-        runs.append(([path[k % len(path)] for k in range(start, end + 1)], piece_held[start]))
-    return runs
+    return [
+        ([path[k % len(path)][0] for k in range(start, end + 1)], path[start][2])
+        for start, end in itertools.pairwise([*ordered, ordered[0] + len(path)])
+    ]
 
 
 def _set_sizes(plate: ChannelPlate) -> None:

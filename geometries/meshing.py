@@ -48,7 +48,7 @@ class Meshable(Protocol):
     @property
     def dimension(self) -> int: ...
     @property
-    def copies(self) -> int: ...
+    def portion(self) -> str: ...
     @property
     def mirrors(self) -> tuple[Mirror, ...]: ...
     @property
@@ -84,6 +84,7 @@ SETTINGS = {
     "Mesh.Binary": 0,
     "Mesh.SaveAll": 0,
     "Mesh.ScalingFactor": 1,
+    "Mesh.MeshOnlyEmpty": 0,
 }
 """Gmsh options of every mesh, by name."""
 
@@ -567,7 +568,7 @@ def mesh_label(actuator: Meshable) -> str:
     """Return the message before a device is meshed."""
     kind = "solid" if actuator.dimension == 3 else "axisymmetric section"
     cells = "" if actuator.finer == 1.0 else f", cells {actuator.finer:g} times smaller"
-    what = f"{type(actuator).__name__} ({kind}, 1/{actuator.copies}{cells})"
+    what = f"{type(actuator).__name__} ({kind}, {actuator.portion}{cells})"
     if is_mesh_cached(actuator):
         return f"{what}: using the cached mesh"
     expected = expected_cells(actuator)

@@ -376,7 +376,7 @@ class Distance:
             centre = points[block].mean(axis=0)
             wide = 2.0 * float(np.linalg.norm(points[block] - centre, axis=1).max()) + 2.0 * (self.fillet + move)
             *_, distance = self._cones(centre[None], None)
-            yield block, np.flatnonzero(distance[0] < distance.min() + MAX_DISTANCE_SLOPE * wide)
+            yield block, np.flatnonzero(distance[0] <= distance.min() + MAX_DISTANCE_SLOPE * wide)
 
     def distances(self, points: Array) -> Array:
         """Return the distances of many points, shape (n,)."""
@@ -561,16 +561,21 @@ def _air_surface(distance: Distance, edge: float) -> dict[str, NDArray[Any]]:
 
     level = manifold3d.Manifold.level_set(depth, [*low.tolist(), *high.tolist()], step)
     points, triangles = mesh_arrays.surface_of(level)
-    points = distance.projected(points)
-    # Corners move to the middles of the triangles around them, larger ones counting more: edges become alike.
+    points = evened(distance.projected(points), triangles, distance.projected)
+    return {"points": points, "triangles": triangles}
+
+
+def evened(points: Array, triangles: mesh_arrays.Ints, onto: Callable[[Array], Array]) -> Array:
+    """Return corners moved to the middles of the triangles around them, larger ones counting more, and back onto walls, so that
+    edges become alike."""
     corner = triangles.ravel()
     for _ in range(SMOOTHING_ROUNDS):
         a, b, c = np.moveaxis(points[triangles], 1, 0)
         area = np.repeat(np.linalg.norm(np.cross(b - a, c - a), axis=1), 3)
         middle = np.repeat((a + b + c) / 3.0, 3, axis=0) * area[:, None]
         moved = np.stack([np.bincount(corner, middle[:, i]) for i in range(3)], axis=1) / np.bincount(corner, area)[:, None]
-        points = distance.projected(moved)
-    return {"points": points, "triangles": triangles}
+        points = onto(moved)
+    return points
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -350,10 +350,7 @@ class DesignModel:
         self.case, self.names, self.comm, self.report = case, tuple(names), comm, report
         shape = tuple(name for name in self.names if of_shape(case, name))
         if unknown := [name for name in shape if name not in case.actuator.movable]:
-            raise GeometryError(
-                f"{unknown[0]} is not a parameter that the mesh of {type(case.actuator).__name__} "
-                f"can follow; it can follow {', '.join(case.actuator.movable) or 'none'}"
-            )
+            raise GeometryError(case.actuator.why_not_movable(unknown[0]))
         self.quantities = tuple(quantities)
         parts = tuple(dict.fromkeys(part for quantity in self.quantities for part in getattr(quantity, "parts", (quantity,))))
         loads = tuple(sorted({part.load for part in parts if part.load is not None}))

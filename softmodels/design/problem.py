@@ -697,8 +697,7 @@ def _check(case: Case, free: Free) -> None:
     device = case.actuator
     movable = device.movable
     if of_shape(case, free.name) and free.name not in movable and free.name.partition("[")[0] not in movable:
-        known = f"it follows {', '.join(movable)}" if movable else "it can follow none"
-        raise DesignError(f"the mesh of this {type(device).__name__} cannot follow {free.name}; {known}")
+        raise DesignError(device.why_not_movable(free.name))
     for end, what in ((free.low, "lower"), (free.high, "upper")):
         try:
             varied(case, {free.name: end})
@@ -771,7 +770,7 @@ def spreads_of(case: Case, tolerance: Mapping[str, object] | None, bare: bool) -
                 raise DesignError(f"{what} is {value}; half the width of a 95 % interval must be above zero")
             movable = name_of_list.partition("[")[0] in device.movable or name_of_list in device.movable
             if of_shape(case, name_of_list) and not movable:
-                raise DesignError(f"{what}: the mesh of this {type(device).__name__} cannot follow it")
+                raise DesignError(f"{what}: {device.why_not_movable(name_of_list)}")
             spreads[name_of_list] = half / tolerances.HALF_WIDTH_95
     return spreads
 

@@ -48,3 +48,29 @@ def test_every_length_of_a_random_network(designed, second_order, comm):
     model = designed(random_network(7), NAMES, QUANTITIES, comm)
     for name in NAMES:
         second_order(model, name, TAYLOR, "network", STEPS.get(name, 0.01))
+
+
+COARSE = {"around": 6.0, "cell_size": 4e-3}
+SLICES = {
+    "half": ChannelPlate(
+        outline="rectangle 30 x 16 mm", channels=("6, 0 to 24, 0 mm radius 1.2 to 1 mm", "12, -5 to 12, 5 mm"), **COARSE
+    ),
+    "wedge": ChannelPlate(
+        outline="circle 24 mm", support="edge", channels=("-8, 0 to 8, 0 mm", "0, -8 to 0, 8 mm"), fillet=4e-4, **COARSE
+    ),
+}  # fmt: skip
+FOLLOWED = {
+    "half": ("node_x[2]", "node_offsets[2]", "end_radii[1]", "scale_y", "thickness"),
+    "wedge": ("radius", "offset", "thickness", "fillet"),
+}
+
+
+@pytest.mark.parametrize(
+    ("slice_name", "name"),
+    sampled([(key, name) for key, names in FOLLOWED.items() for name in names], (("half", "node_x[2]"), ("wedge", "radius"))),
+)
+def test_a_half_and_a_wedge(designed, second_order, comm, slice_name, name):
+    """By what keeps their mirrors."""
+    device = SLICES[slice_name]
+    assert {*FOLLOWED[slice_name]} <= {*device.movable} and device.copies == {"half": 2, "wedge": 8}[slice_name]
+    second_order(designed(device, FOLLOWED[slice_name], QUANTITIES, comm), name, TAYLOR, "network", STEPS.get(name, 0.004))

@@ -51,21 +51,105 @@ def test_coarse_cells_shorten_no_channel():
     assert plate.cavity_volume == pytest.approx(plate.replaced(around=9).cavity_volume, rel=0.03)
 
 
-def test_the_mesh_has_the_air_of_the_walls_and_ends_on_them(tmp_path):
-    plate = ChannelPlate(outline="rectangle 24 x 14 mm", network="parallel:2", around=8, cell_size=4e-3)
+@pytest.mark.parametrize("symmetry", ["auto", "none"])
+def test_the_mesh_has_the_air_of_the_walls_and_ends_on_them(tmp_path, symmetry):
+    plate = ChannelPlate(outline="rectangle 24 x 14 mm", network="parallel:2", around=8, cell_size=4e-3, symmetry=symmetry)
     file = plate.write(tmp_path / "plate.msh")
     summary = meshing.summarize(file)
-    assert summary.measure == pytest.approx(plate.solid_volume, rel=1e-4) and summary.quality > 0.03
+    assert plate.copies * summary.measure == pytest.approx(plate.solid_volume, rel=1e-4) and summary.quality > 0.03
     mesh = mesh_arrays.read_arrays(file)
-    roles = {"cavity", "support", "top", "bottom", "edge"}
-    assert set(mesh.faces) == roles and sum(len(faces) for faces in mesh.faces.values()) > 500
+    roles = {"cavity", "support", "top", "bottom", "edge", *(plane.name for plane in plate.cut_planes)}
+    assert set(mesh.faces) == roles and sum(len(faces) for faces in mesh.faces.values()) > 500 / plate.copies
     x, y, z = mesh.points[np.unique(mesh.triangles("support"))].T
-    assert np.abs(x).max() < 1e-12 and np.ptp(y) == pytest.approx(14e-3) and np.ptp(z) == pytest.approx(6e-3)
+    assert np.abs(x).max() < 1e-12 and np.ptp(y) == pytest.approx(14e-3 / plate.copies) and np.ptp(z) == pytest.approx(6e-3)
     # On a channel far from the spine the walls are a cylinder's; the distance is computed here by hand.
     places = mesh.points[np.unique(mesh.triangles("cavity"))]
     own = places[(np.abs(places[:, 0] - 2.8e-3) < 1.4e-3) & (places[:, 1] > 2e-3) & (places[:, 1] < 4e-3)]
     assert len(own) > 20
     assert np.hypot(own[:, 0] - 2.8e-3, own[:, 2] + 0.5e-3) == pytest.approx(1.3e-3, rel=1e-6)
+
+
+def _rays(*degrees):
+    """Texts of channels from 6 to 13 mm from the middle."""
+    ways = [(math.cos(math.radians(each)), math.sin(math.radians(each))) for each in degrees]
+    return tuple(f"{6 * x:.9f}, {6 * y:.9f} to {13 * x:.9f}, {13 * y:.9f} mm" for x, y in ways)
+
+
+DISK = {"outline": "circle 32 mm", "support": "edge"}
+SQUARE = {"outline": "-15, -15, 15, -15, 15, 15, -15, 15 mm", "support": "bottom"}
+LINES = ("20, 4 to 35, 4 mm{}", "20, -4 to 35, -4 mm{}")
+
+
+@pytest.mark.parametrize(
+    ("given", "copies"),
+    [
+        ({}, 2),
+        ({"symmetry": "none"}, 1),
+        ({"support": "in 0..0, -7.5..-7.4, -3..3 mm in 40..40, -7.5..7.5, -3..3 mm"}, None),
+        ({"channels": _rays(0, 90, 180, 270), **DISK}, 8),
+        ({"channels": _rays(*range(10, 370, 45)), **DISK}, 16),  # its mirrors are at 10 degrees
+        ({"channels": _rays(0, 90, 180), **DISK}, 2),
+        ({"channels": _rays(0, 90, 180, 270.01), **DISK}, 1),
+        ({"network": "spiral:1", **DISK}, 1),
+        ({"channels": ("-10, 0 to 10, 0 mm", "0, -10 to 0, 10 mm"), **SQUARE}, 8),
+        ({"channels": ("-10, 0 to 10, 0 mm", "0, -10 to 0, 10 mm"), **SQUARE, "support": "x = -15 mm"}, 2),
+        ({"channels": ("-10, 0 to 10, 0 mm radius 1 to 1.2 mm",), **SQUARE}, 2),
+        ({"channels": tuple(line.format("") for line in LINES)}, 2),
+        ({"channels": (LINES[0].format(""), LINES[1].format(" offset 0.1 mm"))}, 1),
+        ({"channels": (LINES[0].format(" in left"), LINES[1].format(" in right")), "pressure_ratios": (1.0, 0.5)}, 1),
+        ({"channels": ("20, 0.0001 to 35, 0.0001 mm",)}, 2),
+        ({"channels": ("20, 0.001 to 35, 0.001 mm",)}, 1),
+    ],
+)
+def test_mirrors_of_a_drawing(given, copies):
+    if copies is None:
+        with pytest.raises(GeometryError):
+            ChannelPlate(**given)
+        return
+    plate = ChannelPlate(**given)
+    part = "solid, 1/1" if copies == 1 else "half, 1/2" if copies == 2 else f"wedge of {360 / copies:g} degrees, 1/{copies}"
+    assert plate.copies == copies and part in meshing.mesh_label(plate)
+    ((*gauge, _),) = plate.probes.values()
+    assert all(np.dot(gauge, plane.normal[:2]) < 1e-9 for plane in plate.cut_planes)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"channels": _rays(0, 90, 180, 270), **DISK, "gauge_point": "at -4, 3 mm"},
+        {"network": "radial:6", **DISK},  # air on the axis
+        {"network": "radial:3", "outline": "circle 50 mm", "support": "free"},  # two corners near to it
+        {"network": "rings:2", "outline": "circle 40 mm", "support": "free"},
+    ],
+    ids=["wedge elsewhere", "axis", "two corners", "rings"],
+)
+def test_walls_of_a_slice_end_on_its_cut_planes(tmp_path, given):
+    plate = ChannelPlate(**given, around=8, cell_size=4e-3)
+    file = plate.write(tmp_path / "plate.msh")
+    summary = meshing.summarize(file)
+    assert plate.copies * summary.measure == pytest.approx(plate.solid_volume, rel=3e-4) and summary.quality > 0.03
+    assert plate.cavity_volume == pytest.approx(plate.replaced(symmetry="none").cavity_volume, rel=2e-3)
+    mesh = mesh_arrays.read_arrays(file)
+    for plane in plate.cut_planes:
+        assert np.abs(mesh.points[np.unique(mesh.triangles(plane.name))] @ plane.normal).max() < 1e-15
+        assert (mesh.points @ plane.normal).max() < 1e-15
+    walls = mesh.points[np.unique(mesh.triangles("cavity"))]
+    away = np.abs(network.Distance(plate.drawn.channels, plate.fillet).distances(walls))
+    assert (away < 1e-9).mean() > 0.99 and away.max() < 2e-4  # edges in creases are eased
+    ((*gauge, _),) = plate.probes.values()
+    assert np.abs(mesh.points - (*gauge, 0.5 * plate.thickness)).max(axis=1).min() < 1e-12
+
+
+def test_what_breaks_a_mirror_does_not_follow():
+    plate = ChannelPlate()
+    assert {"node_x[9]", "end_radii[5]", "thickness", "scale_y"} < {*plate.movable}
+    assert not {"node_y[9]", "node_x[7]", "node_offsets[7]", "start_radii[1]"} & {*plate.movable}
+    assert "symmetry = 'none'" in plate.why_not_movable("node_x[7]")
+    assert "node_x[7]" in plate.replaced(symmetry="none").movable
+    wedge = ChannelPlate(channels=_rays(0, 90, 180, 270), **DISK)
+    assert set(wedge.movable) == {"thickness", "radius", "offset", "fillet", "edge"}
+    with pytest.raises(GeometryError, match="other mirrors"):
+        plate.carried(actuator.changed(plate, {"node_x[7]": 34e-3}), np.zeros((1, 3)))
 
 
 def test_a_crease_is_rounded_only_where_channels_meet_at_an_angle():
@@ -83,6 +167,11 @@ def test_a_crease_is_rounded_only_where_channels_meet_at_an_angle():
         1e-4 - 0.25 * (1 - math.exp(-2)) * 4e-4  # the air reaches further
     )
     assert both.of(corner + 1e-6 * steps)[0] - rounded == pytest.approx(1e-6, rel=1e-3)
+
+
+def test_the_distance_of_one_point_without_roundings():
+    line = network.Channel.along("c", 1e-3 * np.array([(0, 0), (8, 0)]), 0.0, (1e-3, 1e-3))
+    assert network.Distance([line], 0.0).distances(1e-3 * np.array([(4, 3, 0)])) == pytest.approx([2e-3])
 
 
 @pytest.mark.parametrize("turn", [30, 60, 90, 120])

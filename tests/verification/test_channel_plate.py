@@ -6,6 +6,7 @@ import pytest
 
 import softmodels as sm
 from geometries import meshing
+from softmodels.components.loads import Gravity
 
 LAW = sm.NeoHookean(30e3, 0.49)
 
@@ -26,7 +27,7 @@ def _drawn(file):
 def test_one_channel_as_drawn_by_cad(tmp_path):
     _drawn(tmp_path / "one.step")
     drawn = sm.ImportedActuator(
-        file=str(tmp_path / "one.step"), support="x = 0 mm", gauge_point="at 25, 5, 3 mm", cell_size=0.002
+        file=str(tmp_path / "one.step"), support="x = 0 mm", gauge_point="at 25, 5, 3 mm", cell_size=0.0015
     )
     plate = sm.ChannelPlate(
         outline="rectangle 25 x 10 mm", channels=("5, 0 to 20, 0 mm",), gauge_point="at 25, 5 mm", cell_size=0.002, around=11
@@ -38,3 +39,34 @@ def test_one_channel_as_drawn_by_cad(tmp_path):
     volume, pressure = by_distance.added_volume, by_distance.pressure
     work = float(np.sum(np.diff(volume) * (pressure[1:] + pressure[:-1]) / 2))
     assert by_distance.stored_energy[-1] == pytest.approx(work, rel=5e-3)  # of the trapezoids
+
+
+HALF = {}
+WEDGE = {
+    "channels": ("6, 0 to 13, 0 mm", "0, 6 to 0, 13 mm", "-6, 0 to -13, 0 mm", "0, -6 to 0, -13 mm"),
+    "outline": "circle 32 mm", "support": "free",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("given", "around", "tolerance"),
+    [
+        pytest.param(HALF, 12, 3e-3, marks=pytest.mark.campaign, id="half"),
+        pytest.param(WEDGE, 12, 3e-3, marks=pytest.mark.campaign, id="wedge"),
+        pytest.param(WEDGE, 6, 0.06, id="coarse wedge"),
+    ],
+)
+def test_a_slice_inflates_as_the_whole(given, around, tolerance):
+    part, whole = (
+        sm.inflate(sm.ChannelPlate(**given, around=around, symmetry=symmetry), LAW, pressures=[1500.0, 3000.0])
+        for symmetry in ("auto", "none")
+    )
+    assert part.rise[1:] == pytest.approx(whole.rise[1:], rel=tolerance)
+    assert part.added_volume[1:] == pytest.approx(whole.added_volume[1:], rel=tolerance)
+    assert part.stored_energy[1:] == pytest.approx(whole.stored_energy[1:], rel=tolerance)
+
+
+def test_gravity_that_breaks_the_mirror_is_refused():
+    plate = sm.ChannelPlate(outline="rectangle 25 x 10 mm", channels=("5, 0 to 20, 0 mm",), around=6, cell_size=4e-3)
+    with pytest.raises(ValueError, match="or symmetry="):
+        sm.inflate(plate, LAW, pressures=[1000.0], components=[Gravity("y")])
