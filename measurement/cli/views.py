@@ -14,6 +14,7 @@ import numpy as np
 
 from measurement import cli, film
 from measurement.camera import CameraError
+from measurement.outline import dots
 from measurement.outline.outline import Outline
 from measurement.screen.setup import Setup, SetupError
 from measurement.series import drawing, photo_list, revolved, views
@@ -39,6 +40,8 @@ from softmodels.common.folders import OwnFolderError
               "there.")  # fmt: skip
 @click.option("--revolved", is_flag=True, help="Measure the outline, which may overhang, of a body of revolution (balloon, "
               "bellows, drop) seen square to its axis.")  # fmt: skip
+@click.option("--markers", metavar="COLOUR | tag36h11", help="Track the markers on the device's face towards the camera: round "
+              "dots of a colour, such as red or #2060c0, or AprilTags.")  # fmt: skip
 @click.option("--length", metavar="LENGTH", help="The device's length without pressure, against which the scale is checked.")
 @click.option("--pressures", metavar="LOG.csv | LIST",
               help="Of a film: log of time and pressure, or a pressure for each plateau, such as '0, 5, 10 kPa'.")  # fmt: skip
@@ -95,7 +98,10 @@ def view(listing: Path, setup_file: Path, output: Path | None, **given: Any) -> 
             if edges is not None:
                 edges.mkdir()
             with cli.bar("measuring", len(listed), given["quiet"]) as advance:
-                made = (revolved.outlines if given["revolved"] else views.views)(listed, scene, edges, advance)
+                made = (
+                    revolved.outlines(listed, scene, edges, advance) if given["revolved"]
+                    else views.views(listed, scene, edges, advance, given["markers"] or "")
+                )  # fmt: skip
             made.write(place)
             if is_film and edges is not None:
                 shown = sorted(edges.glob("*.png"))
@@ -221,9 +227,13 @@ def _scene(setup: Setup, given: dict[str, Any]) -> views.Scene:
     """Return the scene that the options describe. Raises `SetupError` or `UnitError` for a text that is not what it should
     be, and for what is missing."""
     depths, sides, length = None, None, None
+    if given["markers"]:
+        given["markers"] = dots.checked_kind(given["markers"])
     if given["revolved"]:
         if told := [f"--{'device' if name == 'case' else name}" for name in ("case", "depth", "length") if given[name]]:
             raise SetupError(f"leave out {told[0]} with --revolved: the outline of a body of revolution shows how deep it is")
+        if given["markers"]:
+            raise SetupError("leave out --markers with --revolved: the face of a body of revolution is nowhere flat")
         depths = (0.0, 0.0)
     if given["case"] is not None:
         depths, length, sides = size_of(given["case"])
@@ -234,6 +244,11 @@ def _scene(setup: Setup, given: dict[str, Any]) -> views.Scene:
     if depths is None:
         raise SetupError(
             "give --depth: the outline is that of its front or rear face; 0 for a round device (or --device CASE.toml)"
+        )
+    if given["markers"] and max(depths) == 0.0:
+        raise SetupError(
+            "--markers needs to know how far before the device's middle plane they are: give --depth, twice that; or leave "
+            "--markers out for a round device"
         )
     far, far_error = cli.with_error(given["camera_distance"], cli.length)
     ahead = cli.with_error(given["ahead"], lambda text: 0.0 if text.strip() == "0" else cli.length(text))
