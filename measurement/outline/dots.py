@@ -73,6 +73,9 @@ MAX_PATCH = 0.12
 MODEL_ERROR = 0.006
 """Standard error in px of a dot's middle that no noise shows: pixels of other sensitivity, an edge of another shape."""
 
+JPEG_BLOCK = 8
+"""Side in px of the blocks of a JPEG file."""
+
 BOUNDARY_COUNT = 72
 
 
@@ -216,7 +219,8 @@ def _ellipse(px: Array, share: Array, middle: Array, begin: Array, radius: float
     turn = np.linalg.inv(np.array([[fit.x[2], 0.0], [fit.x[3], fit.x[4]]]))
     angle = np.linspace(0.0, 2.0 * np.pi, BOUNDARY_COUNT, endpoint=False)
     boundary = middle + fit.x[:2] * radius + np.column_stack([np.cos(angle), np.sin(angle)]) @ turn.T
-    # Pixels next to each other are blurred together: what they miss is not independent.
+    # Pixels next to each other are blurred together, and those of a block of a JPEG file are stored together: what they miss
+    # is not independent (covariance robust to clusters: Liang & Zeger 1986).
     low_px = px.min(axis=0)
     image, known = (np.zeros(np.ptp(px, axis=0).astype(int)[::-1] + 1, np.float32) for _ in range(2))
     row, column = (px - low_px).astype(int).T[::-1]
@@ -225,8 +229,13 @@ def _ellipse(px: Array, share: Array, middle: Array, begin: Array, radius: float
     whole = count > 8.5
     variance = float(np.sum(fit.fun**2)) / max(1, len(px) - 12)
     correlated = float(np.clip(np.mean(mean[whole] ** 2) / 9.0 / variance, 1.0, 9.0)) if whole.sum() > 20 else 1.0
-    covariance = np.linalg.pinv(fit.jac.T @ fit.jac) * variance * correlated * radius**2
-    error = float(np.hypot(np.sqrt(np.trace(covariance[:2, :2]) / 2.0), MODEL_ERROR))
+    inverse = np.linalg.pinv(fit.jac.T @ fit.jac)
+    blocks, block = np.unique(px // JPEG_BLOCK, axis=0, return_inverse=True)
+    score = np.zeros((len(blocks), 6))
+    np.add.at(score, np.ravel(block), fit.jac * fit.fun[:, None])
+    clustered = inverse @ (score.T @ score) @ inverse * len(blocks) / max(1, len(blocks) - 1)
+    both = [float(np.trace(covariance[:2, :2])) for covariance in (inverse * variance * correlated, clustered)]
+    error = float(np.hypot(np.sqrt(max(both) / 2.0) * radius, MODEL_ERROR))
     patch = float(np.abs(mean[whole] / 9.0).max()) if whole.any() else 1.0
     doubt = (
         f"its light differs by {patch:.0%} from a round dot's: something lies on it, or it shines" if patch > MAX_PATCH else ""

@@ -580,8 +580,8 @@ class MatchedView(residuals.MatchedPhotograph):
         marked = np.einsum("ka,kai->ki", self._weights, self._way)
         ones = np.ones((len(marked), 1))
         slopes = {
-            "scale": ([*there, 0.0], self.placement.place(marked[:, :2])), "zero": ([0.0, 1.0, 0.0], ones * [0.0, 1.0]),
-            "centre": ([1.0, 0.0, 0.0], ones * [1.0, 0.0]),
+            "scale": (np.r_[there, 0.0], self.placement.place(marked[:, :2])),
+            "zero": (np.array([0.0, 1.0, 0.0]), ones * [0.0, 1.0]), "centre": (np.array([1.0, 0.0, 0.0]), ones * [1.0, 0.0]),
             "tilt": (np.radians([*self.factor * turned, self.shape.arm]), np.radians(self._in_picture(marked, True))),
         }  # fmt: skip
         made = {name: np.r_[tip[: self._tip_count], mark.ravel()] / self.error for name, (tip, mark) in slopes.items()}
