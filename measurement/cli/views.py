@@ -17,7 +17,7 @@ from measurement.camera import CameraError
 from measurement.outline import dots
 from measurement.outline.outline import Outline
 from measurement.screen.setup import Setup, SetupError
-from measurement.series import drawing, photo_list, revolved, views
+from measurement.series import drawing, markers, photo_list, revolved, views
 from measurement.series.photo_list import ColumnError, PhotoListError
 from measurement.series.witness import Refusal
 from softmodels.common import commands, errors, processes, tables, units
@@ -67,7 +67,8 @@ def view(listing: Path, setup_file: Path, output: Path | None, **given: Any) -> 
     zero pressure.
 
     \b
-    Exit status: 0 all measured; 3 some refused, each with its reason; 2 the input cannot be used; 1 nothing measured.
+    Exit status: 0 all measured; 3 some refused, each with its reason, or no markers; 2 the input cannot be used;
+    1 nothing measured.
     """
     filmed = {name: given.pop(name) for name in FILM_OPTIONS}
     try:
@@ -112,7 +113,14 @@ def view(listing: Path, setup_file: Path, output: Path | None, **given: Any) -> 
         cli.stop(f"the results cannot be written: {errors.reason(error)}", commands.status_of(error))
     _report(made, folder.path, given["quiet"])
     count = sum(not isinstance(outcome, Refusal) for outcome in made.outcomes)
-    sys.exit(commands.EXIT_DONE if count == len(listed) else cli.EXIT_SOME_REJECTED if count else commands.EXIT_FAILED)
+    unmarked = given["markers"] and not _report_markers(made, given["markers"], given["quiet"])
+    sys.exit(
+        commands.EXIT_DONE
+        if count == len(listed) and not unmarked
+        else cli.EXIT_SOME_REJECTED
+        if count
+        else commands.EXIT_FAILED
+    )
 
 
 def _report(made: views.Views | revolved.Outlines, folder: Path, quiet: bool) -> None:
@@ -126,6 +134,22 @@ def _report(made: views.Views | revolved.Outlines, folder: Path, quiet: bool) ->
     for photo, outcome in zip(made.photographs, made.outcomes, strict=True):
         if isinstance(outcome, Refusal):
             processes.say(f"{photo.file.name}: refused, {outcome.reason}", err=True)
+
+
+def _report_markers(made: views.Views | revolved.Outlines, kind: str, quiet: bool) -> bool:
+    """Report how many markers of a kind the photographs show, and return whether there are any."""
+    seen = [marker for view in made.outcomes if isinstance(view, views.View) for marker in view.markers]
+    if not seen:
+        processes.say(
+            f"no marker ({kind}) is seen on the device; give the colour that the dots have in the photographs, and dots of "
+            "20 pixels or more across",
+            err=True,
+        )
+    elif not quiet:
+        weak = sum(bool(marker.reasons) for marker in seen)
+        remark = f"; {weak} places not trusted, with the reasons in {markers.TABLE}" if weak else ""
+        processes.say(f"{len({marker.name for marker in seen})} markers on the device{remark}")
+    return bool(seen)
 
 
 FILM_OPTIONS = ("pressures", "columns", "pressure_error", "clock_offset", "every")

@@ -178,4 +178,7 @@ def test_command_writes_the_markers(dotted, tmp_path):
         rows = list(csv.DictReader(file))
     assert [row["marker"] for row in rows] == [*"1234512345"]
     assert {row["trusted"] for row in rows} == {"yes"}
+    assert "5 markers on the device" in result.output
+    result = CliRunner().invoke(view_command, [*told, "--depth", "15mm", "--markers", "green"])
+    assert (result.exit_code, "no marker (green) is seen on the device" in result.output) == (3, True)
     assert float(rows[7]["x_m"]) == pytest.approx(dotted[1][1][2, 0], abs=4e-5)
