@@ -111,21 +111,13 @@ def view(listing: Path, setup_file: Path, output: Path | None, **given: Any) -> 
         cli.stop(str(error))
     except OSError as error:
         cli.stop(f"the results cannot be written: {errors.reason(error)}", commands.status_of(error))
-    _report(made, folder.path, given["quiet"])
-    count = sum(not isinstance(outcome, Refusal) for outcome in made.outcomes)
-    unmarked = given["markers"] and not _report_markers(made, given["markers"], given["quiet"])
-    sys.exit(
-        commands.EXIT_DONE
-        if count == len(listed) and not unmarked
-        else cli.EXIT_SOME_REJECTED
-        if count
-        else commands.EXIT_FAILED
-    )
+    sys.exit(_report(made, folder.path, given["quiet"], given["markers"]))
 
 
-def _report(made: views.Views | revolved.Outlines, folder: Path, quiet: bool) -> None:
+def _report(made: views.Views | revolved.Outlines, folder: Path, quiet: bool, kind: str | None) -> int:
+    """Report what was measured, with markers of a kind, and return the command's exit status."""
+    measured = [outcome for outcome in made.outcomes if not isinstance(outcome, Refusal)]
     if not quiet:
-        measured = [outcome for outcome in made.outcomes if not isinstance(outcome, Refusal)]
         for shown in measured:
             processes.say(_line(made, shown))
         weak = sum(outcome.trust != "yes" for outcome in measured)
@@ -134,6 +126,10 @@ def _report(made: views.Views | revolved.Outlines, folder: Path, quiet: bool) ->
     for photo, outcome in zip(made.photographs, made.outcomes, strict=True):
         if isinstance(outcome, Refusal):
             processes.say(f"{photo.file.name}: refused, {outcome.reason}", err=True)
+    if not measured:
+        return commands.EXIT_FAILED
+    is_whole = (kind is None or _report_markers(made, kind, quiet)) and len(measured) == len(made.outcomes)
+    return commands.EXIT_DONE if is_whole else cli.EXIT_SOME_REJECTED
 
 
 def _report_markers(made: views.Views | revolved.Outlines, kind: str, quiet: bool) -> bool:
