@@ -14,9 +14,10 @@ import numpy as np
 
 from measurement import cli, film
 from measurement.camera import CameraError
+from measurement.outline import dots
 from measurement.outline.outline import Outline
 from measurement.screen.setup import Setup, SetupError
-from measurement.series import drawing, photo_list, revolved, views
+from measurement.series import drawing, markers, photo_list, revolved, views
 from measurement.series.photo_list import ColumnError, PhotoListError
 from measurement.series.witness import Refusal
 from softmodels.common import commands, errors, processes, tables, units
@@ -39,6 +40,8 @@ from softmodels.common.folders import OwnFolderError
               "there.")  # fmt: skip
 @click.option("--revolved", is_flag=True, help="Measure the outline, which may overhang, of a body of revolution (balloon, "
               "bellows, drop) seen square to its axis.")  # fmt: skip
+@click.option("--markers", metavar="COLOUR | tag36h11", help="Track the markers on the device's face towards the camera: round "
+              "dots of a colour, such as red or #2060c0, or AprilTags.")  # fmt: skip
 @click.option("--length", metavar="LENGTH", help="The device's length without pressure, against which the scale is checked.")
 @click.option("--pressures", metavar="LOG.csv | LIST",
               help="Of a film: log of time and pressure, or a pressure for each plateau, such as '0, 5, 10 kPa'.")  # fmt: skip
@@ -64,7 +67,8 @@ def view(listing: Path, setup_file: Path, output: Path | None, **given: Any) -> 
     zero pressure.
 
     \b
-    Exit status: 0 all measured; 3 some refused, each with its reason; 2 the input cannot be used; 1 nothing measured.
+    Exit status: 0 all measured; 3 some refused, each with its reason, or no markers; 2 the input cannot be used;
+    1 nothing measured.
     """
     filmed = {name: given.pop(name) for name in FILM_OPTIONS}
     try:
@@ -95,7 +99,10 @@ def view(listing: Path, setup_file: Path, output: Path | None, **given: Any) -> 
             if edges is not None:
                 edges.mkdir()
             with cli.bar("measuring", len(listed), given["quiet"]) as advance:
-                made = (revolved.outlines if given["revolved"] else views.views)(listed, scene, edges, advance)
+                made = (
+                    revolved.outlines(listed, scene, edges, advance) if given["revolved"]
+                    else views.views(listed, scene, edges, advance, given["markers"] or "")
+                )  # fmt: skip
             made.write(place)
             if is_film and edges is not None:
                 shown = sorted(edges.glob("*.png"))
@@ -104,14 +111,13 @@ def view(listing: Path, setup_file: Path, output: Path | None, **given: Any) -> 
         cli.stop(str(error))
     except OSError as error:
         cli.stop(f"the results cannot be written: {errors.reason(error)}", commands.status_of(error))
-    _report(made, folder.path, given["quiet"])
-    count = sum(not isinstance(outcome, Refusal) for outcome in made.outcomes)
-    sys.exit(commands.EXIT_DONE if count == len(listed) else cli.EXIT_SOME_REJECTED if count else commands.EXIT_FAILED)
+    sys.exit(_report(made, folder.path, given["quiet"], given["markers"]))
 
 
-def _report(made: views.Views | revolved.Outlines, folder: Path, quiet: bool) -> None:
+def _report(made: views.Views | revolved.Outlines, folder: Path, quiet: bool, kind: str | None) -> int:
+    """Report what was measured, with markers of a kind, and return the command's exit status."""
+    measured = [outcome for outcome in made.outcomes if not isinstance(outcome, Refusal)]
     if not quiet:
-        measured = [outcome for outcome in made.outcomes if not isinstance(outcome, Refusal)]
         for shown in measured:
             processes.say(_line(made, shown))
         weak = sum(outcome.trust != "yes" for outcome in measured)
@@ -120,6 +126,26 @@ def _report(made: views.Views | revolved.Outlines, folder: Path, quiet: bool) ->
     for photo, outcome in zip(made.photographs, made.outcomes, strict=True):
         if isinstance(outcome, Refusal):
             processes.say(f"{photo.file.name}: refused, {outcome.reason}", err=True)
+    if not measured:
+        return commands.EXIT_FAILED
+    is_whole = (kind is None or _report_markers(made, kind, quiet)) and len(measured) == len(made.outcomes)
+    return commands.EXIT_DONE if is_whole else cli.EXIT_SOME_REJECTED
+
+
+def _report_markers(made: views.Views | revolved.Outlines, kind: str, quiet: bool) -> bool:
+    """Report how many markers of a kind the photographs show, and return whether there are any."""
+    seen = [marker for view in made.outcomes if isinstance(view, views.View) for marker in view.markers]
+    if not seen:
+        processes.say(
+            f"no marker ({kind}) is seen on the device; give the colour that the dots have in the photographs, and dots of "
+            "20 pixels or more across",
+            err=True,
+        )
+    elif not quiet:
+        weak = sum(bool(marker.reasons) for marker in seen)
+        remark = f"; {weak} places not trusted, with the reasons in {markers.TABLE}" if weak else ""
+        processes.say(f"{len({marker.name for marker in seen})} markers on the device{remark}")
+    return bool(seen)
 
 
 FILM_OPTIONS = ("pressures", "columns", "pressure_error", "clock_offset", "every")
@@ -221,9 +247,13 @@ def _scene(setup: Setup, given: dict[str, Any]) -> views.Scene:
     """Return the scene that the options describe. Raises `SetupError` or `UnitError` for a text that is not what it should
     be, and for what is missing."""
     depths, sides, length = None, None, None
+    if given["markers"]:
+        given["markers"] = dots.checked_kind(given["markers"])
     if given["revolved"]:
         if told := [f"--{'device' if name == 'case' else name}" for name in ("case", "depth", "length") if given[name]]:
             raise SetupError(f"leave out {told[0]} with --revolved: the outline of a body of revolution shows how deep it is")
+        if given["markers"]:
+            raise SetupError("leave out --markers with --revolved: the face of a body of revolution is nowhere flat")
         depths = (0.0, 0.0)
     if given["case"] is not None:
         depths, length, sides = size_of(given["case"])
@@ -234,6 +264,11 @@ def _scene(setup: Setup, given: dict[str, Any]) -> views.Scene:
     if depths is None:
         raise SetupError(
             "give --depth: the outline is that of its front or rear face; 0 for a round device (or --device CASE.toml)"
+        )
+    if given["markers"] and max(depths) == 0.0:
+        raise SetupError(
+            "--markers needs to know how far before the device's middle plane they are: give --depth, twice that; or leave "
+            "--markers out for a round device"
         )
     far, far_error = cli.with_error(given["camera_distance"], cli.length)
     ahead = cli.with_error(given["ahead"], lambda text: 0.0 if text.strip() == "0" else cli.length(text))

@@ -412,19 +412,29 @@ def find_charuco(
 def tag_plane(image: ArrayLike, camera: Camera, side: float) -> setup.Plane:
     """Return the plane of the largest AprilTag of the family 36h11 in a photograph (h, w) or (h, w, 3), its black square of a
     side in m; X and Z count from its lower left corner. Raises `GridError` for none."""
-    gray = gray_bytes(image)
-    finder = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11))
-    tags, _, _ = finder.detectMarkers(gray)
+    tags = find_tags(image)
     if not tags:
         raise GridError(
             "no AprilTag of the family 36h11 was found; photograph it sharply, whole and with its white rim, or give --scale"
         )
-    corners = max((tag.reshape(4, 1, 2) for tag in tags), key=cv2.contourArea)
-    reach = max(2, int(TAG_WINDOW_SHARE * np.linalg.norm(corners[1] - corners[0])))
-    stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-4)
-    corners = cv2.cornerSubPix(gray, corners.astype(np.float32), (reach, reach), (-1, -1), stop)
+    corners = max((corners for _, corners in tags), key=lambda corners: cv2.contourArea(corners.astype(np.float32)))
     places = np.array([[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]]) * side
-    return setup.Plane.fit(camera.undistort(corners.reshape(4, 2).astype(float)), places, TAG_CORNER_ERROR)
+    return setup.Plane.fit(camera.undistort(corners), places, TAG_CORNER_ERROR)
+
+
+def find_tags(image: ArrayLike) -> list[tuple[int, NDArray[np.float64]]]:
+    """Return number and corners (4, 2) in px, from the upper left one on, of each AprilTag of the family 36h11 in a photograph
+    (h, w) or (h, w, 3)."""
+    gray = gray_bytes(image)
+    finder = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11))
+    tags, names, _ = finder.detectMarkers(gray)
+    stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-4)
+    refined = []
+    for tag, name in zip(tags, np.ravel(names) if len(tags) else (), strict=True):
+        corners = tag.reshape(4, 1, 2).astype(np.float32)
+        reach = max(2, int(TAG_WINDOW_SHARE * np.linalg.norm(corners[1] - corners[0])))
+        refined.append((int(name), cv2.cornerSubPix(gray, corners, (reach, reach), (-1, -1), stop)[:, 0].astype(float)))
+    return refined
 
 
 def corner_reach(corners: NDArray[np.float64]) -> int:

@@ -6,6 +6,7 @@ Figures are made without pyplot, so that nothing global is touched and no displa
 
 from __future__ import annotations
 
+import itertools
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
@@ -68,13 +69,13 @@ def draw_edge(
 
 
 def draw_view(path: Path, image: pictures.Pixels, lines: Sequence[Array], title: str, refused: bool) -> None:
-    """Write a photograph (h, w, 3) with lines (n, 2) in px over it: the outline, then the centre line."""
+    """Write a photograph (h, w, 3) with lines (n, 2) in px over it: the outline, then the centre line, then markers."""
     small, factor = _reduced_photograph(image)
     height, width = small.shape[:2]
     figure = figures.Figure(figsize=(8.0, 8.0 * height / width + HEAD_INCHES), dpi=110)
     axes = figure.add_axes((0.0, 0.0, 1.0, (8.0 * height / width) / (8.0 * height / width + HEAD_INCHES)))
     _show(axes, small, factor)
-    for line, colour in zip(lines, (EDGE_COLOUR, BRIDGE_COLOUR), strict=False):
+    for line, colour in zip(lines, itertools.chain((EDGE_COLOUR,), itertools.repeat(BRIDGE_COLOUR)), strict=False):
         axes.plot(*line.T, color=colour, linewidth=1.4)
     axes.set_axis_off()
     colour = REFUSED if refused else "#102a43"

@@ -20,10 +20,10 @@ import numpy as np
 from scipy.optimize import brentq
 
 from measurement import pictures
-from measurement.outline import silhouette
+from measurement.outline import dots, silhouette
 from measurement.outline.outline import Outline, OutlineError
 from measurement.screen.setup import Setup, SetupError
-from measurement.series import checks, drawing, measuring
+from measurement.series import checks, drawing, markers, measuring
 from measurement.series.photo_list import Photograph
 from measurement.series.witness import Refusal
 from softmodels.common.arrays import Array
@@ -112,6 +112,13 @@ class Scene:
             offset = offset * np.where(front, (far - half) / far, (far + half) / far)[:, None]
         return self.foot + offset
 
+    def on_front(self, px: Array) -> tuple[Array, Array]:
+        """Return places (n, 2) in m of pixels (n, 2) on the device's face towards the camera, and by how much in m these appear
+        to move if they move towards the camera, per m."""
+        far, half = self.camera_distance[0], 0.5 * max(self.depth)
+        offset = (self.setup.to_metres(px) - self.foot) * (far - half) / (far + self.ahead[0])
+        return self.foot + offset, offset / (far - half)
+
     def to_pixels(self, metres: Array) -> Array:
         """Return pixels (n, 2) of places (n, 2) in m in the device's middle plane."""
         far = self.camera_distance[0]
@@ -184,6 +191,7 @@ class View:
         source: Name of the photograph's file.
         reasons: What speaks against it, one sentence each; empty if it is trusted.
         anyway: Whether it shall be used in spite of them.
+        markers: What the photograph shows of markers on the device.
     """
 
     shape: silhouette.Shape
@@ -198,6 +206,7 @@ class View:
     source: str
     reasons: tuple[str, ...] = ()
     anyway: bool = False
+    markers: tuple[markers.Marker, ...] = ()
 
     @property
     def trust(self) -> str:
@@ -287,6 +296,43 @@ def view_of(
         seen, *changed, photo.anyway, shape, before, pixel, view.length_error, scene.length, photo.is_zero
     )
     return dataclasses.replace(view, reasons=checks.doubts(evidence))
+
+
+def sightings(
+    image: pictures.Pixels, seen: silhouette.Silhouette, scene: Scene, shape: silhouette.Shape, kind: str
+) -> list[markers.Sighting]:
+    """Return the markers of a kind that a photograph (h, w, 3) shows on a device with a silhouette and a shape."""
+    marks, random = dots.find_marks(image, seen, kind), np.random.default_rng(53)
+    scenes = [scene.varied(random) for _ in range(REPEAT_COUNT)]
+    bases = [varied.to_metres(seen.base).mean(axis=0) for varied in scenes]
+    base_error, made = ASLANT_SHARE * scene.strip(shape.base), list[markers.Sighting]()
+    for mark in marks:
+        lens = float(scene.setup.camera.error(mark.middle[None])[0])
+        around, slopes = scene.on_front(mark.boundary)
+        place, area, first = area_of(around)
+        parallax = slopes.mean(axis=0)
+        pixel = math.sqrt(area / area_of(mark.boundary)[1])
+        own = pixel * math.hypot(mark.error, lens)
+        repeats = np.array([area_of(varied.on_front(mark.boundary)[0])[0] for varied in scenes]) - np.array(bases)
+        repeats = repeats + own * random.standard_normal(repeats.shape)
+        unknown = 0.25 * abs(scene.depth[0] - scene.depth[1]) * np.abs(parallax)  # how far before the middle plane it is
+        error = np.hypot(np.hypot(np.std(repeats, axis=0, ddof=1), unknown), base_error)
+        across = around[1] - around[0] if mark.name else np.zeros(2)
+        made.append(markers.Sighting(
+            markers.Marker(mark.name, place, error, own, parallax, mark.boundary, reasons=(mark.doubt,) * bool(mark.doubt)),
+            repeats, np.zeros(2), math.atan2(across[1], across[0]), first, mark.width, mark.name,
+        ))  # fmt: skip
+    return made
+
+
+def area_of(around: Array) -> tuple[Array, float, float]:
+    """Return the middle (2,) of the area in a polygon (k, 2), its area, and the root of that over pi."""
+    inner = around - around.mean(axis=0)
+    following = np.roll(inner, -1, axis=0)
+    twice = inner[:, 0] * following[:, 1] - inner[:, 1] * following[:, 0]
+    middle = ((inner + following) * twice[:, None]).sum(axis=0) / (3.0 * twice.sum())
+    area = abs(float(twice.sum())) / 2.0
+    return around.mean(axis=0) + middle, area, math.sqrt(area / math.pi)
 
 
 def _outwards(seen: silhouette.Silhouette) -> Array:
@@ -468,6 +514,13 @@ class Views:
         for name, outcome in zip(self.names, self.outcomes, strict=True):
             if isinstance(outcome, View):
                 outcome.to_csv(folder / f"{name}.csv", self.origin)
+        if any(view.markers for view in self.views):
+            seen = zip(self.photographs, self.outcomes, strict=True)
+            markers.write(
+                folder / markers.TABLE,
+                ((photo, view.trust, view.reasons, view.markers) for photo, view in seen if isinstance(view, View)),
+                self.origin,
+            )
 
 
 def views(
@@ -475,6 +528,7 @@ def views(
     scene: Scene,
     pictures_folder: Path | None = None,
     done: Callable[[], None] = lambda: None,
+    kind: str = "",
 ) -> Views:
     """Return what photographs show of a device from the side.
 
@@ -483,8 +537,10 @@ def views(
         scene: Camera, scale and device.
         pictures_folder: Folder for a picture of each photograph with its outline; none without it.
         done: Called after each photograph.
+        kind: Colour of the dots, or family of the tags, that are on its face towards the camera, half the scene's depth
+            before the middle plane; empty for none.
     """
-    reference = None
+    reference, tracker = None, markers.Tracker()
 
     def measured(photo: Photograph, image: pictures.Pixels, seen: silhouette.Silhouette) -> View:
         nonlocal scene, reference
@@ -492,6 +548,11 @@ def views(
         if photo.is_zero and scene.sides is not None:
             scene = scene.told_apart(view.shape, view.outline)
             view = view_of(image, seen, scene, photo)
+        if kind:
+            length = view.shape.length if reference is None else reference.view.shape.length
+            view = dataclasses.replace(
+                view, markers=tracker.track(sightings(image, seen, scene, view.shape, kind), view.shape, length)
+            )
         if reference is None and photo.is_zero and view.trust != "no":
             reference = Reference(image, seen, view)
         return view
@@ -501,7 +562,8 @@ def views(
             return [], ""
         angle = f"angle {math.degrees(outcome.shape.angle):.2f} ± {math.degrees(outcome.angle_error):.2f} deg"
         length = f"length {outcome.shape.length * 1e3:.3f} ± {outcome.length_error * 1e3:.3f} mm"
-        return [scene.to_pixels(outcome.outline), scene.to_pixels(outcome.shape.line)], f"{angle}, {length}"
+        marked = [np.vstack([marker.boundary, marker.boundary[:1]]) for marker in outcome.markers if len(marker.boundary)]
+        return [scene.to_pixels(outcome.outline), scene.to_pixels(outcome.shape.line), *marked], f"{angle}, {length}"
 
     every = each_photograph(photographs, scene, measured, shown, pictures_folder, done)
     names = tuple(measuring.file_stems(photographs))

@@ -327,8 +327,7 @@ def draw_views(matches: Sequence[views.MatchedView], law: str) -> Figure:
     measured = 1e3 * np.array([match.shape.points[0] for match in matches])
     simulated = 1e3 * np.array([match.seen for match in matches])
     angles = np.degrees(np.unwrap([match.seen_angle for match in matches]))
-    away = np.array([[*match.residuals, match.reading] for match in matches])
-    off = np.degrees([match.distances[2] / match.shape.arm for match in matches])
+    off = np.array([np.remainder(match.seen_angle - match.shape.angle + np.pi, 2.0 * np.pi) - np.pi for match in matches])
     reach = 0.12 * 1e3 * matches[0].shape.arm
     there.plot(*simulated.T, color=style.FAINT, lw=1.0)
     turned.plot(readings, angles, color=style.FAINT, lw=1.0)
@@ -337,15 +336,19 @@ def draw_views(matches: Sequence[views.MatchedView], law: str) -> Figure:
         there.plot(*np.array([simulated[k], simulated[k] + way]).T, color=colour, lw=1.6)
         there.plot(*measured[k], "x", color=style.INK, ms=6)
         turned.plot(readings[k], angles[k], "o", color=colour, ms=4)
-        left.plot(np.arange(4) + 0.05 * (k - 0.5 * len(matches)), away[k], "o", color=colour, ms=4)
-    turned.plot(readings, angles - off, "x", color=style.INK, ms=6)
+        match, aside = matches[k], 0.05 * (k - 0.5 * len(matches))
+        kinds = np.r_[np.arange(3) if match.shape.counts_tip else (), np.full(match.shape.places.size, 4), 3]
+        left.plot(kinds + aside, [*match.residuals, match.reading], "o", color=colour, ms=4)
+        there.plot(*1e3 * match.seen_markers.T, "o", color=colour, ms=3)
+        there.plot(*1e3 * match.shape.places.T, "x", color=style.INK, ms=4)
+    turned.plot(readings, angles - np.degrees(off), "x", color=style.INK, ms=6)
     there.plot(0.0, 0.0, "s", color=style.FAINT, ms=6)
     there.set(xlabel="x (mm)", ylabel="z (mm)", title="tips from the base; crosses: measured")
     there.set_aspect("equal", adjustable="datalim")
     turned.set(xlabel="reading (kPa)", ylabel="angle of the tip (deg)")
     left.axhspan(-2.0, 2.0, color=style.FAINT, alpha=0.25, lw=0)
-    left.set(ylabel="residual (standard errors)\nsimulated - measured", xticks=range(4))
-    left.set_xticklabels(["x", "z", "angle", "pressure"])
+    left.set(ylabel="residual (standard errors)\nsimulated - measured", xticks=range(5))
+    left.set_xticklabels(["x", "z", "angle", "pressure", "markers"])
     figure.suptitle(f"{law}: side views, measured and simulated")
     return figure
 

@@ -29,8 +29,13 @@ ASIDE = finger_views.Camera(side=-1.0, tilt=0.6, base=(2e-4, -3e-4), offset=15.0
 
 
 @pytest.fixture(scope="module")
-def rows():
-    return finger_views.rows_of(SHORT, SILICONE, [0, 1000, 2200], ASIDE, components=[DOWN])
+def filmed():
+    return finger_views.views_of(SHORT, SILICONE, [0, 1000, 2200], ASIDE, components=[DOWN])
+
+
+@pytest.fixture(scope="module")
+def rows(filmed):
+    return filmed[0]
 
 
 @pytest.fixture
@@ -66,6 +71,37 @@ def test_a_finger_that_hangs_is_found_seen_from_behind_and_turned(table):
     assert J is not None and J.shape == (11, len(source.parameters))  # three for each view, and two readings
     slope = J @ [way.get(name, 0.0) for name in source.parameters]
     assert slope == pytest.approx((residuals(1.0) - residuals(-1.0)) / 2, rel=2e-4, abs=2e-4 * np.abs(slope).max())
+
+
+def test_markers_are_points_of_the_device(filmed, table):
+    """Each on the undeformed device where the node is, and the Jacobian against central differences; also without the tips."""
+    rows, states = filmed
+    marked = finger_views.marker_rows(SHORT, states, rows, ASIDE, 3, error=1e-6)
+    finger_views.write_markers(table / "markers.csv", marked)
+    for given, tips in ((table, 3), (table / "markers.csv", 0)):
+        source, _ = source_of(given)
+        count = len(source.markers)
+        assert count >= 2
+        (begin, *_), plain = source.starts({}, ())
+        known = {p.name: p for p in nuisances(source, (*BENCH, TILT))}
+        hidden = source.hidden_parameters(plain.volumes)
+        parameters = [*source.model.choice.parameters(begin), *known.values(), *hidden]
+        assert len([p for p in hidden if p.name.startswith("place")]) == 2 * count
+        values = {p.name: p.start for p in parameters} | {"scale": 0.01, "leak": 0.01, "centre": 1e-4, "zero": -2e-4}
+        nodes = states[0].points[finger_views.front_nodes(states[0], 3)[0]]
+        for name, node in zip(source.markers, nodes, strict=True):
+            assert values[f"place along of marker {name}"] == pytest.approx(node[0], abs=6e-4)  # the base is 0.36 mm off
+        way = {"scale": 1e-5, TILT: 0.005, "centre": 1e-6, "zero": 1e-6}
+        way |= {p.name: 2e-6 for p in hidden if p.name.startswith("place")}
+        way |= {p.name: 1e-4 * p.scale for p in parameters if p.name.startswith(("volume", "shear"))}
+
+        def residuals(step):
+            return source.evaluate({name: value + step * way.get(name, 0.0) for name, value in values.items()}, False)[0]  # noqa: B023
+
+        J = source.evaluate(values, True)[1]
+        assert J.shape == (3 * (tips + 2 * count) + 2, len(source.parameters))
+        slope = J @ [way.get(name, 0.0) for name in source.parameters]
+        assert slope == pytest.approx((residuals(1.0) - residuals(-1.0)) / 2, rel=2e-3, abs=2e-3 * np.abs(slope).max())
 
 
 def test_tables_that_cannot_be_fitted_say_why(rows, table, tmp_path):

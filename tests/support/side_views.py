@@ -47,6 +47,26 @@ def bent_bar(turn, length=LENGTH, twist=0.0):
     return pv.PolyData(points @ out.T, np.array([(4, *quad) for quad in quads]).ravel()), line[-1], angle[-1], line
 
 
+RED = (0.75, 0.06, 0.08)
+
+
+def dots(turn, places, radius=1.5e-3, colour=RED, length=LENGTH, stretch=1.0):
+    """Round stickers on the front face of a bent bar, and their middles (n, 2): ``places`` (n, 2) along its centre line and
+    across it."""
+    angle, made, middles = np.linspace(0.0, 2.0 * np.pi, 181)[:-1], [], []
+    ring = radius * np.column_stack([stretch * np.cos(angle), np.sin(angle)])
+    for along, across in places:
+        turned, half = -turn * along / length, turn * along / length / 2
+        chord = along * np.sinc(half / np.pi)
+        middle = np.array([chord * np.cos(half), -chord * np.sin(half)]) + across * np.array([-np.sin(turned), np.cos(turned)])
+        c, s = np.cos(turned), np.sin(turned)
+        x, z = (middle + ring @ np.array([[c, s], [-s, c]])).T
+        points = np.column_stack([x, np.full(len(x), -DEPTH / 2 - 2e-5), z])
+        made.append((pv.PolyData(points, np.r_[len(points), np.arange(len(points))]), colour))
+        middles.append(middle)
+    return made, np.array(middles)
+
+
 CHAMBERS, GAP, FLOOR, PLATE = 4, 0.006, 0.003, 0.003
 """Chambers on the floor of a comb, the gaps between them, thickness of its floor and of the plate at its end, in m."""
 
@@ -79,14 +99,14 @@ def photograph(
     path, *parts, shift_px=(0.0, 0.0), colour=(0.75, 0.35, 0.3), background=(0.9, 0.92, 0.95), seed=0, noise=1.5, blur=0.8,
     pixel=PIXEL, centre=CENTRE,
 ):  # fmt: skip
-    """Write a photograph of surfaces, or of pairs of a surface and its texture, before a background."""
+    """Write a photograph of surfaces, or of pairs of a surface and its texture or its own colour, before a background."""
     width, height = SIZE
     plotter = pv.Plotter(off_screen=True, window_size=SIZE)
     plotter.set_background(background)
     plotter.disable_anti_aliasing()
     for part in parts:
         if isinstance(part, tuple):
-            plotter.add_mesh(part[0], texture=part[1], lighting=False)
+            plotter.add_mesh(part[0], lighting=False, **{"color" if isinstance(part[1], tuple) else "texture": part[1]})
         else:
             plotter.add_mesh(part, color=colour, ambient=0.35, diffuse=0.6, specular=0.1)
     camera, (x, z) = plotter.camera, centre + np.array(shift_px) * pixel

@@ -242,7 +242,9 @@ class DeviceModel:
             raise problem.CannotEvaluate(f"a state has no derivatives: {failure}") from None
         answers = self._asked.answers if self._asked and any(state is asked_state for asked_state in self._asked.states) else {}
         answers[id(state)] = (sensitivity.Rate(along.w / unit, along.P * eq.stress_unit / unit, along.V), rates, eq.stress_unit)
-        outline = {name: self.silhouette.moved(rate.w, rate.X) - [0.0, levels[name]] for name, rate in rates.items()}
+        outline = {
+            name: self.silhouette.moved(rate.w, rate.X) - self.silhouette.up * levels[name] for name, rate in rates.items()
+        }
         pressures = {name: rate.P for name, rate in rates.items()}
         return ModelSlopes(pressures, outline, along.P * eq.stress_unit / unit, self.silhouette.moved(along.w) / unit)
 

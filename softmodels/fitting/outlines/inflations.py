@@ -57,8 +57,8 @@ class MatchedInflation:
     fitted: Mapping[str, Array]
 
 
-MARKS = (b"x_m,z_m", b"x_m;z_m", b"pressure_Pa =", b"tip_x_m")
-"""What files of outlines and side views have in their headers."""
+MARKS = (b"x_m,z_m", b"x_m;z_m", b"pressure_Pa =", b"parallax_x", b"tip_x_m")
+"""What files of outlines, side views and markers have in their headers."""
 MIN_READINGS = 3
 UNLOADED_SHARE = 0.02
 """How far a size may fall below the largest so far, as a share of the whole change, before the reading is an unloading one."""

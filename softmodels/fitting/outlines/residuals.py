@@ -85,6 +85,11 @@ class OutlineResiduals:
         """Return `read`, and the names of the hidden parameters."""
         return [*range(len(self.shapes))], tuple(f"volume{i + 1}" for i in range(len(self.shapes)))
 
+    @property
+    def _volumes(self) -> tuple[str, ...]:
+        """Names of the hidden added volumes, the first ones of all that is hidden."""
+        return self._own_hidden[: len(self.read)]
+
     def hidden_parameters(self, volumes: Sequence[float] | Array, hangs: float = 0.0) -> list[problem.Parameter]:
         """Return the hidden added volumes with a start for each, m3; ``hangs`` is that of the device at zero pressure."""
         return [
@@ -92,7 +97,7 @@ class OutlineResiduals:
                 self.named(name), "m^3", start, hangs + 0.05 * (start - hangs), hangs + 4.0 * (start - hangs), hidden=True,
                 title=f"the added volume at {shape.name}", device=self.device,
             )
-            for name, start, shape in zip(self._own_hidden, volumes, [self.shapes[i] for i in self.read], strict=True)
+            for name, start, shape in zip(self._volumes, volumes, [self.shapes[i] for i in self.read], strict=True)
         ]  # fmt: skip
 
     def starts(self, held: Mapping[str, float], doubted: Collection[str]) -> tuple[list[dict[str, float]], NeoHookeanDevice]:
@@ -180,7 +185,7 @@ class OutlineResiduals:
 
     def _states(self, own: Mapping[str, float]) -> list[State]:
         """Return the state of each photograph at values by their names in this device."""
-        return self.model.states(own, [own[name] for name in self._own_hidden])
+        return self.model.states(own, [own[name] for name in self._volumes])
 
     def _slopes(self, number: int, state: State, names: Sequence[str]) -> tuple[dict[str, float], dict[str, Array]]:
         """Return the derivatives of a photograph's pressure (Pa) and of its curve's nodes (m), by name; hidden ones too."""

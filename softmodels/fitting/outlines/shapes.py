@@ -356,6 +356,8 @@ class Silhouette:
     """
 
     counts_heights = True
+    up = np.array([0.0, 1.0])
+    """Direction in which heights count, as the last index of the curve's nodes."""
 
     def __init__(self, system: System):
         self.system = eq = system

@@ -5,8 +5,10 @@ plane, x, z from the middle of the face ``support`` and turned by the angle a fr
 
     place measured = (centre, zero) + (1 + scale) T (x or -x, z),    angle measured = tilt + a or tilt + pi - a
 
-where T turns by the tilt. Pressures are those of outlines (`residuals`), and so are the hidden volumes of the photographs under
-pressure; those without one show the device as it hangs.
+where T turns by the tilt. A marker on the front face is a point of the device without pressure; two hidden parameters say
+where. Its place in each photograph is that of this point, as a tip's, with the parallax of its motion towards the camera.
+Pressures are those of outlines (`residuals`), and so are the hidden volumes of the photographs under pressure; those without
+one show the device as it hangs.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
@@ -23,6 +26,7 @@ from scipy.interpolate import PchipInterpolator
 from geometries.actuator import ENDS
 from measurement.outline.outline import History
 from measurement.outline.silhouette import FACE_SHARE
+from measurement.series import markers
 from measurement.series.views import VIEW_COLUMNS
 from softmodels.common import tables, units
 from softmodels.common.arrays import Array
@@ -31,7 +35,7 @@ from softmodels.common.names import keep_arrays
 from softmodels.fitting import problem
 from softmodels.fitting.outlines import device, residuals, shapes
 from softmodels.fitting.outlines.shapes import OutlineFitError, Shape, kept
-from softmodels.mechanics import newton, sensitivity
+from softmodels.mechanics import mpi, newton, sensitivity
 from softmodels.mechanics.system import State, System
 from softmodels.path import continuation, stability
 from softmodels.runs import state_values
@@ -40,8 +44,8 @@ from softmodels.runs import state_values
 @dataclasses.dataclass(frozen=True, eq=False)
 class SideView:
     """A tip seen from the side: place (2,) in m from the middle of the base, x to the right and z upwards, the angle in rad in
-    which its face looks, from x to z, and their standard errors; pressure and its standard error in Pa, and what speaks against
-    it."""
+    which its face looks, from x to z, and their standard errors; pressure and its standard error in Pa, what speaks against
+    it, what it shows of markers, and whether the tip counts beside them."""
 
     source: str
     pressure: float
@@ -52,9 +56,23 @@ class SideView:
     angle_error: float
     reasons: tuple[str, ...] = ()
     history: History = ()
+    markers: tuple[SeenMarker, ...] = ()
+    counts_tip: bool = True
 
     def __post_init__(self) -> None:
         keep_arrays(self)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class SeenMarker:
+    """A marker in a photograph: its name, its place (2,) in m from the middle of the base with its standard error (2,), the
+    part of it that is the photograph's own, and by how much in m its place appears to move per m towards the camera (2,)."""
+
+    name: str
+    place: Array
+    error: Array
+    own_error: float
+    parallax: Array
 
 
 TABLE = "views.csv"
@@ -69,7 +87,8 @@ def is_table(file: object) -> bool:
         return (path / TABLE).exists()
     try:
         with path.open(encoding="utf-8", errors="replace") as lines:
-            return {"tip_x_m", "tip_z_m", "angle_deg"} <= {name.strip() for name in lines.readline().split(",")}
+            header = {name.strip() for name in lines.readline().split(",")}
+            return {"tip_x_m", "tip_z_m", "angle_deg"} <= header or set(markers.COLUMNS[3:11]) <= header
     except OSError:
         return False
 
@@ -81,16 +100,12 @@ def seen_in(given: object) -> type[shapes.Silhouette]:
 
 
 def read_views(file: Path, untrusted: bool = False, exclude: Sequence[str] = ()) -> list[SideView]:
-    """Read the ``views.csv`` that ``softmodels measure view`` writes, or that of its folder; rejected and excluded photographs
-    are left out. `OutlineFitError` for a number that is none, or a view that is not trusted, unless ``untrusted``."""
-    path = file / TABLE if file.is_dir() else file
-    try:
-        chosen = tables.pick(path, tables.read_sheets(path), lambda sheet: sheet.rows if _is_views(sheet.rows) else None)
-    except OSError as error:
-        raise OutlineFitError(f"{path} cannot be read: {reason(error)}") from None
-    if chosen is None or len(chosen[1]) < 2:
-        raise OutlineFitError(f"{path} is not a table of side views; make it with softmodels measure view")
-    sheet, rows, views = chosen[0], tables.records(chosen[1]), list[SideView]()
+    """Read the ``views.csv`` that ``softmodels measure view`` writes, or that of its folder, with the ``markers.csv`` beside
+    it; that table alone leaves the tips out. Rejected and excluded photographs are left out. `OutlineFitError` for a number
+    that is none, or a view that is not trusted, unless ``untrusted``."""
+    path = file / TABLE if file.is_dir() else file.with_name(TABLE) if file.name == markers.TABLE else file
+    marked = _read_markers(path.with_name(markers.TABLE), untrusted) if file.is_dir() or file.name == markers.TABLE else {}
+    (sheet, rows), views = _rows_of(path, VIEW_COLUMNS[1:9], "table of side views; make it with softmodels measure view"), []
     for place in kept([(row.get("file") or sheet.place(line), None) for line, row in rows], exclude):
         line, row = rows[place]
         trusted, remarks = (row.get("trusted") or "yes").strip(), row.get("remarks") or "no reason given"
@@ -108,13 +123,47 @@ def read_views(file: Path, untrusted: bool = False, exclude: Sequence[str] = ())
             SideView(
                 row.get("file") or sheet.place(line), p, p_error, np.array([x, z]), np.array([x_error, z_error]),
                 math.radians(angle), math.radians(angle_error), () if trusted == "yes" else (remarks,),
+                markers=tuple(marked.get(row.get("file") or "", ())), counts_tip=file.name != markers.TABLE,
             )
         )  # fmt: skip
     return views
 
 
-def _is_views(rows: Sequence[tables.Line]) -> bool:
-    return bool(rows) and set(VIEW_COLUMNS[1:9]) <= {name.strip() for name in rows[0][1]}
+def _read_markers(path: Path, untrusted: bool) -> dict[str, list[SeenMarker]]:
+    """Return the markers of a ``markers.csv`` by photograph, without those that are not trusted unless ``untrusted``; none
+    where there is no such table."""
+    if not path.exists():
+        return {}
+    marked: dict[str, list[SeenMarker]] = {}
+    needed = ("file", *markers.COLUMNS[3:11], "trusted")
+    sheet, rows = _rows_of(path, needed, "table of markers; make it with softmodels measure view --markers")
+    for line, row in rows:
+        if not row["x_m"] or (row["trusted"] != "yes" and not untrusted):
+            continue
+        try:
+            x, x_error, z, z_error, own, *parallax = (units.number(row[name]) for name in markers.COLUMNS[4:11])
+        except units.UnitError as error:
+            raise OutlineFitError(f"{path}, {sheet.place(line)}: {error}") from None
+        name = f"{path.parent.name}/{row['marker']}"
+        marked.setdefault(row["file"], []).append(
+            SeenMarker(name, np.array([x, z]), np.array([x_error, z_error]), own, np.array(parallax))
+        )
+    return marked
+
+
+def _rows_of(path: Path, needed: Sequence[str], what: str) -> tuple[tables.Worksheet, list[tuple[int, dict[str, str]]]]:
+    """Return the sheet of a table with the needed columns, and its rows by the columns' names; `OutlineFitError` for none."""
+
+    def rows_in(sheet: tables.Worksheet) -> Sequence[tables.Line] | None:
+        return sheet.rows if sheet.rows and set(needed) <= {name.strip() for name in sheet.rows[0][1]} else None
+
+    try:
+        chosen = tables.pick(path, tables.read_sheets(path), rows_in)
+    except OSError as error:
+        raise OutlineFitError(f"{path} cannot be read: {reason(error)}") from None
+    if chosen is None or len(chosen[1]) < 2:
+        raise OutlineFitError(f"{path} is not a {what}")
+    return chosen[0], tables.records(chosen[1])
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -126,11 +175,17 @@ class ViewShape(shapes.Shape):
         angle: Of the tip in rad.
         arm: Length of the device in m, by which angles are multiplied.
         resting: Whether the photograph shows the device without pressure.
+        markers: Names of its markers, and their places and parallaxes, shape (k, 2).
+        counts_tip: Whether the tip is compared too.
     """
 
     angle: float = 0.0
     arm: float = 1.0
     resting: bool = False
+    markers: tuple[str, ...] = ()
+    places: Array = dataclasses.field(default_factory=lambda: np.empty((0, 2)))
+    parallax: Array = dataclasses.field(default_factory=lambda: np.empty((0, 2)))
+    counts_tip: bool = True
 
 
 MAX_LENGTH_CHANGE = 0.25
@@ -159,14 +214,32 @@ def prepare(views: Sequence[SideView], model: device.DeviceModel) -> tuple[list[
     moved = max(
         math.hypot(float(np.linalg.norm(view.tip - first.tip)), arm * abs(_turned(view.angle - first.angle))) for view in chosen
     )
-    prepared = [
-        ViewShape(
-            view.source, view.tip[None], np.r_[view.tip_error, arm * view.angle_error], np.arange(3), np.ones(3), view.pressure,
-            view.pressure_error, moved, 0.0, level_error=BASE_ERROR, angle=view.angle, arm=arm, resting=view in resting,
-        )
-        for view in chosen
-    ]  # fmt: skip
+    if not first.counts_tip and not any(view.markers for view in chosen):
+        raise OutlineFitError("no photograph has a trusted marker; measure them with softmodels measure view --markers")
+    names = Counter(marker.name for view in chosen for marker in view.markers)
+    before: dict[str, Array] = {}
+    prepared = []
+    for view in chosen:
+        marked = [marker for marker in view.markers if names[marker.name] > 1]  # one photograph shows no motion
+        ways = [np.linalg.norm(marker.place - before.setdefault(marker.name, marker.place)) for marker in marked]
+        own = [
+            np.sqrt(m.own_error**2 + (SHARED_SHARE * m.error) ** 2 + (MOTION_SHARE * way) ** 2)
+            for m, way in zip(marked, ways, strict=True)
+        ]  # fmt: skip
+        tip = np.r_[view.tip_error, arm * view.angle_error] if view.counts_tip else np.empty(0)
+        error = np.concatenate([tip, *own])
+        prepared.append(ViewShape(
+            view.source, view.tip[None], error, np.arange(len(error)), np.ones(len(error)), view.pressure, view.pressure_error,
+            moved, 0.0, level_error=BASE_ERROR, angle=view.angle, arm=arm, resting=view in resting,
+            markers=tuple(m.name for m in marked), places=np.array([m.place for m in marked]).reshape(-1, 2),
+            parallax=np.array([m.parallax for m in marked]).reshape(-1, 2), counts_tip=view.counts_tip,
+        ))  # fmt: skip
     return prepared, notes
+
+
+SHARED_SHARE, MOTION_SHARE = 0.1, 0.002
+"""Share of a marker's whole error that the bench's parameters do not explain, and of its motion that a mesh and a sticker on
+a stretched wall leave, in the standard error with which its place counts."""
 
 
 BASE_ERROR = 0.5e-3
@@ -195,7 +268,9 @@ class TipFace(shapes.Silhouette):
     The plane is the mirror plane of a half, and else that of x and z.
 
     Attributes:
-        points: Undeformed corners of the face's triangles in device coordinates, m, shape (n, 3, 3).
+        points: Undeformed corners and middles of edges of triangles in device coordinates, m, shape (m, 6, 3): first those of
+            the face, then those of the outer surface, on which markers are.
+        count: Number n of the face's triangles.
         middle: Shares (n, 3) of the corners in the middle between the face's two ends in the plane.
         slope: What the places of the corners, shape (n, 3), are summed with for the direction of the line that they make.
         height: Of the face in the plane at rest in m.
@@ -204,6 +279,7 @@ class TipFace(shapes.Silhouette):
 
     counts_heights = False
     flat = False
+    up = np.zeros(3)
 
     def __init__(self, system: System):
         self.system = eq = system
@@ -221,21 +297,26 @@ class TipFace(shapes.Silhouette):
                 )
         grid, own = state_values.Grid(eq), sensitivity.coordinates(body.mesh)[0]
         facets, held = (np.unique(body.entities[role][1]).astype(np.int32) for role in (tip, SUPPORT))
-        self._mix, self._space = np.eye(3), grid.space
-        self._nodes, self._held = (shapes.nodes_of(eq, grid.space, part, 2)[:, :3] for part in (facets, held))
-        self._blocks, self._held_blocks = (shapes.nodes_of(eq, own, part, 2)[:, :3] for part in (facets, held))
+        outer = [role for role in (shapes.OUTER, *actuator.faces) if role in body.entities and role not in (tip, SUPPORT)]
+        skin = np.unique(np.concatenate([np.empty(0), *(body.entities[role][1] for role in outer)])).astype(np.int32)
+        self._space, every = grid.space, np.concatenate([facets, skin])
+        self._nodes, self._held = shapes.nodes_of(eq, grid.space, every, 2), shapes.nodes_of(eq, grid.space, held, 2)[:, :3]
+        self._blocks, self._held_blocks = (shapes.nodes_of(eq, own, part, 2) for part in (every, held))
+        self._mix = np.eye(6) if self._blocks.shape[1] == 6 else MIDDLES
         self._dofs = state_values.displacement_maps(eq, grid)[0][self._nodes]
         corners = np.round(self._everywhere(self._here()) / eq.length_unit * 1e7).astype(np.int64)
         middles = corners.sum(axis=1)  # a facet that two ranks have is the same
-        self._order = np.unique(middles, axis=0, return_index=True)[1]
-        self._turned = np.zeros(len(self._order), dtype=bool)
+        order = np.unique(middles, axis=0, return_index=True)[1]
+        is_tip = mpi.everywhere(eq.comm, np.arange(len(every)) < len(facets))[order]
+        self._order, self.count = order[np.argsort(~is_tip, kind="stable")], int(is_tip.sum())
         self.follow()
-        self.weight = _areas(self.points)
-        first = self._in_plane(self.points)
+        face = self.points[: self.count, :3]
+        self.weight = _areas(face)
+        first = self._in_plane(face)
         rest = first - np.einsum("n,nki->i", self.weight, first) / 3.0
         spread = np.einsum("n,nki,nkj->ij", self.weight, rest, rest)
         across = np.linalg.eigh(spread)[1][:, 0] if self.turns else np.array([0.0, 1.0])
-        across = across * (math.copysign(1.0, float(across @ (self.points.mean(axis=(0, 1)) @ self._plane.T - self._base))))
+        across = across * (math.copysign(1.0, float(across @ (face.mean(axis=(0, 1)) @ self._plane.T - self._base))))
         self.normal = math.atan2(across[1], across[0])
         # A silhouette shows the face's two ends alone: of half a disk their middle is not that of the area.
         high = rest @ [-across[1], across[0]]
@@ -256,10 +337,20 @@ class TipFace(shapes.Silhouette):
         return len(self.system.body.actuator.cut_planes) < 2
 
     @functools.cached_property
+    def _sight(self) -> Array:
+        """Unit vector (3,) across the plane of motion."""
+        cuts = self.system.body.actuator.cut_planes
+        return np.array(cuts[0].normal) if len(cuts) == 1 else np.array([0.0, 1.0, 0.0])
+
+    @functools.cached_property
+    def _toward(self) -> Array:
+        """The same towards the one who sees the plane's first direction to the right and its second one upwards."""
+        return np.asarray(self._sight * math.copysign(1.0, float(np.cross(*self._plane) @ self._sight)))
+
+    @functools.cached_property
     def _plane(self) -> Array:
         """Unit vectors of the plane of motion, shape (2, 3); of a device that only lengthens those components that stay."""
-        actuator = self.system.body.actuator
-        sight = np.array(actuator.cut_planes[0].normal) if len(actuator.cut_planes) == 1 else np.array([0.0, 1.0, 0.0])
+        actuator, sight = self.system.body.actuator, self._sight
         up = np.array(actuator.lift) - sight * (sight @ np.array(actuator.lift))
         if np.linalg.norm(up) < 0.5:
             up = np.eye(3)[int(np.argmin(np.abs(sight)))]
@@ -271,6 +362,20 @@ class TipFace(shapes.Silhouette):
             return plane
         normals = np.array([cut.normal for cut in actuator.cut_planes])
         return np.asarray(plane @ (np.eye(3) - np.linalg.pinv(normals) @ normals))
+
+    def _arranged(self, values: Array) -> Array:
+        return np.asarray(values[self._order])
+
+    def _seen(self, vectors: Array) -> Array:
+        """Return vectors (..., 3) by the plane's directions and towards the one who sees it from the side 1."""
+        return np.asarray(vectors @ np.vstack([self._plane, self._toward]).T)
+
+    @functools.cached_property
+    def skin(self) -> Skin:
+        """The outer surface of the device as it was first, on which markers are placed."""
+        at_first = self._seen(self.points[self.count :]) - [*self._base, 0.0]
+        halves = len(self.system.body.actuator.cut_planes) > 0
+        return Skin(at_first, math.copysign(1.0, float(at_first[..., 2].mean())) if halves else 0.0)
 
     def follow(self) -> None:
         """Update the nodes from the current mesh."""
@@ -287,21 +392,22 @@ class TipFace(shapes.Silhouette):
     def curve(self, state: State) -> DeformedFace:  # type: ignore[override]
         """Return the deformed face on the current mesh."""
         self.follow()
-        return DeformedFace(self, self._in_plane(self.points + self._displacement(state.w)) - self._base)
+        return DeformedFace(self, self._seen(self.points + self._displacement(state.w)) - [*self._base, 0.0])
 
     def moved(self, w: Array, X: Array | None = None) -> Array:
-        """Return the derivative of the face's corners in m, shape (n, 3, 2); see `Silhouette.moved`."""
-        moved = self._in_plane(self._displacement(w))
+        """Return the derivative of the triangles' nodes in m, shape (m, 6, 3); see `Silhouette.moved`."""
+        moved = self._seen(self._displacement(w))
         if X is not None:
-            held = self._in_plane(self._everywhere(X[self._held_blocks])).reshape(-1, 2)
+            held = self._in_plane(self._everywhere(X[self._held_blocks[:, :3]])).reshape(-1, 2)
             base = held[self._ends, [0, 1]].mean(axis=0)
-            moved = moved + self._in_plane(self._arranged(self._everywhere(X[self._blocks]))) - base
+            there = self._everywhere(np.einsum("sk,mkd->msd", self._mix, X[self._blocks]))
+            moved = moved + self._seen(self._arranged(there)) - [*base, 0.0]
         return moved
 
     @property
     def width(self) -> float:
         """Distance of the undeformed tip from the middle of the support in m."""
-        return float(np.linalg.norm(DeformedFace(self, self._in_plane(self.points) - self._base).place))
+        return float(np.linalg.norm(DeformedFace(self, self._seen(self.points) - [*self._base, 0.0]).place))
 
     tall = width
 
@@ -313,12 +419,64 @@ def _areas(triangles: Array) -> Array:
     return np.asarray(areas / areas.sum())
 
 
+MIDDLES = np.vstack([np.eye(3), [[0.0, 0.5, 0.5], [0.5, 0.0, 0.5], [0.5, 0.5, 0.0]]])
+"""A triangle's corners and the middles of its edges, opposite to each corner, from its corners."""
+
+MIN_SLOPE, OFF_SKIN = 0.2, 1e-3
+"""Least cosine between the line of sight and the normal of a triangle on which a marker can be, and how far in m beside the
+simulated surface a marker may be measured to be."""
+
+
+class Skin:
+    """The outer surface of a device at rest: nodes (m, 6, 3) in m of its triangles, in the plane and towards the camera; which
+    side of the plane it is (1, -1), or 0 for both."""
+
+    def __init__(self, nodes: Array, side: float):
+        self.nodes, self.side = nodes, side
+        corners = nodes[:, :3]
+        ways = corners[:, 1:] - corners[:, :1]
+        normal = np.cross(ways[:, 0], ways[:, 1])
+        self._usable = np.abs(normal[:, 2]) > MIN_SLOPE * np.linalg.norm(normal, axis=1)
+        flat = np.where(self._usable[:, None, None], ways[..., :2], np.eye(2))
+        inner = np.linalg.inv(np.swapaxes(flat, 1, 2))
+        self._rates = np.concatenate([-inner.sum(axis=1, keepdims=True), inner], axis=1)  # of areal coordinates (m, 3, 2)
+        self._size = np.sqrt(np.linalg.norm(normal, axis=1))
+
+    def toward(self, side: float) -> float:
+        """Return the sign of places towards the camera of one who sees the plane from a side."""
+        return self.side or side
+
+    def _areal(self, place: Array) -> Array:
+        """Return the areal coordinates (m, 3) of a place (2,) in all triangles."""
+        return np.array([1.0, 0.0, 0.0]) + np.einsum("mkj,mj->mk", self._rates, place - self.nodes[:, 0, :2])
+
+    def beside(self, place: Array) -> float:
+        """Return about how far in m a place (2,) is beside all triangles; 0 within."""
+        inside = np.where(self._usable, self._areal(place).min(axis=1) * self._size, -np.inf)
+        return max(0.0, -float(inside.max()))
+
+    def at(self, place: Array, side: float) -> tuple[int, Array, Array]:
+        """Return the triangle towards the camera at a place (2,) of the plane, the weights of its nodes (6,) there, and their
+        derivatives (6, 2) by the place; the nearest one beside the surface."""
+        areal = self._areal(place)
+        inside = np.where(self._usable, areal.min(axis=1), -np.inf)
+        within = np.flatnonzero(inside >= -1e-9)
+        depth = self.toward(side) * np.einsum("mk,mk->m", areal[within], self.nodes[within, :3, 2])
+        number = int(within[np.argmax(depth)]) if len(within) else int(np.argmax(inside * self._size))
+        a, rate = areal[number], self._rates[number]
+        others = [(1, 2), (0, 2), (0, 1)]
+        weights = np.r_[a * (2.0 * a - 1.0), [4.0 * a[i] * a[j] for i, j in others]]
+        rates = np.vstack([(4.0 * a - 1.0)[:, None] * rate, *(4.0 * (a[i] * rate[j] + a[j] * rate[i]) for i, j in others)])
+        return number, weights, rates
+
+
 class DeformedFace:
-    """A face with the corners (n, 3, 2) in m of its triangles in the plane of motion."""
+    """A face with the corners (n, 3, 2) in m of its triangles in the plane of motion, and the outer surface's nodes (m, 6, 3)
+    in the plane and towards the camera."""
 
     def __init__(self, face: TipFace, nodes: Array):
-        self.face, self.nodes = face, nodes
-        self.place = np.einsum("nk,nki->i", face.middle, nodes)
+        self.face, self.nodes, self.skin = face, nodes[: face.count, :3, :2], nodes[face.count :]
+        self.place = np.einsum("nk,nki->i", face.middle, self.nodes)
         """Its middle (2,) in m."""
 
     def _along(self, nodes: Array) -> Array:
@@ -337,7 +495,8 @@ class DeformedFace:
         return float(np.sqrt(np.einsum("n,nk->", self.face.weight, ((self.nodes - self.place) @ normal) ** 2) / 3.0))
 
     def rates(self, rate: Array) -> tuple[Array, float]:
-        """Return the derivatives of place (2,) and angle from those of the corners, shape (n, 3, 2)."""
+        """Return the derivatives of place (2,) and angle from those of all nodes, shape (m, 6, 3)."""
+        rate = rate[: self.face.count, :3, :2]
         (x, z), (by_x, by_z) = self._along(self.nodes), self._along(rate)
         turned = (x * by_z - z * by_x) / (x**2 + z**2) if self.face.turns else 0.0
         return np.einsum("nk,nki->i", self.face.middle, rate), float(turned)
@@ -380,26 +539,65 @@ class MatchedView(residuals.MatchedPhotograph):
         super().__init__(*matched)
 
     def _compare(self) -> None:
-        shape, values = self.shape, self.values
+        shape, values, side = self.shape, self.values, self.placement.side
         self.placement = dataclasses.replace(self.placement, tilt=math.radians(values["tilt"]))
-        self.error = np.hypot(shape.error, self.bulge * np.array([1.0, 1.0, shape.arm / self.curve.face.height]))
-        self.seen = self.factor * self.placement.place(self.curve.place) + [values["centre"], values["zero"]]
+        bulge = self.bulge * np.array([1.0, 1.0, shape.arm / self.curve.face.height])
+        self.error = np.hypot(shape.error, np.r_[bulge[: self._tip_count], np.zeros(2 * len(shape.markers))])
+        origin = np.array([values["centre"], values["zero"]])
+        self.seen = self.factor * self.placement.place(self.curve.place) + origin
         self.seen_angle = float(self.placement.angle(self.curve.angle))
-        self.distances = np.r_[self.seen - shape.points[0], shape.arm * _turned(self.seen_angle - shape.angle)]
+        tip = np.r_[self.seen - shape.points[0], shape.arm * _turned(self.seen_angle - shape.angle)]
+        skin = self.curve.face.skin
+        on_skin = [skin.at(np.array([values[key] for key in place_names(name)]), side) for name in shape.markers]
+        self._triangles = np.array([number for number, *_ in on_skin], dtype=int)
+        self._weights = np.array([weights for _, weights, _ in on_skin]).reshape(-1, 6)
+        self._weight_rates = np.array([rates for *_, rates in on_skin]).reshape(-1, 6, 2)
+        self._way = self.curve.skin[self._triangles].copy()
+        self._way[..., 2] -= skin.nodes[self._triangles, :, 2]  # what it moved towards the camera
+        self.seen_markers = self._in_picture(np.einsum("ka,kai->ki", self._weights, self._way)) + origin
+        self.distances = np.r_[tip[: self._tip_count], (self.seen_markers - shape.places).ravel()]
         self.residuals = self.distances / self.error
+
+    @property
+    def _tip_count(self) -> int:
+        return 3 if self.shape.counts_tip else 0
+
+    def _in_picture(self, there: Array, tilts: bool = False) -> Array:
+        """Return where places (k, 3) of markers are in the picture, (k, 2) in m, or the derivative by the tilt."""
+        placed = self.factor * self.placement.place(there[:, :2], tilts)
+        toward = self.curve.face.skin.toward(self.placement.side)
+        return placed if tilts else placed + toward * self.shape.parallax * there[:, 2:]
 
     def moved(self, rate: Array) -> Array:
         place, turned = self.curve.rates(rate)
-        there = self.factor * self.placement.place(place)
-        return np.r_[there, self.shape.arm * self.placement.side * turned] / self.error
+        tip = np.r_[self.factor * self.placement.place(place), self.shape.arm * self.placement.side * turned]
+        skin = rate[self.curve.face.count :][self._triangles]
+        there = self._in_picture(np.einsum("ka,kai->ki", self._weights, skin))
+        return np.r_[tip[: self._tip_count], there.ravel()] / self.error
 
     def _placed(self) -> dict[str, Array]:
         there, turned = (self.placement.place(self.curve.place, rate) for rate in (False, True))
+        marked = np.einsum("ka,kai->ki", self._weights, self._way)
+        ones = np.ones((len(marked), 1))
         slopes = {
-            "scale": [*there, 0.0], "zero": [0.0, 1.0, 0.0], "centre": [1.0, 0.0, 0.0],
-            "tilt": np.radians([*self.factor * turned, self.shape.arm]),
+            "scale": (np.r_[there, 0.0], self.placement.place(marked[:, :2])),
+            "zero": (np.array([0.0, 1.0, 0.0]), ones * [0.0, 1.0]), "centre": (np.array([1.0, 0.0, 0.0]), ones * [1.0, 0.0]),
+            "tilt": (np.radians([*self.factor * turned, self.shape.arm]), np.radians(self._in_picture(marked, True))),
         }  # fmt: skip
-        return {name: np.array(slope) / self.error for name, slope in slopes.items()}
+        made = {name: np.r_[tip[: self._tip_count], mark.ravel()] / self.error for name, (tip, mark) in slopes.items()}
+        for k, name in enumerate(self.shape.markers):
+            for axis, key in enumerate(place_names(name)):
+                slope = np.zeros(len(self.error))
+                first = self._tip_count + 2 * k
+                by = np.einsum("ka,kai->ki", self._weight_rates[..., axis], self._way)
+                slope[first : first + 2] = self._in_picture(by)[k]
+                made[key] = slope / self.error
+        return made
+
+
+def place_names(marker: str) -> tuple[str, str]:
+    """Return the names of the hidden parameters of a marker's place on the undeformed device."""
+    return f"place along of marker {marker}", f"place across of marker {marker}"
 
 
 class ViewResiduals(residuals.OutlineResiduals):
@@ -410,14 +608,28 @@ class ViewResiduals(residuals.OutlineResiduals):
 
     def _hidden(self) -> tuple[list[int], tuple[str, ...]]:
         pressed = [i for i, shape in enumerate(self.shapes) if not shape.resting]
-        return pressed, tuple(f"volume{i + 1}" for i in pressed)
+        self.markers = tuple(dict.fromkeys(name for shape in self.shapes for name in shape.markers))
+        places = [key for name in self.markers for key in place_names(name)]
+        return pressed, (*(f"volume{i + 1}" for i in pressed), *places)
+
+    def hidden_parameters(self, volumes: Sequence[float] | Array, hangs: float = 0.0) -> list[problem.Parameter]:
+        """Return the hidden added volumes, and the places of markers on the device without pressure, m."""
+        reach = 0.1 * self.model.silhouette.width
+        return [*super().hidden_parameters(volumes, hangs), *(
+            problem.Parameter(
+                self.named(key), "m", start, start - reach, start + reach, hidden=True, title=f"the {key}", device=self.device
+            )
+            for name in self.markers
+            for key, start in zip(place_names(name), self._start.places[name].tolist(), strict=True)
+        )]  # fmt: skip
 
     @property
     def in_words(self) -> str:
         """The amount of measurements, in words."""
         angles = [shape.angle for shape in self.shapes]
         turned = math.degrees(max(abs(_turned(angle - angles[0])) for angle in angles))
-        return f"{len(self.shapes)} side views to {turned:.3g} deg at {self.most / 1e3:.4g} kPa"
+        marked = f", {len(self.markers)} markers" if self.markers else ""
+        return f"{len(self.shapes)} side views to {turned:.3g} deg at {self.most / 1e3:.4g} kPa{marked}"
 
     def bench_parameters(self) -> list[problem.Parameter]:
         """Return the parameters of the bench; see `OutlineResiduals`."""
@@ -478,11 +690,13 @@ OVERSHOOT_RATIO = 1.15
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Start:
-    """The device at the views' pressures, how it stands in the pictures, and by how much in m each view's face is uneven."""
+    """The device at the views' pressures, how it stands in the pictures, by how much in m each view's face is uneven, and where
+    each marker is on the undeformed device, (2,) in m."""
 
     path: residuals.NeoHookeanDevice
     placement: Placement
     bulges: tuple[float, ...]
+    places: Mapping[str, Array]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -511,13 +725,48 @@ def start_of(model: device.DeviceModel, views: Sequence[ViewShape]) -> Start:
             pressures = np.array([view.pressure for view in views if not view.resting]) / factor
             volumes = PchipInterpolator(tips.pressures, tips.volumes)(pressures)
             path = residuals.plain_device(model, values, volumes, float(tips.volumes[0]))
-            bulges = iter([model.curve(state).unevenness for state in path.states])  # type: ignore[attr-defined]
-            return Start(path, placement, tuple(0.0 if view.resting else next(bulges) for view in views))
+            pressed = iter([model.curve(state) for state in path.states])
+            at_rest = model.curve(model.apply_preload(())[0]) if any(view.resting for view in views) else None
+            faces: list[DeformedFace] = [at_rest if view.resting else next(pressed) for view in views]  # type: ignore[misc]
+            bulges = tuple(0.0 if view.resting else face.unevenness for view, face in zip(views, faces, strict=True))
+            return Start(path, placement, bulges, _marked(faces, views, placement))
         model.modulus *= min(max(factor, 1.0 / residuals.MAX_MODULUS_FACTOR), residuals.MAX_MODULUS_FACTOR)
     raise OutlineFitError(
         "no stiffness fits the case's loads and the measured pressures; check masses, density and forces, and the direction of "
         "gravity"
     )
+
+
+def _marked(faces: Sequence[DeformedFace], views: Sequence[ViewShape], placement: Placement) -> dict[str, Array]:
+    """Return where each marker is on the undeformed device, by the first view that shows it; `OutlineFitError` for one beside
+    the device."""
+    places: dict[str, Array] = {}
+    back = placement.place(np.eye(2))
+    for face, view in zip(faces, views, strict=True):
+        skin = face.face.skin
+        for name, seen in zip(view.markers, view.places, strict=True):
+            if name in places:
+                continue
+            wanted = back @ seen
+            place, off = wanted.copy(), np.inf
+            for _ in range(MAX_PLACE_ROUNDS):
+                number, weights, rates = skin.at(place, placement.side)
+                missed = wanted - weights @ face.skin[number, :, :2]
+                place = place + np.linalg.solve(face.skin[number, :, :2].T @ rates, missed)
+                off = float(np.linalg.norm(missed))
+                if off < 1e-9:
+                    break
+            if not off < OFF_SKIN or skin.beside(place) > OFF_SKIN:
+                raise OutlineFitError(
+                    f"{view.source}: marker {name} lies beside the face of the case's device that the camera sees; check "
+                    "--base, the scale and the case, or remove its rows from markers.csv"
+                )
+            places[name] = place
+    return places
+
+
+MAX_PLACE_ROUNDS = 30
+"""Steps in which the place on the undeformed device is found that a state brings to where a marker is seen."""
 
 
 def _followed(model: device.DeviceModel, values: dict[str, float], views: Sequence[ViewShape]) -> _TipPath:
