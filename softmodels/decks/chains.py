@@ -20,7 +20,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import scipy.linalg
-from scipy.optimize import brentq, least_squares, lsq_linear
+from scipy.optimize import brentq, least_squares, linprog, lsq_linear
 from scipy.spatial.transform import Rotation
 
 from geometries import actuator
@@ -170,6 +170,9 @@ SPRING_STATES = 6
 """States of the table by which the springs are placed."""
 CROSS_WEIGHT = 0.3
 """Weight of the rotation by a force, and of the displacement by a moment, in the fit of the springs."""
+LEAST_COUPLING = 0.01
+"""Rotation by a force, or displacement by a moment, over the mean of those by their own loads, below which its relative error
+does not matter: that of a straight device is the rounding of its mesh."""
 MIN_COMPLIANCE_SHARE = 0.02
 """Least compliance of a kind of spring, over that which would make the whole compliance of the tip."""
 
@@ -379,7 +382,8 @@ def _yielding(springs: Springs, C: Array, motion: Array) -> tuple[Array, Array, 
     sizes, diagonal = np.zeros((6, 6)), np.sqrt(np.nan_to_num(np.diag(C)))
     for rows in slice(0, 3), slice(3, 6):
         sizes[rows] = np.linalg.norm(np.nan_to_num(C[rows]), axis=0)
-    known = np.isfinite(C) & (sizes > reduction.ZERO_LOAD_TOLERANCE * np.outer(diagonal, diagonal)) & (sizes > 0.0)
+    sizes = np.maximum(sizes, LEAST_COUPLING * np.outer(diagonal, diagonal))
+    known = np.isfinite(C) & (sizes > 0.0)
     weights = np.kron(np.where(np.eye(2), 1.0, CROSS_WEIGHT), np.ones((3, 3)))[known] / sizes[known]
     parts = springs.compliances(motion)
     terms = (parts[:, known] * weights).T
@@ -562,14 +566,24 @@ def cubic_springs(model: ReducedModel, chain: Chain) -> tuple[CubicSpring, ...]:
     terms = np.column_stack([np.sum([effect(cube) for cube in group], axis=0) for group in groups])
     values = np.linalg.lstsq(terms, (wanted * weights).ravel(), rcond=WEAKEST_CUBE)[0]
     cubes = [(cube, float(value)) for value, group in zip(values, groups, strict=True) for cube in group if value]
-    # By forces a x^2 + b x^3 the stiffness falls by a^2 / (3 b) at most.
-    softening = sum(abs(value) * len(cube) for cube, value in cubes)
+    D = np.array([[cube.get(kind, 0) for kind in ("hinge", "slide", "side")] for cube, _ in cubes], dtype=float)
     return tuple(
-        CubicSpring(
-            {kind: sign * factors[kind] for kind, sign in cube.items()}, value, abs(value) * softening / (3.0 * MAX_SOFTENING)
-        )
-        for cube, value in cubes
+        CubicSpring({kind: sign * factors[kind] for kind, sign in cube.items()}, value, float(bound))
+        for (cube, value), bound in zip(cubes, _third_order(D, np.array([value for _, value in cubes])), strict=True)
     )
+
+
+def _third_order(D: Array, squares: Array) -> Array:
+    """Return the least b with which springs of forces a x^2 + b x^3, stretched by three motions of stiffness 1, leave the share
+    1 - `MAX_SOFTENING` of that in every deflection.
+
+    Along u, by the deflection r u, that is 1 + 2 A r + 3 B r^2, which is 1 - A^2 / (3 B) at least; B is linear in the
+    coefficients.
+    """
+    by, size = _directions() @ D.T, np.abs(squares).max()
+    A, B = np.einsum("ui,vi,i->uv", by**2, by, squares / size), np.einsum("ui,vi->uvi", by**2, by**2)
+    least = -(A.ravel() ** 2) / (3.0 * MAX_SOFTENING)
+    return np.asarray(size**2 * linprog((D**2).sum(axis=1) ** 2, A_ub=-B.reshape(-1, len(D)), b_ub=least).x)
 
 
 def mjcf(model: ReducedModel) -> str:

@@ -499,14 +499,15 @@ class Responses:
             state.P * stress, row["added_volume"], position, R,
             along.V * system.volume_unit / stress, rates @ (self.tip.vectors @ along.w[:n]) / stress,
             rates @ np.transpose(jacobian) / stress, compliance, self._spread(state, rates), row["max_stretch"],
-            self._compliance_rate(state, rates, touches(row)) if rate else None,
+            self._compliance_rate(state, rates) if rate and not touches(row) else None,
         )  # fmt: skip
 
-    def _compliance_rate(self, state: State, rates: Array, touching: bool) -> Array:
+    def _compliance_rate(self, state: State, rates: Array) -> Array:
         """Return the derivative of the compliance by a dead force on the tip, from the tangents beside a state at which that of
         the slice is factorised.
 
-        A state that is off by the linear response to a force has the tangent of that under the force to first order.
+        A state that is off by the linear response to a force has the tangent of that under the force to first order. Where
+        walls touch, there is none: the compliance jumps wherever further facets meet.
         """
         size, rate = self.system.body.actuator.size, np.full((6, 6, 3), np.nan)
         loads = rates[:3] @ self.tip.loads
@@ -518,15 +519,15 @@ class Responses:
         for k, direction in moved.items():
             step = RATE_STEP * size / float(rates[k] @ (self.tip.vectors @ direction[: self.system.n]))
             low, high = (dataclasses.replace(state, w=state.w + way * direction) for way in (-step, step))
-            change = self._compliance_at(high, touching) - self._compliance_at(low, touching)
+            change = self._compliance_at(high) - self._compliance_at(low)
             rate[:, :, k] = change * self._per_load / (2.0 * step)
         return rate
 
-    def _compliance_at(self, state: State, touching: bool) -> Array:
-        """Return the compliance at a state at which nothing is factorised."""
+    def _compliance_at(self, state: State) -> Array:
+        """Return the compliance at a state without contact at which nothing is factorised."""
         self.solver.factorise(state)
         self.solver.tangent(state, controls.pressure_control(state.P), RESPONSE_TOLERANCE)
-        return self._compliance(state, self.tip.pose(state)[2], touching)
+        return self._compliance(state, self.tip.pose(state)[2], touching=False)
 
     def _compliance(self, state: State, rates: Array, touching: bool) -> Array:
         """Return the compliance at a state at which the tangent of the slice is factorised.
@@ -585,7 +586,7 @@ class TipState:
             material.
         stretch: Largest stretch.
         compliance_rate: Derivative of the compliance by a dead force on the tip, shape (6, 6, 3), nan where it is not known;
-            only in the middle of the table, else None.
+            only in the middle of the table, and without contact, else None.
     """
 
     pressure: float
