@@ -221,6 +221,22 @@ def test_chain_yields_as_the_device(model, tmp_path, load, share):
         assert np.linalg.norm(found - exact) < 0.08 * np.linalg.norm(exact)
 
 
+def test_straight_chain_bends_and_twists_whatever_the_rounding_of_the_mesh():
+    """The compliance of a slender beam with couplings of a millionth, which symmetry excludes."""
+    L, EI, C = 0.04, 2e-4, np.zeros((6, 6))
+    C[[0, 3], [0, 3]] = 1e-2, 1.3 * L / EI
+    for force, moment, sign in (1, 5, 1.0), (2, 4, -1.0):
+        C[force, force], C[moment, moment] = L**3 / (3 * EI), L / EI
+        C[force, moment] = C[moment, force] = sign * L**2 / (2 * EI)
+    sizes = np.sqrt(np.diag(C))
+    C = np.where(C == 0.0, 1e-6 * np.outer(sizes, sizes), C)
+    places = np.tile([L, 0.0, 0.0], (6, 1))
+    path = chains.TipPath(L, False, 3, places, np.tile(np.eye(3), (6, 1, 1)), np.tile(C, (6, 1, 1)))
+    springs = chains.springs_of(path, path.kinds())
+    _, yielding = chains._stiffnesses(path, springs, path.numbers(springs.offset), np.linspace(0.0, 1.0, 6))
+    assert yielding.max() < 0.02
+
+
 @pytest.mark.campaign
 def test_chain_swings_as_the_device(tmp_path):
     """Frequency and damping of the free vibration in MuJoCo, against `sm.modes` of the device with a memory."""
