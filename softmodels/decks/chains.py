@@ -549,7 +549,7 @@ def cubic_springs(model: ReducedModel, chain: Chain) -> tuple[CubicSpring, ...]:
     linear = LinearChain(chain, state.pressure)
     factors = dict(zip(chain.springs.kinds, np.sqrt(linear.stiffness), strict=True))
     stretches = dict(zip(factors, linear.stretches, strict=True))
-    both, rate = np.kron(np.eye(2), chain.axes), state.compliance_rate
+    both, rate = np.asarray(np.kron(np.eye(2), chain.axes), dtype=float), state.compliance_rate
     along = functools.partial(np.einsum, "ia,jb,kc,ijk->abc")
     wanted = along(both, both, chain.axes, np.nan_to_num(rate)) - linear.compliance_rate()
     unknown = along(abs(both), abs(both), abs(chain.axes), 1.0 * np.isnan(rate)) > UNKNOWN_PART
