@@ -15,11 +15,12 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from typing import ClassVar
 from xml.etree import ElementTree
 
 import numpy as np
 import scipy.linalg
-from scipy.optimize import brentq, least_squares, lsq_linear
+from scipy.optimize import brentq, least_squares, linprog, lsq_linear
 from scipy.spatial.transform import Rotation
 
 from geometries import actuator
@@ -65,6 +66,7 @@ class Chain:
         springs: The springs of the joints.
         stiffness: Of a spring of each kind in the middle of the chain, N m/rad and N/m, over the advance: five coefficients
             each.
+        cubics: Of the springs, beside what they yield to small loads.
         error: Largest distance of the tip from the table's over the length, and angle in degrees.
         yielding: Largest error at the table's states of the displacement by a force, and of the rotation by a moment, over
             their size; shape (6,), nan where they are not known.
@@ -80,6 +82,7 @@ class Chain:
     stiffness: dict[str, Array]
     error: tuple[float, float] = (0.0, 0.0)
     yielding: Array = dataclasses.field(default_factory=lambda: np.full(6, math.nan))
+    cubics: tuple[CubicSpring, ...] = ()
 
     def stiffest(self) -> dict[str, float]:
         """Return the largest of `stiffness` over the pressures."""
@@ -131,6 +134,19 @@ class Springs:
         return np.einsum("mk,kmi,kmj->mij", np.array([self.shares(kind) for kind in self.kinds]), by, by)
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class CubicSpring:
+    """Springs of all links without stiffness at rest, stretched by x, whose force is ``square`` x^2 + ``cube`` x^3.
+
+    Attributes:
+        kinds: The joints that stretch them, each with its factors, shape (links,).
+    """
+
+    kinds: dict[str, Array]
+    square: float
+    cube: float
+
+
 DEFAULT_SEGMENTS = 8
 ALONG = np.arange(DEFAULT_SEGMENTS) - (DEFAULT_SEGMENTS - 1) / 2
 """Places of the links along the chain, in links from its middle."""
@@ -154,6 +170,9 @@ SPRING_STATES = 6
 """States of the table by which the springs are placed."""
 CROSS_WEIGHT = 0.3
 """Weight of the rotation by a force, and of the displacement by a moment, in the fit of the springs."""
+LEAST_COUPLING = 0.01
+"""Rotation by a force, or displacement by a moment, over the mean of those by their own loads, below which its relative error
+does not matter: that of a straight device is the rounding of its mesh."""
 MIN_COMPLIANCE_SHARE = 0.02
 """Least compliance of a kind of spring, over that which would make the whole compliance of the tip."""
 
@@ -306,7 +325,8 @@ def chain_of(model: ReducedModel) -> Chain:
     angles = np.linalg.norm(misses[:, 3:], axis=1) * hinges
     error = float(np.linalg.norm(misses[:, :3], axis=1).max()), math.degrees(float(angles.max()))
     stiffness, yielding = _stiffnesses(path, springs, numbers, _advance(advances, sampled))
-    return Chain(model.base, axes, model.length, advances, quartics, top, springs, stiffness, error, yielding)
+    chain = Chain(model.base, axes, model.length, advances, quartics, top, springs, stiffness, error, yielding)
+    return dataclasses.replace(chain, cubics=cubic_springs(model, chain))
 
 
 def turned(C: Array, axes: Array) -> Array:
@@ -362,7 +382,8 @@ def _yielding(springs: Springs, C: Array, motion: Array) -> tuple[Array, Array, 
     sizes, diagonal = np.zeros((6, 6)), np.sqrt(np.nan_to_num(np.diag(C)))
     for rows in slice(0, 3), slice(3, 6):
         sizes[rows] = np.linalg.norm(np.nan_to_num(C[rows]), axis=0)
-    known = np.isfinite(C) & (sizes > reduction.ZERO_LOAD_TOLERANCE * np.outer(diagonal, diagonal)) & (sizes > 0.0)
+    sizes = np.maximum(sizes, LEAST_COUPLING * np.outer(diagonal, diagonal))
+    known = np.isfinite(C) & (sizes > 0.0)
     weights = np.kron(np.where(np.eye(2), 1.0, CROSS_WEIGHT), np.ones((3, 3)))[known] / sizes[known]
     parts = springs.compliances(motion)
     terms = (parts[:, known] * weights).T
@@ -449,6 +470,122 @@ def _fitted_coefficients(shares: Array, numbers: Array) -> tuple[Array, Array]:
     return advances(inner), quartics
 
 
+# ----------------------------------------------------------------------------------------------------------------------
+# Larger loads: how the compliance of the tip changes by a force on it, to first order.
+#
+# Folds open and close, so a device is stiffer one way than the other: its energy has terms of third order in the deflection.
+# Those of the chain are cubes of the joints' motions. Their coefficients follow from the rate of the device's compliance by
+# linear least squares, because that of the chain is linear in them; what the links add by turning is exact.
+
+
+class LinearChain:
+    """A chain at a pressure, as linear equations of its joints.
+
+    Attributes:
+        joints: Their names, along the chain.
+        posture: There.
+        stiffness: Of the springs of each kind, shape (kinds, links).
+        stretches: Of these by the joints, shape (kinds, links, joints).
+        K: Stiffness of the joints.
+    """
+
+    joints: ClassVar = [f"{kind}{k}" for k in range(DEFAULT_SEGMENTS) for kind in JOINTS]
+
+    def __init__(self, chain: Chain, pressure: float):
+        powers, kinds = float(_advance(chain.advances, np.array(pressure / chain.top))) ** np.arange(5), chain.springs.kinds
+        self.posture = posture_of(chain.quartics @ powers, chain.length, chain.springs.offset)
+        self.stiffness = np.array([chain.stiffness[kind] @ powers / chain.springs.shares(kind) for kind in kinds])
+        self.stretches = np.zeros((*self.stiffness.shape, len(self.joints)))
+        for m, kind in enumerate(kinds):
+            for k in range(DEFAULT_SEGMENTS):
+                for joint, factor in chain.springs.length_of(kind).items():
+                    self.stretches[m, k, self.joints.index(f"{joint}{k}")] = factor
+        self.K = np.einsum("mk,mki,mkj->ij", self.stiffness, self.stretches, self.stretches)
+
+    @functools.cached_property
+    def moved(self) -> Array:
+        """Motions of the joints by force and moment on the tip, shape (joints, 6)."""
+        used, moved = np.flatnonzero(np.diag(self.K)), np.zeros((len(self.joints), 6))
+        moved[used] = np.linalg.solve(self.K[np.ix_(used, used)], self.posture.motion.reshape(-1, 6)[used])
+        return moved
+
+    def compliance_rate(self) -> Array:
+        """Return the derivative of the tip's compliance by a dead force on it, shape (6, 6, 3)."""
+        motion, moved = self.posture.motion.reshape(-1, 6), self.moved
+        i, j = np.indices((len(motion), len(motion)))
+        # A joint moves and turns all that comes after it.
+        by_both = np.cross(motion[np.minimum(i, j), 3:], motion[np.maximum(i, j), :3])
+        turned = np.cross(motion[i, 3:], motion[j, 3:]) * (i < j)[:, :, None]
+        rate = np.empty((6, 6, 3))
+        for k in range(3):
+            by_motion = moved.T @ np.tensordot(moved[:, k], np.concatenate([by_both, turned], axis=2), 1)
+            rate[:, :, k] = by_motion + by_motion.T + moved.T @ by_both[:, :, k] @ moved
+        return rate
+
+    def rate_by_cube(self, stretches: Array) -> Array:
+        """Return what springs of the energy x^3 / 3 add to that rate, stretched by the joints, shape (links, joints)."""
+        x = stretches @ self.moved
+        return -2.0 * np.einsum("li,lj,lk->ijk", x, x, x[:, :3])
+
+
+CUBES = (
+    ({"hinge": 1},), ({"slide": 1},), ({"hinge": 1, "slide": 1},), ({"hinge": 1, "slide": -1},),
+    ({"hinge": 1, "side": 1}, {"hinge": 1, "side": -1}), ({"slide": 1, "side": 1}, {"slide": 1, "side": -1}),
+)  # fmt: skip
+"""Sums of the joints' motions, each over that by a unit of energy; the cubes of those in one group have one coefficient,
+because the device is the same to both sides."""
+MAX_SOFTENING = 2 / 3
+"""Largest share of its stiffness that a link loses by any motion: forces of third order see to it."""
+WEAKEST_CUBE = 0.02
+"""Effect of the least known sum of cubes that is fitted, over that of the best known."""
+
+
+def cubic_springs(model: ReducedModel, chain: Chain) -> tuple[CubicSpring, ...]:
+    """Return the springs with which the compliance of the tip changes by a force as that of the device; none if that is not
+    known."""
+    state = next((state for state in model.states if state.compliance_rate is not None), None)
+    if state is None or state.compliance_rate is None:
+        return ()
+    linear = LinearChain(chain, state.pressure)
+    factors = dict(zip(chain.springs.kinds, np.sqrt(linear.stiffness), strict=True))
+    stretches = dict(zip(factors, linear.stretches, strict=True))
+    both, rate = np.asarray(np.kron(np.eye(2), chain.axes), dtype=float), state.compliance_rate
+    along = functools.partial(np.einsum, "ia,jb,kc,ijk->abc")
+    wanted = along(both, both, chain.axes, np.nan_to_num(rate)) - linear.compliance_rate()
+    unknown = along(abs(both), abs(both), abs(chain.axes), 1.0 * np.isnan(rate)) > UNKNOWN_PART
+    # Weights that make errors of deflections, by loads that move the tip by the length or turn it by one radian.
+    C = np.diag(turned(state.compliance, both))
+    weights = np.nan_to_num(np.cbrt(np.repeat([chain.length, 1.0], 3) / np.where(C > 0.0, C, math.nan) ** 2))
+    weights = np.where(unknown, 0.0, np.einsum("i,j,k->ijk", weights, weights, weights[:3]))
+
+    def effect(cube: dict[str, int]) -> Array:
+        stretched = np.sum([sign * factors[kind][:, None] * stretches[kind] for kind, sign in cube.items()], axis=0)
+        return np.asarray(linear.rate_by_cube(stretched) * weights).ravel()
+
+    groups = [group for group in CUBES if set(group[0]) <= set(factors)]
+    terms = np.column_stack([np.sum([effect(cube) for cube in group], axis=0) for group in groups])
+    values = np.linalg.lstsq(terms, (wanted * weights).ravel(), rcond=WEAKEST_CUBE)[0]
+    cubes = [(cube, float(value)) for value, group in zip(values, groups, strict=True) for cube in group if value]
+    D = np.array([[cube.get(kind, 0) for kind in ("hinge", "slide", "side")] for cube, _ in cubes], dtype=float)
+    return tuple(
+        CubicSpring({kind: sign * factors[kind] for kind, sign in cube.items()}, value, float(bound))
+        for (cube, value), bound in zip(cubes, _third_order(D, np.array([value for _, value in cubes])), strict=True)
+    )
+
+
+def _third_order(D: Array, squares: Array) -> Array:
+    """Return the least b with which springs of forces a x^2 + b x^3, stretched by three motions of stiffness 1, leave the share
+    1 - `MAX_SOFTENING` of that in every deflection.
+
+    Along u, by the deflection r u, that is 1 + 2 A r + 3 B r^2, which is 1 - A^2 / (3 B) at least; B is linear in the
+    coefficients.
+    """
+    by, size = _directions() @ D.T, np.abs(squares).max()
+    A, B = np.einsum("ui,vi,i->uv", by**2, by, squares / size), np.einsum("ui,vi->uvi", by**2, by**2)
+    least = -(A.ravel() ** 2) / (3.0 * MAX_SOFTENING)
+    return np.asarray(size**2 * linprog((D**2).sum(axis=1) ** 2, A_ub=-B.reshape(-1, len(D)), b_ub=least).x)
+
+
 def mjcf(model: ReducedModel) -> str:
     """Return a chain as MJCF: ``ctrl`` is the pressure in kPa; the site ``tip`` has the tip's pose."""
     return as_text(element(model, chain_of(model)))
@@ -512,6 +649,7 @@ def remarks(model: ReducedModel, chain: Chain, motion: MotionByMass) -> list[str
         f"largest error of the deflection of the tip by a small load on it, x along it, y towards its bending: {yields}",
         motion.remark,
         "links touch other bodies with the convex hull of the device at rest around them, and not each other",
+        "their friction holds, whatever that of the other body",
         "its springs, which stiffen with the pressure, need a MuJoCo with polynomial stiffness; tested with 4.0",
     ]
 
@@ -534,7 +672,7 @@ def _link(body: ElementTree.Element, model: ReducedModel, mass: float, length: f
         body, "inertial", pos=words([length / 2, height, 0]), mass=f"{mass:.9g}",
         diaginertia=words(mass * link_inertia(length, LINK_RADIUS * model.length)),
     )  # fmt: skip
-    ElementTree.SubElement(body, "geom", name=name, type="mesh", mesh=name, rgba="0.18 0.44 0.62 1")
+    ElementTree.SubElement(body, "geom", CONTACT, name=name, type="mesh", mesh=name, rgba="0.18 0.44 0.62 1")
 
 
 def _shapes(root: ElementTree.Element, model: ReducedModel, chain: Chain) -> None:
@@ -584,13 +722,19 @@ def _springs(root: ElementTree.Element, chain: Chain) -> None:
         for k, share in enumerate(chain.springs.shares(kind)):
             stretched = _stretched_by(chain, kind, k, numbers)
             for name, sign in (("up", 1.0), ("down", -1.0)):
-                spring = ElementTree.SubElement(
-                    tendon, "fixed", name=f"{kind}{k}_{name}", springlength="0",
-                    stiffness=words([0.0, stiffest[kind] / share / (4 * reach), 0.0]),
-                )  # fmt: skip
-                ElementTree.SubElement(spring, "joint", joint=f"{kind}_stiffness", coef=f"{reach / DRIVER_TURN:.9g}")
-                for joint, factor in stretched.items():
-                    ElementTree.SubElement(spring, "joint", joint=joint, coef=f"{sign * factor:.9g}")
+                coefficients = {
+                    f"{kind}_stiffness": reach / DRIVER_TURN,
+                    **{joint: sign * by for joint, by in stretched.items()},
+                }
+                _tendon(tendon, f"{kind}{k}_{name}", stiffest[kind] / share / (4 * reach), 0.0, coefficients)
+    for number, cubic in enumerate(chain.cubics):
+        for k in range(DEFAULT_SEGMENTS):
+            parts = [(of[k], _stretched_by(chain, kind, k, numbers)) for kind, of in cubic.kinds.items()]
+            joints = dict.fromkeys(itertools.chain(*(by for _, by in parts)))
+            _tendon(
+                tendon, f"cube{number}_{k}", cubic.square, cubic.cube,
+                {joint: sum(factor * by.get(joint, 0.0) for factor, by in parts) for joint in joints},
+            )  # fmt: skip
     of_turn = DRIVER_TURN ** -np.arange(5.0)
     first, *others = DRIVER_TURN * chain.advances
     ties = [(ADVANCES[0], "pressure", first), *zip(ADVANCES[1:], ADVANCES, [other * of_turn for other in others], strict=False)]
@@ -602,6 +746,13 @@ def _springs(root: ElementTree.Element, chain: Chain) -> None:
         ElementTree.SubElement(
             equality, "joint", joint1=name, joint2=of, polycoef=words(quartic), solref="0.002 1", solimp="0.999 0.9999 0.001"
         )
+
+
+def _tendon(tendon: ElementTree.Element, name: str, square: float, cube: float, joints: dict[str, float]) -> None:
+    """Add a spring that is stretched by joints, times factors, and whose force is ``square`` x^2 + ``cube`` x^3."""
+    spring = ElementTree.SubElement(tendon, "fixed", name=name, springlength="0", stiffness=words([0.0, square, cube]))
+    for joint, factor in joints.items():
+        ElementTree.SubElement(spring, "joint", joint=joint, coef=f"{factor:.9g}")
 
 
 STIFFNESS_REACH = 0.01
@@ -640,6 +791,9 @@ class MotionByMass:
     remark: str
 
 
+CONTACT = {"friction": "1", "priority": "1", "solref": "0.002 1", "solimp": "0.98 0.999 0.001"}
+"""Friction of a link with other bodies, and a contact that yields less than the finger: MuJoCo's own gives way by half a
+millimetre to 0.1 N on links of some grams."""
 LINK_RADIUS = 0.12
 """Radius of the links in lengths of the chain."""
 LARGEST_STEP = 3e-3
@@ -700,24 +854,19 @@ class VibratingChain:
     def __init__(self, model: ReducedModel, chain: Chain):
         self._model, self._chain = model, chain
         self.pressure = sum(model.span) / 2 if model.first_mode is None else model.first_mode.pressure
-        powers = float(_advance(chain.advances, np.array(self.pressure / chain.top))) ** np.arange(5)
-        self.stiffness = {kind: float(quartic @ powers) for kind, quartic in chain.stiffness.items()}
+        linear, kinds = LinearChain(chain, self.pressure), chain.springs.kinds
+        self._posture, self._K = linear.posture, linear.K
         self.stiffest, self.armature_time = chain.stiffest(), 0.0
-        self._posture = posture_of(chain.quartics @ powers, chain.length, chain.springs.offset)
-        kinds, every = chain.springs.kinds, [f"{kind}{k}" for k in range(DEFAULT_SEGMENTS) for kind in JOINTS]
+        self.stiffness = {
+            kind: float(of[0] * chain.springs.shares(kind)[0]) for kind, of in zip(kinds, linear.stiffness, strict=True)
+        }
         half = bool(model.case.actuator.cut_planes) and model.case.actuator.dimension != 2
         moving = [kind for kind in kinds if not half or kind in ("hinge", "slide", "shear")]
-        self._used = [every.index(f"{kind}{k}") for k in range(DEFAULT_SEGMENTS) for kind in moving]
-        self._K = np.zeros((len(every), len(every)))
-        self._diagonal, self._stiffest = np.zeros(len(every)), np.zeros(len(every))
-        for kind in kinds:
-            for k, share in enumerate(chain.springs.shares(kind)):
-                stretched = np.zeros(len(every))
-                for joint, factor in chain.springs.length_of(kind).items():
-                    stretched[every.index(f"{joint}{k}")] = factor
-                self._K += self.stiffness[kind] / share * np.outer(stretched, stretched)
-                self._diagonal[every.index(f"{kind}{k}")] = self.stiffness[kind] / share
-                self._stiffest[every.index(f"{kind}{k}")] = self.stiffest[kind] / share
+        self._used = [linear.joints.index(f"{kind}{k}") for k in range(DEFAULT_SEGMENTS) for kind in moving]
+        self._diagonal, self._stiffest = np.zeros(len(self._K)), np.zeros(len(self._K))
+        for kind, stiffness in zip(kinds, linear.stiffness, strict=True):
+            own = [linear.joints.index(f"{kind}{k}") for k in range(DEFAULT_SEGMENTS)]
+            self._diagonal[own], self._stiffest[own] = stiffness, self.stiffest[kind] / chain.springs.shares(kind)
 
     def masses(self, tilt: float) -> Array:
         """Return masses of base and links that together are the device's, kg."""

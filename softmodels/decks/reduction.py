@@ -296,6 +296,8 @@ def inverse_left_jacobian(turn: Array) -> Array:
 RESPONSE_TOLERANCE = 1e-11
 NORMAL_QUANTILE = 1.959963984540054
 """Half width of a 95 % interval in standard deviations."""
+RATE_STEP = 1e-3
+"""Displacement of the tip in sizes by which the rate of the compliance is measured."""
 MIN_TABLE_STATES = 4
 ZERO_LOAD_TOLERANCE = 1e-9
 """Relative size below which a load by symmetry does nothing."""
@@ -327,6 +329,7 @@ class TipFace:
 
     Attributes:
         centre: Of the undeformed face of the whole device, m.
+        at_rest: Mean of (X - c)(X - c)^T over it, in sizes squared.
         vectors: Entries by all owned dofs whose product with w is the mean of u_i (3) and of u_i (X - c)_j (9), dimensionless.
     """
 
@@ -346,7 +349,7 @@ class TipFace:
         self._images = images
         self.centre_in_sizes = self._whole(self._in_space(means))
         XX = self._whole(self._in_space(squares)) - np.outer(self.centre_in_sizes, self.centre_in_sizes)
-        self._at_rest = XX
+        self.at_rest = XX
         weights = [on.constant(1 / area) * x for x in (1.0, *places)]
         parts = [[weight * on.test[i] * hoop * measure for weight in weights] for i in range(d)]
         forms = [*(row[0] for row in parts), *(form for row in parts for form in row[1:])]
@@ -383,7 +386,7 @@ class TipFace:
         """Return position (m), rotation matrix, and the map from the twelve means to position (m) and turn, shape (6, 12)."""
         device = self.system.body.actuator
         pose = self.vectors @ state.w[: self.system.n]
-        A = self._at_rest + pose[3:].reshape(3, 3)
+        A = self.at_rest + pose[3:].reshape(3, 3)
         R, turn = fitted_rotation(A)
         rates = np.zeros((6, 12))
         rates[:3, :3] = np.eye(3) * device.size
@@ -450,6 +453,13 @@ class Responses:
         system.direction = self.system.direction
         return [(Solver(system, self.case.solver), TipFace(system, role, self.system.body.actuator))]
 
+    @property
+    def _per_load(self) -> float:
+        """Dimensionless load on the slice by one N or N m on the whole device."""
+        # Forces on the slice are those on the whole device over its copies; in shear moduli times the size squared or cubed.
+        device = self.system.body.actuator
+        return 1.0 / (self.system.stress_unit * device.size**3 * device.copies)
+
     def release(self) -> None:
         """Release what the simulation does not."""
         for solver, _ in self._sides[1:]:
@@ -472,8 +482,8 @@ class Responses:
         amounts = zip(system.matter, loads.densities(system, parts), strict=True)
         return sum(density * on.volume(matter) for matter, density in amounts) + sum(part.weighs for part in parts)
 
-    def at(self, state: State, row: table.Row) -> TipState:
-        """Return a state of the table, from a guess of it."""
+    def at(self, state: State, row: table.Row, rate: bool = False) -> TipState:
+        """Return a state of the table, from a guess of it, with or without the rate of its compliance."""
         solver, system = self.solver, self.system
         control = controls.pressure_control(state.P)
         state = solver.solve(control, state.w, state.P)
@@ -489,16 +499,41 @@ class Responses:
             state.P * stress, row["added_volume"], position, R,
             along.V * system.volume_unit / stress, rates @ (self.tip.vectors @ along.w[:n]) / stress,
             rates @ np.transpose(jacobian) / stress, compliance, self._spread(state, rates), row["max_stretch"],
+            self._compliance_rate(state, rates) if rate and not touches(row) else None,
         )  # fmt: skip
+
+    def _compliance_rate(self, state: State, rates: Array) -> Array:
+        """Return the derivative of the compliance by a dead force on the tip, from the tangents beside a state at which that of
+        the slice is factorised.
+
+        A state that is off by the linear response to a force has the tangent of that under the force to first order. Where
+        walls touch, there is none: the compliance jumps wherever further facets meet.
+        """
+        size, rate = self.system.body.actuator.size, np.full((6, 6, 3), np.nan)
+        loads = rates[:3] @ self.tip.loads
+        sizes = np.linalg.norm(loads, axis=1)
+        moved = {
+            k: self.solver.linear_response(loads[k], 0.0, RESPONSE_TOLERANCE).w
+            for k in np.flatnonzero(sizes > ZERO_LOAD_TOLERANCE * sizes.max())
+        }
+        for k, direction in moved.items():
+            step = RATE_STEP * size / float(rates[k] @ (self.tip.vectors @ direction[: self.system.n]))
+            low, high = (dataclasses.replace(state, w=state.w + way * direction) for way in (-step, step))
+            change = self._compliance_at(high) - self._compliance_at(low)
+            rate[:, :, k] = change * self._per_load / (2.0 * step)
+        return rate
+
+    def _compliance_at(self, state: State) -> Array:
+        """Return the compliance at a state without contact at which nothing is factorised."""
+        self.solver.factorise(state)
+        self.solver.tangent(state, controls.pressure_control(state.P), RESPONSE_TOLERANCE)
+        return self._compliance(state, self.tip.pose(state)[2], touching=False)
 
     def _compliance(self, state: State, rates: Array, touching: bool) -> Array:
         """Return the compliance at a state at which the tangent of the slice is factorised.
 
         Where surfaces press on each other, only that of the slice is known.
         """
-        device = self.system.body.actuator
-        # Forces on the slice are those on the whole device over its copies; in shear moduli times the size squared or cubed.
-        unit = 1.0 / (self.system.stress_unit * device.size**3 * device.copies)
         compliance = np.full((6, 6), np.nan)
         for solver, tip in self._sides[:1] if touching else self._sides[::-1]:
             loads = rates @ tip.loads
@@ -510,7 +545,7 @@ class Responses:
             moved = np.transpose(
                 [tip.vectors @ solver.linear_response(loads[k], 0.0, RESPONSE_TOLERANCE).w[: len(loads[k])] for k in acting]
             )
-            compliance[np.ix_(acting, acting)] = (rates @ moved)[acting] * unit
+            compliance[np.ix_(acting, acting)] = (rates @ moved)[acting] * self._per_load
             for k in acting:
                 others = [j for j in range(6) if j not in acting and np.isfinite(compliance[j, j])]
                 compliance[k, others] = compliance[others, k] = 0.0
@@ -550,6 +585,8 @@ class TipState:
         spread: Half widths of the 95 % intervals of position, rotation and volume, shape (7,); nan without errors of the
             material.
         stretch: Largest stretch.
+        compliance_rate: Derivative of the compliance by a dead force on the tip, shape (6, 6, 3), nan where it is not known;
+            only in the middle of the table, and without contact, else None.
     """
 
     pressure: float
@@ -562,6 +599,7 @@ class TipState:
     compliance: Array
     spread: Array
     stretch: float
+    compliance_rate: Array | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -663,8 +701,9 @@ def table_of(source: StoredStates, face: str = "") -> ReducedModel:
             for step in steps:
                 restart = source.restart(step)
                 state = recording.stored_state(source, simulation.fields, comm, step, restart["P"], restart["V"])
-                states.append(responses.at(state, rows[step]))
-                if step == steps[len(steps) // 2]:
+                half_way = step == steps[len(steps) // 2]
+                states.append(responses.at(state, rows[step], rate=half_way))
+                if half_way:
                     middle = state
             base, mass, mode = responses.base(), responses.mass(), first_mode(simulation.model, middle)
             points = whole_points(simulation.body.actuator, simulation.fields.grid.points)

@@ -49,13 +49,14 @@ def model(run):
     return run.reduce()
 
 
-def fresh(pressures, material=SILICONE, parts=(), device=FINGER):
-    """Position, rotation and added volume at pressures, solved from rest."""
+def fresh(pressures, material=SILICONE, parts=(), device=FINGER, spread=False):
+    """Position, rotation and added volume at pressures, solved from rest; with the second moments of the tip, if wanted."""
     found, device = [], sm.Model(device, material, parts)
     states = [e for e in device.path(pressures) if e.requested] if any(pressures) else [device.solve()]
     for state in states:
-        position, R, _ = TipFace(device.system, "tip").pose(state.state)
-        found.append((position, R, state.volume))
+        tip = TipFace(device.system, "tip")
+        position, R, _ = tip.pose(state.state)
+        found.append((position, R, state.volume, *([tip.at_rest] if spread else [])))
     device.release()
     return found
 
@@ -174,45 +175,66 @@ def test_chain_in_mujoco(run, model, tmp_path):
         assert np.linalg.norm(Rotation.from_matrix(site.xmat.reshape(3, 3).T @ at.rotation).as_rotvec()) < 1e-4
 
 
-def settled(mujoco, chain, pressure, wrench, steps=700):
-    """Place and rotation of the chain's tip at a pressure in Pa, with force (N) and moment (N m) on it."""
+def settled(mujoco, chain, pressure, wrench, steps=700, spread=None):
+    """Place and rotation of the chain's tip at a pressure in Pa, with force (N) and moment (N m) on it; of dead forces, if the
+    second moments of the face are given over which they are spread."""
     data = mujoco.MjData(chain)
     data.ctrl[0] = pressure / 1e3
     site = data.site("tip")
-    body = chain.site_bodyid[site.id]
+    body, moment = chain.site_bodyid[site.id], wrench[3:]
+    across = np.cross(np.eye(3), wrench[3:])
     for _ in range(steps):
         lever = site.xpos - data.xipos[body]
-        data.xfrc_applied[body] = np.concatenate([wrench[:3], wrench[3:] + np.cross(lever, wrench[:3])])
+        if spread is not None and wrench[3:].any():
+            turned = site.xmat.reshape(3, 3) @ spread @ -across / np.trace(across.T @ spread @ across) * (wrench @ wrench)
+            moment = np.array([turned[1, 2] - turned[2, 1], turned[2, 0] - turned[0, 2], turned[0, 1] - turned[1, 0]])
+        data.xfrc_applied[body] = np.concatenate([wrench[:3], moment + np.cross(lever, wrench[:3])])
         mujoco.mj_step(chain, data)
     assert not data.ncon  # links do not touch each other
     return site.xpos.copy(), site.xmat.reshape(3, 3).copy()
 
 
-WRENCHES = [
-    (sm.Moment, "axis", 4, 6e-5),
-    *(pytest.param(*load, marks=pytest.mark.campaign) for load in (
-        (sm.Force, "direction", 0, 0.045), (sm.Force, "direction", 1, 0.03), (sm.Force, "direction", 2, 0.012),
-        (sm.Moment, "axis", 3, 1.4e-4), (sm.Moment, "axis", 5, 2.5e-4),
-    )),
-]  # fmt: skip
-"""Loads in N and N m that move the tip by about 2 % of the length, or turn it by about 0.02 rad."""
-
-
-@pytest.mark.parametrize(("kind", "way", "entry", "amount"), WRENCHES)
-def test_chain_yields_as_the_device(model, tmp_path, kind, way, entry, amount):
-    """At rest and at the highest pressure, against the device solved with the load."""
+@pytest.mark.parametrize(
+    ("load", "share"),
+    sampled([("mz", 1), ("fx", 1), ("fx", -0.3), ("fy", 1), ("fz", 1), ("fz", -1), ("mx", 1), ("my", 1), ("my", -1)], 1),
+)
+def test_chain_yields_as_the_device(model, tmp_path, load, share):
+    """At rest and at the highest pressure, by a load that moves the tip by a tenth of the length or turns it by 0.1 rad,
+    against the device solved with it. Springs without terms of third order are off by 15 to 18 % (fx, mz)."""
     mujoco = pytest.importorskip("mujoco")
     chain = mujoco.MjModel.from_xml_path(str(chains.write(model, tmp_path / "finger.xml")))
-    wrench, axis, pressures = np.zeros(6), "xyz"[entry % 3], [0.0, 3e3]
-    wrench[entry] = amount
-    for pressure in pressures:
-        loads = [kind(face="tip", amount=amount, **{way: text}) for text in (f"-{axis}", axis)]
+    entry, wrench = chains.LOADS.index(load), np.zeros(6)
+    kind, way = (sm.Force, "direction") if entry < 3 else (sm.Moment, "axis")
+    for pressure in (0.0, 3e3):
+        at = model(pressure)
+        wrench[entry] = share * (0.1 * model.length if entry < 3 else 0.1) / at.compliance[entry, entry]
+        axis = ("-" if share < 0 else "") + "xyz"[entry % 3]
+        part = kind(face="tip", amount=abs(wrench[entry]), **{way: axis})
         device = FINGER if entry in (0, 2, 4) else dataclasses.replace(FINGER, part="full")
-        exact = between(*(fresh([pressure], parts=[load], device=device)[-1] for load in loads), 2.0)
-        found = between(*((*settled(mujoco, chain, pressure, sign * wrench), 0.0) for sign in (-1, 1)), 2.0)
-        part = slice(0, 3) if entry < 3 else slice(3, 6)
-        assert 0.005 < np.linalg.norm(exact[part]) / (model.length if entry < 3 else 1.0) < 0.1
-        assert np.linalg.norm((found - exact)[part]) < 0.08 * np.linalg.norm(exact[part])
+        place, R, _, spread = fresh([pressure], parts=[part], device=device, spread=True)[-1]
+        moved = [(place, R), settled(mujoco, chain, pressure, wrench, spread=spread)]
+        if entry < 3:
+            exact, found = ((place - at.position) / model.length for place, _ in moved)
+        else:
+            exact, found = (Rotation.from_matrix(R @ at.rotation.T).as_rotvec() for _, R in moved)
+        assert 0.04 < np.linalg.norm(exact) < 0.12
+        assert np.linalg.norm(found - exact) < 0.08 * np.linalg.norm(exact)
+
+
+def test_straight_chain_bends_and_twists_whatever_the_rounding_of_the_mesh():
+    """The compliance of a slender beam with couplings of a millionth, which symmetry excludes."""
+    L, EI, C = 0.04, 2e-4, np.zeros((6, 6))
+    C[[0, 3], [0, 3]] = 1e-2, 1.3 * L / EI
+    for force, moment, sign in (1, 5, 1.0), (2, 4, -1.0):
+        C[force, force], C[moment, moment] = L**3 / (3 * EI), L / EI
+        C[force, moment] = C[moment, force] = sign * L**2 / (2 * EI)
+    sizes = np.sqrt(np.diag(C))
+    C = np.where(C == 0.0, 1e-6 * np.outer(sizes, sizes), C)
+    places = np.tile([L, 0.0, 0.0], (6, 1))
+    path = chains.TipPath(L, False, 3, places, np.tile(np.eye(3), (6, 1, 1)), np.tile(C, (6, 1, 1)))
+    springs = chains.springs_of(path, path.kinds())
+    _, yielding = chains._stiffnesses(path, springs, path.numbers(springs.offset), np.linspace(0.0, 1.0, 6))
+    assert yielding.max() < 0.02
 
 
 @pytest.mark.campaign
