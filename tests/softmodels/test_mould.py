@@ -194,7 +194,7 @@ def test_undercuts_are_refused_by_name(part_of):
         ({"wal": "3 mm"}, "has no argument 'wal'"),
         ({"wall": "3 kg"}, "wall"),
         ({"wall": True}, "must be a number"),
-        ({"clearance": -0.001}, "0 or more"),
+        ({"clearance": -0.001}, "must not be negative"),
         ({"layer_time": "0 s"}, "layer_time is 0 s; it must be larger than 0"),
         ({"inlet": "hose"}, "tube, barb"),
         ({"bolt": "7.5 mm"}, "leaves walls thinner than the printer"),
