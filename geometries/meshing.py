@@ -251,7 +251,7 @@ def _make(actuator: Meshable, path: Path, curving: str) -> None:
         except Exception as error:  # Gmsh raises bare Exception
             raise MeshingError(
                 f"Gmsh could not mesh {type(actuator).__name__}: {str(error).strip() or 'no reason given'}; "
-                f"try a larger fillet (or none) or another cell size"
+                f"try smaller cells (--finer 1.5), a larger fillet (or none), or another cell size"
             ) from error
 
 
@@ -290,8 +290,7 @@ def _generate(actuator: Meshable, curving: str) -> None:
         if _jacobian_ratios(actuator.dimension).min() < MIN_JACOBIAN:
             if curving:
                 raise InvalidCellsError(f"{curving} leaves cells that curved edges spoil")
-            if straight := straighten(actuator.dimension):
-                gmsh.model.setAttribute(STRAIGHT, [str(straight)])
+            straighten(actuator.dimension)
     worst = _worst(actuator.dimension)
     if worst <= 0.0:
         raise MeshingError(
@@ -346,14 +345,14 @@ def _curved_cells(dimension: int) -> tuple[NDArray[np.uint64], NDArray[np.int64]
     return tags, nodes.astype(np.int64).reshape(len(tags), -1), at
 
 
-def straighten(dimension: int, shares: Sequence[float] = ()) -> int:
+def straighten(dimension: int, shares: Sequence[float] = ()) -> None:
     """Put the mid-edge nodes of spoilt cells back on straight edges, or first some ``shares`` of the way from there, round by
-    round; their neighbours follow until all are sound. Return how many edges on curved faces were moved.
+    round; their neighbours follow until all are sound. The model keeps how many edges on curved faces are straight by that.
 
     With straight edges every cell is as good as before it was curved, but a wall there is a polygon.
     """
     boundary = np.concatenate([gmsh.model.mesh.getNodes(d, includeBoundary=True)[0] for d in range(dimension)])
-    moved = set[int]()
+    straight = set[int]()
     for share in (*shares, *[0.0] * MAX_STRAIGHTENING_ROUNDS):
         _, nodes, at = _curved_cells(dimension)
         spoilt = nodes[_jacobian_ratios(dimension) < MIN_JACOBIAN]
@@ -367,8 +366,10 @@ def straighten(dimension: int, shares: Sequence[float] = ()) -> int:
             places = chords[bent] + share * (at[middles[bent]] - chords[bent])
             for middle, place in zip(middles[bent].tolist(), places, strict=True):
                 gmsh.model.mesh.setNode(middle, place, [])
-            moved.update(middles[bent].tolist())
-    return int(np.isin(list(moved), boundary).sum())
+            if not share:
+                straight.update(middles[bent].tolist())
+    if count := int(np.isin(list(straight), boundary).sum()):
+        gmsh.model.setAttribute(STRAIGHT, [str(straight_edges() + count)])
 
 
 def _cells(dimension: int) -> np.ndarray:
@@ -712,7 +713,7 @@ def straight_text(count: int) -> str:
     """Return the warnings on straight edges on curved faces."""
     return (
         f"{count} edges of the mesh on curved faces are straight, because curved ones would turn cells inside out: thin walls "
-        "are polygons there, and too stiff or too soft; use smaller cells (--cell-size)"
+        "are polygons there, and too stiff or too soft; use smaller cells (--finer 1.5)"
     )
 
 

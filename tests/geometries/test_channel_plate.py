@@ -11,7 +11,7 @@ from click import testing
 from geometries import ChannelPlate, actuator, channel_plate, drawings, mesh_arrays, meshing, network
 from softmodels.case.case import Case
 from softmodels.cli import exports
-from softmodels.common.errors import GeometryError
+from softmodels.common.errors import GeometryError, MeshingError
 
 ONE = {"outline": "rectangle 25 x 10 mm", "channels": ("5, 0 to 20, 0 mm radius 1.3 to 0.9 mm",), "cell_size": 3e-3}
 LEAF = """<?xml version="1.0"?>
@@ -67,6 +67,24 @@ def test_the_mesh_has_the_air_of_the_walls_and_ends_on_them(tmp_path, symmetry):
     own = places[(np.abs(places[:, 0] - 2.8e-3) < 1.4e-3) & (places[:, 1] > 2e-3) & (places[:, 1] < 4e-3)]
     assert len(own) > 20
     assert np.hypot(own[:, 0] - 2.8e-3, own[:, 2] + 0.5e-3) == pytest.approx(1.3e-3, rel=1e-6)
+
+
+CROSSED = ChannelPlate(network="lattice:4", symmetry="none")
+
+
+def test_walls_left_as_polygons_are_counted(tmp_path):
+    """Channels that cross at a sharp angle: the cells in the creases allow no curved walls there."""
+    summary = meshing.summarize(CROSSED.write(tmp_path / "plate.msh"))
+    assert summary.straight > 10 and "--finer 1.5" in meshing.straight_text(summary.straight)
+
+
+@pytest.mark.campaign
+def test_smaller_cells_cure_polygons_and_walls_that_gmsh_cannot_mesh(tmp_path):
+    assert not meshing.summarize(CROSSED.replaced(finer=1.5).write(tmp_path / "whole.msh")).straight
+    half = CROSSED.replaced(symmetry="auto")
+    with pytest.raises(MeshingError, match=r"finer=1\.5"):
+        half.write(tmp_path / "half.msh")
+    assert not meshing.summarize(half.replaced(finer=1.5).write(tmp_path / "half.msh")).straight
 
 
 def _rays(*degrees):
