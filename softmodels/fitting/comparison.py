@@ -278,7 +278,10 @@ class FittedLaw(cards.ResultCard):
         free, labels = [p.name for p in fit.free], np.array(fit.rows.groups)
         if not self.form_error:
             return free, fit.band_covariance
-        slopes = np.concatenate([source.form_slopes(fit.values) for source in fit.problem.sources])  # type: ignore[attr-defined]
+        try:
+            slopes = np.concatenate([source.form_slopes(fit.values) for source in fit.problem.sources])  # type: ignore[attr-defined]
+        except problem.CannotEvaluate:
+            return free, fit.band_covariance
         misfits = [source.misfit(fit.unexplained[labels == source.label]) for source in self._curves]
         misfit = np.mean(misfits) if misfits else 0.0
         moduli = np.array([fit.values[p.name] * (p.unit == "Pa" and p.name in self.choice.names) for p in fit.free] + [0.0])

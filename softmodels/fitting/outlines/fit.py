@@ -181,6 +181,8 @@ class _Task:
     ) -> comparison.FitReport:
         compared = comparison.compare([trial.fit for trial in trials.values()])
         laws = [self._law(trials[ranked.fit.label], ranked.fit) for ranked in compared.ranked]
+        for law in laws:
+            law.covariance  # noqa: B018 - here, where all ranks are: it asks for derivatives of the states
         first: LawTrial[Source] = next(iter(trials.values()))
         devices, notes = [], [*notes]
         for source in first.sources:
