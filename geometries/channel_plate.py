@@ -720,7 +720,7 @@ class Wall:
 def _shells(nodes: Array, triangles: mesh_arrays.Ints) -> Iterator[tuple[Array, mesh_arrays.Ints]]:
     """Yield corners and triangles of the connected pieces of walls of triangles of six nodes."""
     corners = triangles[:, :3]
-    shell = actuator.joined(np.concatenate([corners[:, :2], corners[:, 1:]]), len(nodes))[corners[:, 0]]
+    shell = mesh_arrays.shells(corners, len(nodes))
     for number in np.unique(shell):
         used, own = np.unique(corners[shell == number], return_inverse=True)
         yield nodes[used], own.reshape(-1, 3)

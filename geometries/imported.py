@@ -2049,7 +2049,7 @@ def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra,
         depths = np.abs(points @ np.reshape(normals, (-1, 3)).T)
         cut = (depths[triangles] < CUT_TOLERANCE * np.ptp(points, axis=0).max()).all(axis=1).any(axis=1)
         walls = triangles[~cut]
-        shells = len(np.unique(actuator.joined(np.concatenate([walls[:, :2], walls[:, 1:]]), len(points))[walls]))
+        shells = len(np.unique(mesh_arrays.shells(walls, len(points))))
         if plugs := part.to_close(shells - 1, lambda: (points, triangles), normals):
             surface = plugged(surface, plugs, normals)
             if mesh:

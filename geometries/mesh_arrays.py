@@ -291,9 +291,14 @@ def surface_of(solid: Manifold) -> tuple[Array, Ints]:
     return np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)
 
 
+def shells(triangles: Ints, count: int) -> Ints:
+    """Return the number of the connected piece of each triangle, shape (t,), of a surface with so many corners."""
+    return actuator.joined(np.concatenate([triangles[:, :2], triangles[:, 1:]]), count)[triangles[:, 0]]
+
+
 def enclosed_air(points: Array, triangles: Ints) -> Array:
     """Return the volume in each inner shell of a closed surface, corners (n, 3) and triangles (t, 3) turned outwards."""
-    shell = actuator.joined(np.concatenate([triangles[:, :2], triangles[:, 1:]]), len(points))[triangles[:, 0]]
+    shell = shells(triangles, len(points))
     a, b, c = np.moveaxis(points[triangles], 1, 0)
     volumes = np.bincount(shell, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0)
     return np.asarray(-volumes[volumes < 0.0])

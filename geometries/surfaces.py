@@ -78,7 +78,7 @@ def _turned(file: str, points: Array, triangles: mesh_arrays.Ints, remarks: list
     outwards = turned_outwards(points, triangles)
     same = (outwards == triangles).all(axis=1)
     same |= (outwards == triangles[:, [1, 2, 0]]).all(axis=1) | (outwards == triangles[:, [2, 0, 1]]).all(axis=1)
-    shell = actuator.joined(np.concatenate([triangles[:, :2], triangles[:, 1:]]), len(points))[triangles[:, 0]]
+    shell = mesh_arrays.shells(triangles, len(points))
     _, shell = np.unique(shell, return_inverse=True)
     turned_around = np.bincount(shell, ~same)
     if inverted := int(np.minimum(turned_around, np.bincount(shell) - turned_around).sum()):
@@ -155,7 +155,7 @@ def without_air(file: str, body: Surface, air_file: str, air: Surface) -> Surfac
 def air_points(air: Surface) -> list[Array]:
     """Return a point (m) in each body that a closed surface bounds: halfway through it from the middle of its largest face."""
     points, triangles = air
-    shell = actuator.joined(np.concatenate([triangles[:, :2], triangles[:, 1:]]), len(points))[triangles[:, 0]]
+    shell = mesh_arrays.shells(triangles, len(points))
     places = []
     for number in np.unique(shell):
         own = triangles[shell == number]

@@ -288,11 +288,11 @@ class InflationResiduals(residuals.HeightResiduals):
             self.model.set_parameters(values)
             pressures = np.array([self.model.pressure(state) for state in states])
             slopes = [self.model.slopes(state, names) for state in states]
+            places = [] if is_volume else [self.size_of.at(state) for state in states]
             J = np.zeros((len(states), len(self.parameters)))
-            J[:, [self.parameters.index(name) for name in names]] = self._at_sizes(states, slopes, names)
+            J[:, [self.parameters.index(name) for name in names]] = self._at_sizes(places, slopes, names)
             if is_volume:
                 break
-            places = [self.size_of.at(state) for state in states]
             by_volume = np.array([slope.along_pressure for slope in slopes])
             along = np.array([self.size_of.rate(place, s.along_nodes) for place, s in zip(places, slopes, strict=True)])
             step = (self.measured - np.array([place[0] for place in places])) / along
@@ -306,14 +306,15 @@ class InflationResiduals(residuals.HeightResiduals):
         self._known = own, states, pressures, J
         return states, pressures, J
 
-    def _at_sizes(self, states: Sequence[State], slopes: Sequence[ModelSlopes], names: Sequence[str]) -> Array:
-        """Return the derivatives of the pressures in Pa by parameters of the device at fixed sizes, shape (n, m)."""
+    def _at_sizes(
+        self, places: Sequence[tuple[float, int, Array]], slopes: Sequence[ModelSlopes], names: Sequence[str]
+    ) -> Array:
+        """Return the derivatives of the pressures in Pa by parameters of the device at fixed sizes, shape (n, m); places as of
+        `Size.at`, none for volumes."""
         by = np.array([[slope.pressure[name] for name in names] for slope in slopes])
-        if self.size_of.kind != ADDED:
-            for row, state, slope in zip(by, states, slopes, strict=True):
-                place = self.size_of.at(state)
-                moved = np.array([self.size_of.rate(place, slope.nodes[name]) for name in names])
-                row -= slope.along_pressure * moved / self.size_of.rate(place, slope.along_nodes)
+        for row, place, slope in zip(by, places, slopes, strict=False):
+            moved = np.array([self.size_of.rate(place, slope.nodes[name]) for name in names])
+            row -= slope.along_pressure * moved / self.size_of.rate(place, slope.along_nodes)
         return by
 
     def form_slopes(self, values: Mapping[str, float]) -> Array:
@@ -321,7 +322,8 @@ class InflationResiduals(residuals.HeightResiduals):
         states = self._solved(values)[0]
         self.model.set_parameters(values)
         slopes = [self.model.slopes(state, [laws.FORM]) for state in states]
-        return self._at_sizes(states, slopes, [laws.FORM])[:, 0] / self.errors
+        places = [] if self.size_of.kind == ADDED else [self.size_of.at(state) for state in states]
+        return self._at_sizes(places, slopes, [laws.FORM])[:, 0] / self.errors
 
     def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, list[str]]:
         """See `softmodels.fitting.problem.Residuals`."""
