@@ -217,6 +217,7 @@ class FittedLaw(cards.ResultCard):
         profiles: By parameter; empty if none were asked for.
         judgement: What speaks against it by what is known of the device and the bench.
         devices: Its misfit of each device; empty but for outlines.
+        form_slopes: `Problem.form_slopes`, which all ranks have to ask for.
     """
 
     choice: problem.LawChoice
@@ -226,6 +227,7 @@ class FittedLaw(cards.ResultCard):
     profiles: dict[str, least_squares.Profile]
     judgement: least_squares.Judgement = least_squares.NO_JUDGEMENT
     devices: tuple[DeviceMisfit, ...] = ()
+    form_slopes: Array | None = None
 
     def _line(self) -> str:
         law = (row for row in parameter_rows(self) if row[0] in self.choice.names)
@@ -276,16 +278,12 @@ class FittedLaw(cards.ResultCard):
         """
         fit = self.fit
         free, labels = [p.name for p in fit.free], np.array(fit.rows.groups)
-        if not self.form_error:
-            return free, fit.band_covariance
-        try:
-            slopes = np.concatenate([source.form_slopes(fit.values) for source in fit.problem.sources])  # type: ignore[attr-defined]
-        except problem.CannotEvaluate:
+        if self.form_slopes is None or not self.form_error:
             return free, fit.band_covariance
         misfits = [source.misfit(fit.unexplained[labels == source.label]) for source in self._curves]
         misfit = np.mean(misfits) if misfits else 0.0
         moduli = np.array([fit.values[p.name] * (p.unit == "Pa" and p.name in self.choice.names) for p in fit.free] + [0.0])
-        covariance = fit.covariance_with(slopes, self.form_error) + misfit * np.outer(moduli, moduli)
+        covariance = fit.covariance_with(self.form_slopes, self.form_error) + misfit * np.outer(moduli, moduli)
         return [*free, laws.FORM], names.read_only(covariance)
 
     @functools.cached_property

@@ -295,6 +295,13 @@ class Problem:
             block[row, column[p.name]] = 1 / p.prior.error
         return np.vstack([*blocks, block]), rows
 
+    def form_slopes(self, values: Mapping[str, float]) -> Array | None:
+        """Return the derivatives of the residuals of a law's sources by `laws.FORM`, shape (n,); None where there are none."""
+        try:
+            return np.concatenate([source.form_slopes(values) for source in self.sources])  # type: ignore[attr-defined]
+        except CannotEvaluate:
+            return None
+
     def solve(self, x: Array, tolerance: float, most: int) -> OptimizeResult:
         """Run scipy's trust-region method from ``x``, whose residuals must be numbers."""
         priors = sum(p.prior is not None for p in self.free)

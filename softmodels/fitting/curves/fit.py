@@ -140,7 +140,9 @@ class _Task:
             judgement = with_rubber(choice, ranked.fit, judgement)
             if self.options.silicone:
                 judgement = hold_against(material, stretch_of(strain), known, judgement)
-            laws.append(FittedLaw(choice, ranked.fit, material, specimens.judge(material, strain), profiles, judgement))
+            form_slopes = ranked.fit.problem.form_slopes(ranked.fit.values)
+            verdict = specimens.judge(material, strain)
+            laws.append(FittedLaw(choice, ranked.fit, material, verdict, profiles, judgement, form_slopes=form_slopes))
         return tuple(laws)
 
     def _profiled(self, fit: least_squares.LeastSquaresFit, name: str) -> bool:
@@ -168,7 +170,8 @@ class _Task:
         loss = "linear" if scale is None else "soft_l1"
         fit = fit_law_to_curves(choice, sources, extra, changes=changes, errors=self.errors, loss=loss, scale=scale)
         material = choice.material(fit.values, residuals.stretches_of([curve]))
-        return FittedLaw(choice, fit, material, specimens.judge(material, residuals.largest_strain([curve])), {})
+        verdict = specimens.judge(material, residuals.largest_strain([curve]))
+        return FittedLaw(choice, fit, material, verdict, {}, form_slopes=fit.problem.form_slopes(fit.values))
 
 
 class _MemoryTask(_Task):

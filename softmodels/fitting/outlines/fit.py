@@ -181,8 +181,6 @@ class _Task:
     ) -> comparison.FitReport:
         compared = comparison.compare([trial.fit for trial in trials.values()])
         laws = [self._law(trials[ranked.fit.label], ranked.fit) for ranked in compared.ranked]
-        for law in laws:
-            law.covariance  # noqa: B018 - here, where all ranks are: it asks for derivatives of the states
         first: LawTrial[Source] = next(iter(trials.values()))
         devices, notes = [], [*notes]
         for source in first.sources:
@@ -216,7 +214,14 @@ class _Task:
             material, comparison.stretch_of(strain), self.known, comparison.with_rubber(choice, fit, judgement)
         )
         law = comparison.FittedLaw(
-            choice, fit, material, specimens.judge(material, strain), {}, judgement, self._misfits(trial, fit)
+            choice,
+            fit,
+            material,
+            specimens.judge(material, strain),
+            {},
+            judgement,
+            self._misfits(trial, fit),
+            fit.problem.form_slopes(fit.values),
         )
         wanted = [p.name for p in fit.free if p.name in first.common and self.options.profiles]
         if first.spectrum is not None:  # many states in time: only where the covariance's interval is not above 0
