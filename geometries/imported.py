@@ -8,6 +8,7 @@ import dataclasses
 import functools
 import hashlib
 import io
+import itertools
 import math
 import re
 import tempfile
@@ -1348,8 +1349,8 @@ class ImportedActuator(ImportedPart):
 
 MAX_COORDINATE = 1e3
 """Distance in m of a corner of a surface from the origin, above which its file is damaged or in another unit."""
-MAIN_MODEL, MAX_MODEL_BYTES = "/3D/3dmodel.model", 500_000_000
-"""The model of a 3MF package, and the largest size of all of its parts."""
+MAIN_MODEL, MAX_MODEL_BYTES, MAX_PLACED = "/3D/3dmodel.model", 500_000_000, 10_000
+"""The model of a 3MF package, the largest size of all of its parts, and how many objects it may place."""
 MIN_EXTENT, USUAL_EXTENT, MAX_EXTENT = 5e-4, 0.1, 10.0
 """Diagonals in m between which a part lies, and one of many; beyond them its file is in another unit."""
 MIN_EDGE_ANGLE = math.radians(40.0)
@@ -1460,7 +1461,11 @@ def _three_mf(file: str) -> Array:
             move[:, :3] = np.array(text.split(), dtype=float).reshape(4, 3)
         return move
 
+    placed = itertools.count()
+
     def of_object(path: str, number: str | None, move: Array) -> Iterator[Array]:
+        if next(placed) > MAX_PLACED:
+            raise GeometryError(f"file {file} places more than {MAX_PLACED} objects; save it as STL")
         for entry in models[path].iterfind("{*}resources/{*}object"):
             if entry.get("id") != number or entry.get("type", "model") != "model":
                 continue

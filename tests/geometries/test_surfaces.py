@@ -352,3 +352,14 @@ def test_a_package_without_a_model_is_a_sentence(tmp_path):
     (tmp_path / "text.3mf").write_text("no package")
     with pytest.raises(GeometryError, match="is not a mesh of the format of its extension"):
         read_surfaces(str(tmp_path / "text.3mf"), 1e-3)
+
+
+@pytest.mark.parametrize("twice", [True, False])
+def test_a_package_of_packages_ends_with_a_sentence(tmp_path, twice):
+    """Thirty objects, each of which places the one before twice, are a thousand million; one that places itself has no end."""
+    placed = '<object id="{0}"><components><component objectid="{1}"/><component objectid="{1}"/></components></object>'
+    parts = [placed.format(k, k - 1) for k in range(3, 33)] if twice else [placed.format(32, 32)]
+    body = f'<resources>{HOLLOW_OBJECTS}{"".join(parts)}</resources><build><item objectid="32"/></build>'
+    words = "places more than 10000 objects" if twice else "recursion"
+    with pytest.raises(GeometryError, match=words):
+        read_surfaces(three_mf(tmp_path / "part.3mf", {"3D/3dmodel.model": body}), 1e-3)
