@@ -119,9 +119,8 @@ def _dots(image: pictures.Pixels, outline: NDArray[np.float32], factor: float, k
     if len(pixels) < silhouette.MIN_AREA:
         return []
     centre, covariance = profiles.robust_covariance(pixels[:: max(1, len(pixels) // profiles.MOST_PIXELS)])
-    inverse = np.linalg.inv(covariance + np.eye(3) * profiles.LIGHT_FLOOR**2)
-    away = small - centre
-    other = (np.einsum("...i,ij,...j->...", away, inverse, away) > chdtri(3, FAR_COLOUR)) & (body > 0)
+    away = profiles.mahalanobis(small - centre, covariance + np.eye(3) * profiles.LIGHT_FLOOR**2)
+    other = (away > np.sqrt(chdtri(3, FAR_COLOUR))) & (body > 0)
     other &= _has_colour(small, kind)
     count, labels, stats, middles = cv2.connectedComponentsWithStats(other.astype(np.uint8), connectivity=8)
     marks = []

@@ -162,8 +162,7 @@ class ShadowColour:
 
     def distance(self, light: Array) -> Array:
         """Return Mahalanobis distance to the shadow's colour of light (..., 3)."""
-        offset = light - self.shadow
-        return np.sqrt(np.einsum("...i,ij,...j->...", offset, np.linalg.inv(self.covariance), offset))
+        return mahalanobis(light - self.shadow, self.covariance)
 
     def share(self, light: Array) -> Array:
         """Return 0 for the shadow's colour, 1 for the lit screen's, of light (..., 3)."""
@@ -188,6 +187,11 @@ def learn_colour(shadow: Array, lit: Array) -> ShadowColour:
             "again with more light from the lamp"
         )
     return colour
+
+
+def mahalanobis(offset: Array, covariance: Array) -> Array:
+    """Return the Mahalanobis distance of light (..., 3) from a colour, by its offset from that."""
+    return np.sqrt(np.einsum("...i,ij,...j->...", offset, np.linalg.inv(covariance), offset))
 
 
 def robust_covariance(samples: Array, kept: float = 0.75) -> tuple[Array, Array]:

@@ -183,8 +183,7 @@ def _body(light: Array, covered: Mask) -> tuple[Mask, float]:
         covariance = (
             covariance + np.eye(3) * max(profiles.LIGHT_FLOOR, _stored_step(centre + levels[background].mean(axis=0))) ** 2
         )
-        offset = light - levels - centre
-        distance = np.sqrt(np.einsum("...i,ij,...j->...", offset, np.linalg.inv(covariance), offset))
+        distance = profiles.mahalanobis(light - levels - centre, covariance)
         limit = np.sqrt(chdtri(3, 1e-4))
         split = np.exp(threshold_otsu(np.log(np.maximum(distance[~covered], 0.1 * limit))))
         other = (distance > max(limit, split)) & ~covered
