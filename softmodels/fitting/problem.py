@@ -298,7 +298,8 @@ class Problem:
     def form_slopes(self, values: Mapping[str, float]) -> Array | None:
         """Return the derivatives of the residuals of a law's sources by `laws.FORM`, shape (n,); None where there are none."""
         try:
-            return np.concatenate([source.form_slopes(values) for source in self.sources])  # type: ignore[attr-defined]
+            slopes = [source.form_slopes(values) for source in self.sources]  # type: ignore[attr-defined]
+            return names.read_only(np.concatenate(slopes))
         except CannotEvaluate:
             return None
 
