@@ -305,8 +305,8 @@ class Moment(FaceLoad):
             if 1 - abs(float(np.dot(self.vector, plane.normal))) > component.IN_PLANE_TOLERANCE:
                 across = ", ".join(f"{x:g}" for x in plane.normal)
                 raise self.error(
-                    f"its forces are not symmetric about the symmetry plane normal to "
-                    f"({across}) of the half model; use an axis normal to that plane, or {actuator.fuller}"
+                    f"its forces are not symmetric about the symmetry plane normal to ({across}); "
+                    f"use an axis normal to that plane, or {actuator.fuller}"
                 )
 
     def spread(self, on: controls.DistributedLoad, components: Sequence[Component]) -> controls.Weighed:

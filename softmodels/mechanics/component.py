@@ -554,6 +554,6 @@ def check_direction(vector: Vector, actuator: Actuator, where: str) -> None:
         if abs(float(np.dot(vector, plane.normal))) > IN_PLANE_TOLERANCE:
             across = ", ".join(f"{x:g}" for x in plane.normal)
             raise ComponentError(
-                f"{where}: its direction leaves the symmetry plane normal to ({across}) of the "
-                f"half model; use one in that plane, or {actuator.fuller}"
+                f"{where}: its direction leaves the symmetry plane normal to ({across}); "
+                f"use one in that plane, or {actuator.fuller}"
             )
