@@ -474,6 +474,16 @@ def test_tables(model):
     assert float(rows[-1]["compliance_turn_y_fz_rad_per_N"]) == pytest.approx(last.compliance[4, 2])
 
 
+def test_a_chain_warns_where_walls_touch(model):
+    """Its springs know no contact, so a load that closes the walls further moves it too far."""
+    touching = ReducedModel(model.case, model.face, model.states, model.base, "")
+    touching.points, touching.contact = model.points, 1.5e3
+    sentence = "in contact from 1.5 kPa on: there a load that presses them together moves the device less"
+    for text in chains.mjcf(touching), " ".join(json.loads(chains.table_json(touching))["notes"]):
+        assert sentence in text
+    assert "in contact" not in chains.mjcf(model)
+
+
 @pytest.mark.campaign
 def test_check_of_a_chain(run, tmp_path, monkeypatch):
     """A chain is the device's; one whose links are twice as heavy is not, and the check says by how much."""
