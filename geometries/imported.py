@@ -356,7 +356,7 @@ class Reading:
     air_on_file: float = 0.0
     """Volume in m3 of the air within a file's closed surface; its cells may follow it less closely."""
     repairs: tuple[str, ...] = ()
-    """What was done to close and join the file's surfaces, in words."""
+    """What was done to close and join the file's surfaces, and a unit other than mm that it states, in words."""
     plate: Vector = (0.0, 0.0, 0.0)
     """A place (m) in the plate that closes a cavity without a floor; the origin if there is none."""
     held: Vector = (0.0, 0.0, 0.0)
@@ -405,6 +405,12 @@ SOLID = re.compile(r"#(\d+)\s*=\s*(?:MANIFOLD_SOLID_BREP|BREP_WITH_VOIDS|FACETED
 STYLE = re.compile(r"(#\d+\s*=\s*)\w*STYLED_ITEM\s*\(" + ENTITY_REST)
 MOVE = re.compile(r"(ITEM_DEFINED_TRANSFORMATION\s*\(\s*'[^']*'\s*,\s*'[^']*'\s*,)\s*(#\d+)\s*,\s*#\d+\s*\)")
 CONTEXT = re.compile(r"#(\d+)\s*=[^;=]*GEOMETRIC_REPRESENTATION_CONTEXT")
+CONTEXT_UNITS = re.compile(r"GLOBAL_UNIT_ASSIGNED_CONTEXT\s*\(\s*\(([^)]*)\)")
+LENGTH_UNIT = re.compile(
+    r"#(\d+)\s*=\s*\((?=[^;]*\bLENGTH_UNIT\b)[^;]*?"
+    r"(?:CONVERSION_BASED_UNIT\s*\(\s*'([^']*)'|SI_UNIT\s*\(\s*(?:\.(\w+)\.|\$)\s*,\s*\.(METRE)\.)"
+)
+"""The number of a unit of length, and its name or the prefix of its metre."""
 ESCAPE = re.compile(r"\\X\\([0-9A-F]{2})|\\X2\\([0-9A-F]+)\\X0\\|\\X4\\([0-9A-F]+)\\X0\\|\\S\\(.)|\\(\\)")
 
 SHADES_PER_COLOUR, SHADE_STEP = 16, 16
@@ -438,6 +444,17 @@ def named_surfaces(path: str | Path, name: str) -> list[int]:
     if set(named_surfaces.values()) != set(marks.values()):
         raise GeometryError(f"a face named {name!r} in {path} is lost on import; pick it by plane, box or colour")
     return list(named_surfaces)
+
+
+def length_unit(path: str | Path) -> str:
+    """Return the unit of a STEP file's lengths in words, such as 'millimetre' or 'inch'. GeometryError for a file without one,
+    of which the CAD kernel would take each number for one of whatever unit is asked for."""
+    text = re.sub(r"/\*.*?\*/", "", _read(path), flags=re.DOTALL)
+    used = set(re.findall(r"#(\d+)", " ".join(CONTEXT_UNITS.findall(text))))
+    names = {"".join(words).lower() for number, *words in LENGTH_UNIT.findall(text) if number in used}
+    if not (used and "LENGTH_UNIT" in text):
+        raise GeometryError(f"file {path} states no unit of its lengths; export it again from the CAD program, in mm or inches")
+    return " and ".join(sorted(names)) or "an unknown one"
 
 
 def solid_names(path: str | Path) -> list[str]:
@@ -1087,6 +1104,10 @@ def _usual_cells_of(file: str, cell_size: float, curvature: float) -> tuple[floa
         return size, cells_around(faces, size, TRIED_CURVATURES, MANY_CELLS / CELLS_PER_TRIANGLE)[0]
 
 
+PER_METRE = {"M": 1.0, "MM": 1e3}
+"""Units of the CAD kernel in a metre, by its names."""
+
+
 def apart[T](file: str, task: Callable[..., T], *arguments: object) -> T:
     """Carry out a task on a file in a process of its own; GeometryError if that dies."""
     try:
@@ -1123,6 +1144,8 @@ def _read_step(part: ImportedActuator) -> Reading:
         gmsh.model.mesh.setOrder(2)
         volumes = tuple(_enclosed_volume(solids, roles[cavity_role(i)]) for i in range(part.cavity_count))
         held = np.mean([gmsh.model.occ.getCenterOfMass(2, tag) for tag in roles.get("support", ())] or [np.zeros(3)], axis=0)
+        unit = length_unit(part.file)
+        stated = () if unit == "millimetre" else (f"the unit of length of {part.file} is {unit}, as the file states",)
         return Reading(
             solids.outward(roles),
             _gauge(part, held),
@@ -1131,7 +1154,7 @@ def _read_step(part: ImportedActuator) -> Reading:
             tuple(solids.regions) if len(solids.regions) > 1 else (),
             solids.plugs,
             bodies=solids.bodies if len(solids.bodies) > 1 else (),
-            repairs=(*solids.repairs, *solids.closed_by_plate),
+            repairs=(*stated, *solids.repairs, *solids.closed_by_plate),
             plate=solids.in_plate,
             held=_vector(held),
             wall=2.0 * solids.volume / sum(gmsh.model.occ.getMass(2, face) for face in solids.every),
@@ -1157,7 +1180,7 @@ def open_part(part: ImportedActuator, unit: str = "M") -> Solids:
     """Read the file in metres, or another of the CAD kernel's units, whatever its own; its solids are glued, and its openings
     closed."""
     import_step(part.file, unit)
-    metre = {"M": 1.0, "MM": 1e3}[unit]
+    metre = PER_METRE[unit]
     solids = glued(part, metre)
     cut = np.concatenate([solids.every[:0], *solids.cut_faces().values()]) if unit == "M" else solids.every[:0]
     normals = solids.cut_normals() if len(cut) else ()
@@ -1173,7 +1196,8 @@ def open_part(part: ImportedActuator, unit: str = "M") -> Solids:
 
 
 def import_step(file: str, unit: str) -> None:
-    """Read a STEP file into the current Gmsh model, in a unit of the CAD kernel's."""
+    """Read a STEP file into the current Gmsh model, in a unit of the CAD kernel's. GeometryError for a file that is none,
+    states no unit, or whose unit makes a part far too small or large."""
     gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
     try:
         with meshing.drawn_in(unit):
@@ -1181,6 +1205,15 @@ def import_step(file: str, unit: str) -> None:
         gmsh.model.occ.synchronize()
     except Exception as error:  # Gmsh raises bare Exception
         raise GeometryError(f"file {file} cannot be read as STEP ({str(error).strip() or 'no reason given'})") from None
+    own_unit = length_unit(file)
+    if not gmsh.model.getEntities(2):
+        return
+    low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3) / PER_METRE[unit]
+    if not MIN_EXTENT < (extent := float(np.linalg.norm(high - low))) < MAX_EXTENT:
+        raise GeometryError(
+            f"file {file} spans {1e3 * extent:.4g} mm, because its unit of length is {own_unit}; parts span "
+            f"{1e3 * MIN_EXTENT:g} mm to {MAX_EXTENT:g} m, so export it again in the unit that it was drawn in"
+        )
 
 
 def _surface(metre: float) -> Surface:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from pathlib import Path
 
 import gmsh
 import numpy as np
@@ -20,9 +21,10 @@ ROUND, FLAT = math.pi * 2e-3**2 * 8e-3, 8e-3 * 8e-3 * 2e-3
 """Volumes of the whole part's two cavities in m3: a round hole and a flat one."""
 
 
-def block(unit):
-    """Half a block of 30 x 20 x 10 mm at y > 0 with a round and a flat cavity, both cut by y = 0, to be drawn in a unit."""
-    scale = {"MM": 1.0, "M": 1e-3, "INCH": 1 / 25.4}[unit]
+def block(unit, scale=None):
+    """Half a block of 30 x 20 x 10 mm at y > 0 with a round and a flat cavity, both cut by y = 0, to be drawn in a unit, or at
+    a scale of its numbers in mm."""
+    scale = scale or {"MM": 1.0, "M": 1e-3, "INCH": 1 / 25.4}[unit]
 
     def draw(occ):
         whole = occ.addBox(0, 0, 0, 30 * scale, 20 * scale, 10 * scale)
@@ -67,6 +69,61 @@ def test_the_files_unit_counts(unit, step, step_file, tmp_path):
     file = step_file(tmp_path / "part.step", block(unit), unit)
     millimetres, other = (ImportedActuator(file=one, **CHOICES) for one in (step, file))
     assert other.solid_volume == pytest.approx(millimetres.solid_volume, rel=1e-9)
+
+
+MILLIMETRES = re.compile(r"(#\d+) = \( LENGTH_UNIT\(\) NAMED_UNIT\(\*\) SI_UNIT\(\.MILLI\.,\.METRE\.\) \);")
+
+
+@pytest.mark.parametrize(
+    ("prefix", "factor", "scale", "name"),
+    [
+        ("$", "0.025399999999999998970", 1 / 25.4, "INCH"),  # as SolidWorks writes it
+        (".MILLI.", "25.4", 1 / 25.4, "inch"),
+        ("$", "0.3048", 1 / 304.8, "FOOT"),
+        (".CENTI.", "", 0.1, "CENTIMETRE"),
+        ("$", "", 1e-3, "METRE"),
+    ],
+)
+def test_units_as_cad_programs_write_them(prefix, factor, scale, name, step, step_file, tmp_path):
+    file = tmp_path / "part.step"
+    step_file(file, block("MM", scale))
+    based = f"#9001 =( LENGTH_UNIT ( ) NAMED_UNIT ( * ) SI_UNIT ( {prefix}, .METRE. ) );\n"
+    if factor:
+        based += f"#9002 = LENGTH_MEASURE_WITH_UNIT ( LENGTH_MEASURE( {factor} ), #9001 );\n"
+        based += "#9003 = DIMENSIONAL_EXPONENTS(1.,0.,0.,0.,0.,0.,0.);\n"
+        based += rf"\1 =( CONVERSION_BASED_UNIT ( '{name}', #9002 ) LENGTH_UNIT ( ) NAMED_UNIT ( #9003 ) );"
+    else:
+        based = based.replace("#9001", r"\1")
+    text, count = MILLIMETRES.subn(based, file.read_text())
+    file.write_text(text)
+    millimetres, other = (ImportedActuator(file=str(path), **CHOICES) for path in (step, file))
+    assert count == 1 and millimetres.remarks == ()
+    assert other.solid_volume == pytest.approx(millimetres.solid_volume, rel=1e-9)
+    assert other.cavity_volume == pytest.approx(millimetres.cavity_volume, rel=1e-6)
+    assert other.probes["tip"] == pytest.approx(millimetres.probes["tip"], rel=1e-9)
+    assert other.remarks == (f"the unit of length of {file} is {name.lower()}, as the file states",)
+
+
+@pytest.mark.parametrize(
+    ("unit", "words"),
+    [
+        ("unassigned", "states no unit of its lengths; export it again"),
+        ("", "states no unit of its lengths; export it again"),
+        ("$", "spans 3.742e+04 mm, because its unit of length is metre; .* export it again"),
+        (".MICRO.", "spans 0.03774 mm, because its unit of length is micrometre; .* export it again"),
+    ],
+)
+def test_a_unit_that_is_missing_or_wrong(unit, words, step, tmp_path):
+    text = Path(step).read_text()
+    if unit == "unassigned":
+        text = re.sub(r"GLOBAL_UNIT_ASSIGNED_CONTEXT\s*\(\([^)]*\)\)", "", text)
+    elif unit:
+        text = text.replace("SI_UNIT(.MILLI.,.METRE.)", f"SI_UNIT({unit},.METRE.)")
+    else:
+        text = MILLIMETRES.sub(r"\1 = ( NAMED_UNIT(*) SI_UNIT($,.SECOND.) TIME_UNIT() );", text)
+    (tmp_path / "part.step").write_text(text)
+    with pytest.raises(GeometryError, match=words.replace("+", r"\+")):
+        ImportedActuator(file=str(tmp_path / "part.step"), **CHOICES)
 
 
 def test_table_gives_the_same_part_back(step):
