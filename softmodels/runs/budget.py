@@ -232,7 +232,7 @@ def rounded(row: table.Row, name: str, half: float) -> tuple[str, str]:
 def _shares(row: table.Row, name: str, told: Sequence[Contribution]) -> list[str]:
     digits, others = units.decimals(mesh_error.in_unit(row, name, total(told))), told[MOST_SHOWN:]
     shown = [*told[:MOST_SHOWN], *([Contribution("", total(others), f"{len(others)} others")] if others else [])]
-    return [f"{part.text} {mesh_error.in_unit(row, name, part.half):.{digits}f}" for part in shown]
+    return [f"{part.text} {mesh_error.in_unit(row, name, part.half):.{digits}f} {row.unit(name)}".rstrip() for part in shown]
 
 
 def _words(cause: str, deviation: tolerances.Deviation | None) -> str:
