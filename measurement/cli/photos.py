@@ -167,8 +167,8 @@ def _line(result: Result) -> str:
         return f"{result.photograph.file.name}  {pressure:9.1f} Pa  refused"
     words = {"no": "not trusted", "anyway": "not trusted, to be used anyway"}
     remark = "" if outcome.trusted else f"  {words[outcome.trust]}: {'; '.join(outcome.reasons)}"
-    height = f"{outcome.height * 1e3:8.4f} mm +- {outcome.height_error * 1e6:.1f} um"
-    return f"{result.photograph.file.name}  {pressure:9.1f} Pa  {height}{remark}"
+    height = units.with_error(outcome.height * 1e3, outcome.height_error * 1e3, "mm")
+    return f"{result.photograph.file.name}  {pressure:9.1f} Pa  {height:>19}{remark}"
 
 
 def _draw(output: Path, made: Measurement, tone: str) -> None:

@@ -59,7 +59,7 @@ def draw_edge(
     if isinstance(outcome, Refusal):
         title, colour = f"refused: {outcome.reason}", REFUSED
     else:
-        title = f"{pressure:.0f} Pa: height {outcome.height * 1e3:.3f} mm ± {outcome.height_error * 1e6:.1f} µm"
+        title = f"{pressure:z.0f} Pa: height {units.with_error(outcome.height * 1e3, outcome.height_error * 1e3, 'mm', '±')}"
         title, colour = title + ("" if outcome.trusted else " (not trusted)"), "#102a43"
     name = outcome.file.name if isinstance(outcome, Refusal) else outcome.source
     figure.text(
@@ -315,7 +315,7 @@ def _overview_row(result: Result) -> tuple[str, list[str | pages.Cell]]:
     row: list[str | pages.Cell] = [photo.file.name, *pressures]
     if isinstance(outcome, Refusal):
         return "refused", [*row, "", "", _remark(outcome)]
-    height = f"{outcome.height * 1e3:.4f} ± {outcome.height_error * 1e3:.4f}"
+    height = " ± ".join(units.rounded(outcome.height * 1e3, outcome.height_error * 1e3))
     return "" if outcome.trusted else "weak", [*row, height, str(np.size(outcome.x)), _remark(outcome)]
 
 

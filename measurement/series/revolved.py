@@ -24,6 +24,7 @@ from measurement.series import checks, measuring, views
 from measurement.series.photo_list import Photograph
 from measurement.series.views import SHARED_PX, Scene
 from measurement.series.witness import Refusal, Result
+from softmodels.common import units
 from softmodels.common.arrays import Array, Mask
 
 BASE_PX = 0.5
@@ -225,7 +226,6 @@ def _outline(
 def in_words(outline: Outline) -> str:
     """Return how wide an outline is and how far its top has moved, in words."""
     wide, error = float(np.ptp(outline.x)), math.sqrt(2.0) * float(np.median(outline.error))
-    return (
-        f"{wide * 1e3:.3f} +- {math.hypot(error, outline.scale_error * wide) * 1e3:.3f} mm wide, top at "
-        f"{outline.height * 1e3:.3f} +- {outline.height_error * 1e3:.3f} mm{' above the base' * (outline.whole == 'base')}"
-    )
+    width = units.with_error(wide * 1e3, math.hypot(error, outline.scale_error * wide) * 1e3, "mm")
+    top = units.with_error(outline.height * 1e3, outline.height_error * 1e3, "mm")
+    return f"{width} wide, top at {top}{' above the base' * (outline.whole == 'base')}"

@@ -7,7 +7,6 @@ import dataclasses
 import functools
 import io
 import itertools
-import math
 import operator
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -36,7 +35,7 @@ from softmodels.runs.budget import Budget
 from softmodels.runs.fields import OUTPUTS, OutputField, requestable
 from softmodels.runs.simulation import MemoryStates, Simulation
 from softmodels.runs.states import Line, StoredStates
-from softmodels.runs.table import PathTable, Row, band_of
+from softmodels.runs.table import PathTable, Row
 
 if TYPE_CHECKING:
     import pandas
@@ -587,10 +586,8 @@ def state_figures(case: Case, row: Row) -> cards.Table:
     ]  # fmt: skip
     table = [("pressure", _pressure(row, words))] if words.pressure else []
     for name in names:
-        known, band = columns.term(row.column(name), case.actuator, words.driver), band_of(name)
-        give = f" ± {row.shown(band):.2g}" if math.isfinite(row.get(band, math.nan)) else ""
-        text = f"{row.shown(name):.4g}{give} {row.unit(name)}{' (95 %)' if give else ''}"
-        table.append((known.name, text.strip()))
+        known = columns.term(row.column(name), case.actuator, words.driver)
+        table.append((known.name, row.told_with_error(name)))
     return table
 
 

@@ -332,9 +332,7 @@ class DevicePage(forms.TabPage):
                 forms.with_attribute(ui.label(text), "data-name", name)
 
     def _figures(self, row: table.Row) -> list[tuple[str, str]]:
-        bands = {name: f" ± {row.shown(table.band_of(name)):.2g}" for name in row if table.band_of(name) in row}
-        probes = [(name, f"{row.shown(name):.4g}{bands.get(name, '')} mm")
-                  for name in row if name in self.project.case.actuator.probes]  # fmt: skip
+        probes = [(name, row.told_with_error(name)) for name in row if name in self.project.case.actuator.probes]
         unit = self.project.case.column.unit
         figures = [
             ("pressure", f"{row.shown('pressure'):.4g} {unit} ({row['pressure'] / 1e3:.4g} kPa)"),

@@ -281,7 +281,7 @@ class PhotographsPage(forms.TabPage):
         if (row := self.photos.measured.get(photograph.file.name)) is not None:
             height, error = float(row["height_m"]), float(row["height_error_m"])
         if height is not None and error is not None:
-            words.append(f"height {height * 1e3:.4f} mm ± {error * 1e6:.1f} um")
+            words.append(f"height {units.with_error(height * 1e3, error * 1e3, 'mm', '±')}")
         if traced is not None:
             wide = f", drawn {traced.enlarged} times as wide" if traced.enlarged > 1 else ""
             words.append(f"band: its standard error{wide}")

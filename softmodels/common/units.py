@@ -297,6 +297,23 @@ COLUMN = Column()
 DENSITY_NOTE = "3 % less than water at 20 degC"
 """What the usual density of a column's liquid is, `WATER_DENSITY`, for texts that ask for another."""
 
+
+def with_error(value: float, half: float, unit: str, sign: str = "+-") -> str:
+    """Return a value with half its interval, both in a unit, which stands once: ``"3.9132 +- 0.0057 mm"``."""
+    return f" {sign} ".join(rounded(value, half)) + f" {unit}".rstrip()
+
+
+def rounded(value: float, half: float) -> tuple[str, str]:
+    """Return a value and half its interval to two digits of the latter (GUM, 7.2.6); zero has no sign."""
+    digits = decimals(half)
+    return f"{value:z.{digits}f}", f"{half:.{digits}f}"
+
+
+def decimals(half: float) -> int:
+    """Return the decimals that show two digits of half an interval; 4 if it is 0 or not finite."""
+    return max(0, 1 - math.floor(math.log10(half))) if 0.0 < half < math.inf else 4
+
+
 _FRIENDLY = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3), "degree": ("deg", 1.0), "m^3": ("ml", 1e6)}
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from geometries import Actuator, actuator as parameters
 from softmodels.case import materials, tolerances
 from softmodels.case.case import Case
+from softmodels.common import units
 from softmodels.common.arrays import Array
 from softmodels.materials import laws
 from softmodels.mechanics import controls, newton
@@ -220,25 +221,18 @@ class Budget:
 
 def interval(row: table.Row, name: str, told: Sequence[Contribution]) -> str:
     """Return a variable with half its 95 % interval, two digits of it."""
-    value, half = rounded(row, name, total(told))
-    return f"{value} +- {half} {row.unit(name)}".rstrip() + " (95 %)"
+    return units.with_error(row.shown(name), mesh_error.in_unit(row, name, total(told)), row.unit(name)) + " (95 %)"
 
 
 def rounded(row: table.Row, name: str, half: float) -> tuple[str, str]:
     """Return a variable and a half width in its unit, to two digits of the latter (GUM, 7.2.6)."""
-    digits, shown = _digits(row, name, half), mesh_error.in_unit(row, name, half)
-    return f"{row.shown(name):.{digits}f}", f"{shown:.{digits}f}"
-
-
-def _digits(row: table.Row, name: str, half: float) -> int:
-    """Return the decimals that show two digits of a half width in SI."""
-    return max(0, 1 - math.floor(math.log10(mesh_error.in_unit(row, name, half))))
+    return units.rounded(row.shown(name), mesh_error.in_unit(row, name, half))
 
 
 def _shares(row: table.Row, name: str, told: Sequence[Contribution]) -> list[str]:
-    digits, others = _digits(row, name, total(told)), told[MOST_SHOWN:]
+    digits, others = units.decimals(mesh_error.in_unit(row, name, total(told))), told[MOST_SHOWN:]
     shown = [*told[:MOST_SHOWN], *([Contribution("", total(others), f"{len(others)} others")] if others else [])]
-    return [f"{part.text} {mesh_error.in_unit(row, name, part.half):.{digits}f}" for part in shown]
+    return [f"{part.text} {mesh_error.in_unit(row, name, part.half):.{digits}f} {row.unit(name)}".rstrip() for part in shown]
 
 
 def _words(cause: str, deviation: tolerances.Deviation | None) -> str:

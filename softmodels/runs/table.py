@@ -100,6 +100,12 @@ class Row(Mapping[str, float]):
         """Return a variable with its unit, such as ``"12.34 mm"``."""
         return f"{self.shown(name):{form}} {self.unit(name)}".rstrip()
 
+    def told_with_error(self, name: str) -> str:
+        """Return the same with half its 95 % interval where the row has its band: ``"12.34 ± 0.21 mm (95 %)"``."""
+        if not math.isfinite(self.get(band := band_of(name), math.nan)):
+            return self.told(name)
+        return units.with_error(self.shown(name), self.shown(band), self.unit(name), "±") + " (95 %)"
+
 
 class PathTable(Sequence[Row]):
     """The states of a path: ``table["apex"]`` is an array in SI over them, ``table[-1]`` a state, ``table[2:5]`` a part."""

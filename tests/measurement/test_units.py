@@ -5,10 +5,12 @@ from __future__ import annotations
 import random
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from measurement.cli import photos
 from measurement.series.photo_list import Column, ColumnError
 from softmodels.common import units
 from softmodels.common.units import FACTORS, UnitError, exact_text, number, quantity
@@ -229,3 +231,10 @@ def test_the_page_of_units_is_complete():
     assert water.pascal == pytest.approx(98.0665) and water.text(196.133) == "2 cm"
     assert water.full(-49.03325, ".2f") == "-0.50 cm, 1 g/ml"
     assert f"{units.COLUMN.pascal:.1f} Pa" in text and units.DENSITY_NOTE.split(" water")[0] in text
+
+
+def test_a_height_and_its_error_are_printed_in_one_unit():
+    outcome = SimpleNamespace(height=-1e-8, height_error=2.2e-6, trusted=True)
+    photograph = SimpleNamespace(file=Path("a.jpg"), pressure=0.0)
+    line = photos._line(SimpleNamespace(outcome=outcome, photograph=photograph))
+    assert line.split("  ")[-1].strip() == "0.0000 +- 0.0022 mm"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -79,7 +80,7 @@ def test_on_the_command_line(tmp_path):
     done = runs.run("-m", "softmodels", "run", file, "-o", tmp_path / "out", "--pictures", "none", "--budget", "auto")
     line = next(line for line in done.out.splitlines() if line.startswith("apex rise "))
     number, parts = line.split(" (95 %): ")
-    halves = [float(part.rpartition(" ")[2]) for part in parts.split(", ")]
+    halves = [float(re.search(r" ([0-9.]+) mm$", part)[1]) for part in parts.split(", ")]  # each with its unit
     assert halves[:-1] == sorted(halves[:-1], reverse=True) and "3 others 0.00" in parts
     assert "membrane +-0.1 mm 0.0" in parts and "gauge +-0.5 cm 0.0" in parts
     assert "not in these intervals: the silicone (--band)" in done.out

@@ -13,6 +13,7 @@ from softmodels.api.run import Run
 from softmodels.case.case import Case
 from softmodels.case.load import steps_of
 from softmodels.case.materials import DEFAULT
+from softmodels.common import units
 from softmodels.runs.columns import every_variable
 from softmodels.runs.outcomes import Ended
 from softmodels.runs.states import StoredStates
@@ -107,3 +108,17 @@ def test_a_point_and_an_angle_of_one_name_do_not_hide_each_other():
 def test_an_empty_table():
     table = PathTable()
     assert len(table) == 0 and table.names == table.columns == [] and "apex" not in table and not table.get("jump").any()
+
+
+@pytest.mark.parametrize(
+    "value, half, text",
+    [(-1e-5, 2.2e-3, "0.0000 +- 0.0022 mm"), (3.91318, 0.0057, "3.9132 +- 0.0057 mm"), (-120.4, 23.0, "-120 +- 23 mm"),
+     (1.0, 0.0, "1.0000 +- 0.0000 mm"), (1.0, math.nan, "1.0000 +- nan mm")],
+)  # fmt: skip
+def test_a_number_and_its_error_have_one_unit_and_zero_has_no_sign(value, half, text):
+    assert units.with_error(value, half, "mm") == text
+
+
+def test_a_variable_with_its_band():
+    (row,) = PathTable.read([{"step": 1, "apex_mm": -1e-5, "apex_ci95_mm": 2.2e-3, "added_volume_ml": 2.0}])
+    assert row.told_with_error("apex") == "0.0000 ± 0.0022 mm (95 %)" and row.told_with_error("added_volume") == "2 ml"
