@@ -1144,8 +1144,6 @@ def _read_step(part: ImportedActuator) -> Reading:
         gmsh.model.mesh.setOrder(2)
         volumes = tuple(_enclosed_volume(solids, roles[cavity_role(i)]) for i in range(part.cavity_count))
         held = np.mean([gmsh.model.occ.getCenterOfMass(2, tag) for tag in roles.get("support", ())] or [np.zeros(3)], axis=0)
-        unit = length_unit(part.file)
-        stated = () if unit == "millimetre" else (f"the unit of length of {part.file} is {unit}, as the file states",)
         return Reading(
             solids.outward(roles),
             _gauge(part, held),
@@ -1154,7 +1152,7 @@ def _read_step(part: ImportedActuator) -> Reading:
             tuple(solids.regions) if len(solids.regions) > 1 else (),
             solids.plugs,
             bodies=solids.bodies if len(solids.bodies) > 1 else (),
-            repairs=(*stated, *solids.repairs, *solids.closed_by_plate),
+            repairs=(*solids.repairs, *solids.closed_by_plate),
             plate=solids.in_plate,
             held=_vector(held),
             wall=2.0 * solids.volume / sum(gmsh.model.occ.getMass(2, face) for face in solids.every),
@@ -1179,9 +1177,11 @@ def build_part(part: ImportedActuator) -> None:
 def open_part(part: ImportedActuator, unit: str = "M") -> Solids:
     """Read the file in metres, or another of the CAD kernel's units, whatever its own; its solids are glued, and its openings
     closed."""
-    import_step(part.file, unit)
+    own_unit = import_step(part.file, unit)
     metre = PER_METRE[unit]
     solids = glued(part, metre)
+    if own_unit != "millimetre":
+        solids.repairs = (f"the unit of length of {part.file} is {own_unit}, as the file states", *solids.repairs)
     cut = np.concatenate([solids.every[:0], *solids.cut_faces().values()]) if unit == "M" else solids.every[:0]
     normals = solids.cut_normals() if len(cut) else ()
     shells_of_air = len(solids.pieces(solids.every[~np.isin(solids.every, cut)])) - 1
@@ -1195,9 +1195,9 @@ def open_part(part: ImportedActuator, unit: str = "M") -> Solids:
     return closed
 
 
-def import_step(file: str, unit: str) -> None:
-    """Read a STEP file into the current Gmsh model, in a unit of the CAD kernel's. GeometryError for a file that is none,
-    states no unit, or whose unit makes a part far too small or large."""
+def import_step(file: str, unit: str) -> str:
+    """Read a STEP file into the current Gmsh model, in a unit of the CAD kernel's; return its own, see `length_unit`.
+    GeometryError for a file that is none, states no unit, or whose unit makes a part far too small or large."""
     gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
     try:
         with meshing.drawn_in(unit):
@@ -1207,13 +1207,14 @@ def import_step(file: str, unit: str) -> None:
         raise GeometryError(f"file {file} cannot be read as STEP ({str(error).strip() or 'no reason given'})") from None
     own_unit = length_unit(file)
     if not gmsh.model.getEntities(2):
-        return
+        return own_unit
     low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3) / PER_METRE[unit]
     if not MIN_EXTENT < (extent := float(np.linalg.norm(high - low))) < MAX_EXTENT:
         raise GeometryError(
             f"file {file} spans {1e3 * extent:.4g} mm, because its unit of length is {own_unit}; parts span "
             f"{1e3 * MIN_EXTENT:g} mm to {MAX_EXTENT:g} m, so export it again in the unit that it was drawn in"
         )
+    return own_unit
 
 
 def _surface(metre: float) -> Surface:

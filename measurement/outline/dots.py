@@ -67,6 +67,9 @@ FAR_COLOUR = 1e-6
 FIT_RADIUS = 1.6
 """Radius around a dot, in its own, within which its light is fitted."""
 
+FITTED_COUNT = 12
+"""Parameters of that fit: six of the ellipse and the blur, six of the light within and around."""
+
 MAX_PATCH = 0.12
 """Largest smoothed misfit of a dot's light over its contrast: something lies on it, or it is not round."""
 
@@ -226,13 +229,13 @@ def _ellipse(px: Array, share: Array, middle: Array, begin: Array, radius: float
     image[row, column], known[row, column] = fit.fun, 1.0
     mean, count = (cv2.blur(part, (3, 3), borderType=cv2.BORDER_CONSTANT) * 9.0 for part in (image, known))
     whole = count > 8.5
-    variance = float(np.sum(fit.fun**2)) / max(1, len(px) - 12)
+    variance = float(np.sum(fit.fun**2)) / max(1, len(px) - FITTED_COUNT)
     correlated = float(np.clip(np.mean(mean[whole] ** 2) / 9.0 / variance, 1.0, 9.0)) if whole.sum() > 20 else 1.0
     inverse = np.linalg.pinv(fit.jac.T @ fit.jac)
     blocks, block = np.unique(px // JPEG_BLOCK, axis=0, return_inverse=True)
     score = np.zeros((len(blocks), 6))
     np.add.at(score, np.ravel(block), fit.jac * fit.fun[:, None])
-    clustered = inverse @ (score.T @ score) @ inverse * len(blocks) / max(1, len(blocks) - 12)
+    clustered = inverse @ (score.T @ score) @ inverse * len(blocks) / max(1, len(blocks) - FITTED_COUNT)
     both = [float(np.trace(covariance[:2, :2])) for covariance in (inverse * variance * correlated, clustered)]
     error = float(np.hypot(np.sqrt(max(both) / 2.0) * radius, MODEL_ERROR))
     patch = float(np.abs(mean[whole] / 9.0).max()) if whole.any() else 1.0

@@ -43,7 +43,7 @@ def check(model: ReducedModel, file: Path) -> list[str]:
         f"at {CHECKED_PRESSURES} pressures from {low / 1e3:.4g} to {high / 1e3:.4g} kPa the tip of the chain is within "
         f"{100 * max(places):.2g} % of the length and {max(angles):.2g} degrees of the device's",
         f"its deflection by small loads, along the device's axes, differs by at most {yields}",
-        *filter(None, [model.contact_note]),
+        *model.contact_notes,
         mode,
     ]
 

@@ -647,7 +647,7 @@ def remarks(model: ReducedModel, chain: Chain, motion: MotionByMass) -> list[str
         f"{deck.WRITTEN_BY}: {model.case.name}, {low / 1e3:.4g} to {high / 1e3:.4g} kPa",
         f"tip within {100 * chain.error[0]:.2g} % of the length and {chain.error[1]:.2g} degrees of the table",
         f"largest error of the deflection of the tip by a small load on it, x along it, y towards its bending: {yields}",
-        *filter(None, [model.contact_note]),
+        *model.contact_notes,
         motion.remark,
         "links touch other bodies with the convex hull of the device at rest around them, and not each other",
         "their friction holds, whatever that of the other body",

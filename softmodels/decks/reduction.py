@@ -105,17 +105,17 @@ class ReducedModel(cards.ResultCard):
                 f"loads against the symmetry of the slice are not known (nan in the compliance); use "
                 f"{self.case.actuator.fuller} for all six"
             )
-        return [*notes, *filter(None, [self.contact_note])]
+        return notes + self.contact_notes
 
     @property
-    def contact_note(self) -> str:
-        """What contact does to the compliance, a sentence; empty if no surfaces touch."""
+    def contact_notes(self) -> list[str]:
+        """What contact does to the compliance, a sentence; none if no surfaces touch."""
         if self.contact is None:
-            return ""
-        return (
+            return []
+        return [
             f"surfaces are in contact from {self.contact / 1e3:.4g} kPa on: there a load that presses them together moves the "
             f"device less than its compliance predicts, a PneuNet up to seven times less; their friction is not included"
-        )
+        ]
 
     @property
     def span(self) -> tuple[float, float]:
