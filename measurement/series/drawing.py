@@ -302,10 +302,10 @@ def _facts(outlines: Sequence[Outline]) -> list[pages.Fact]:
     if not outlines:
         return []
     highest = max(outlines, key=lambda outline: outline.height)
-    height, error = highest.height * 1e3, highest.height_error * 1e3
     column = f"{highest.pressure / units.COLUMN.pascal:.4g} {units.COLUMN.unit} ({highest.pressure / 1e3:.4g} kPa)"
     at = f"at {column}, {highest.source}"
-    return [pages.Fact("Largest height", f"{height:.4f} ± {error:.4f} mm", at)]
+    height = units.with_error(highest.height * 1e3, highest.height_error * 1e3, "mm", "±")
+    return [pages.Fact("Largest height", height, at)]
 
 
 def _overview_row(result: Result) -> tuple[str, list[str | pages.Cell]]:

@@ -26,6 +26,7 @@ from measurement.screen.setup import Setup, SetupError
 from measurement.series import checks, drawing, markers, measuring
 from measurement.series.photo_list import Photograph
 from measurement.series.witness import Refusal
+from softmodels.common import units
 from softmodels.common.arrays import Array
 
 
@@ -560,8 +561,8 @@ def views(
     def shown(_: silhouette.Silhouette | None, outcome: View | Refusal) -> tuple[list[Array], str]:
         if isinstance(outcome, Refusal):
             return [], ""
-        angle = f"angle {math.degrees(outcome.shape.angle):.2f} ± {math.degrees(outcome.angle_error):.2f} deg"
-        length = f"length {outcome.shape.length * 1e3:.3f} ± {outcome.length_error * 1e3:.3f} mm"
+        angle = f"angle {units.with_error(math.degrees(outcome.shape.angle), math.degrees(outcome.angle_error), 'deg', '±')}"
+        length = f"length {units.with_error(outcome.shape.length * 1e3, outcome.length_error * 1e3, 'mm', '±')}"
         marked = [np.vstack([marker.boundary, marker.boundary[:1]]) for marker in outcome.markers if len(marker.boundary)]
         return [scene.to_pixels(outcome.outline), scene.to_pixels(outcome.shape.line), *marked], f"{angle}, {length}"
 

@@ -23,6 +23,7 @@ import numpy as np
 from geometries import Actuator, GeometryError, actuator, meshing
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
+from softmodels.common import units
 from softmodels.common.arrays import Array
 from softmodels.runs import columns, labels, table
 
@@ -102,7 +103,8 @@ class MeshErrors:
             return "The mesh error was not estimated: run the case with --mesh-error."
         words = labels.state_labels(self.case)
         figures = ", ".join(
-            f"{columns.term(row.column(name), self.case.actuator).name} {row.told(name)} +- {in_unit(row, name, half):.2g}"
+            f"{columns.term(row.column(name), self.case.actuator).name} "
+            + units.with_error(row.shown(name), in_unit(row, name, half), row.unit(name))
             for name, half in widths.items()
         )
         return (

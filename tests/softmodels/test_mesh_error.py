@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 
 import numpy as np
 import pytest
@@ -67,6 +68,10 @@ def test_on_the_command_line(tmp_path):
     assert errors[-1]["apex_mm"]["half_width"] == errors[-1]["apex_mm"]["mesh"] > 0.0
     run = sm.load(tmp_path / "disk")
     assert 1e3 * run.mesh_errors["apex"] == pytest.approx(errors[-1]["apex_mm"]["mesh"], rel=1e-9)
+    sentence = run.budget.mesh.text()
+    number = r"rise of the apex ([\d.]+) \+- (0\.000\d\d) mm, "
+    value, half = re.search(number, sentence).groups()
+    assert float(half) == pytest.approx(errors[-1]["apex_mm"]["half_width"], rel=0.05) and len(value) == len(half)
     again = sm.inflate(DISK, run.case.material, "0,50 cm", mesh_error=True)
     assert run.mesh_errors == pytest.approx(again.mesh_errors, rel=1e-3)
 
