@@ -173,12 +173,13 @@ class DevicePage(forms.TabPage):
             return self.say(str(error))
         self._wait(text != self.project.case.to_toml())
         self.answer, self.text = answer, text
-        self.tops = max(float(state.section.values.max()) for state in answer.states)
+        self.tops = max(state.row.shown("max_von_mises") for state in answer.states)
         both = [curve for state in answer.states for curve in (state.section.edges, state.section.rest)]
         places = np.concatenate([curve.reshape(-1, 2) for curve in both])
         self.box = np.array([places.min(axis=0), places.max(axis=0)])
         self.pressures = [state.row.shown("pressure") for state in answer.states]
-        self.scale.set_content(forms.colour_bar(self.tops, answer.colours, "kPa, von Mises stress"))
+        words = "kPa, von Mises stress; the largest is at an integration point"
+        self.scale.set_content(forms.colour_bar(self.tops, answer.colours, words))
         top = max(self.pressures)
         self.slider.props(f"max={top} step={top / 500}")
         self.slider.set_value(top)
@@ -348,7 +349,7 @@ class DevicePage(forms.TabPage):
         return figures
 
     def _draw(self, section: replies.Section, pressure: float) -> None:
-        text = f"section at {pressure:.4g} cm, von Mises stress from 0 to {self.tops:.3g} kPa"
+        text = f"section at {pressure:.4g} cm, von Mises stress from 0 to {self.tops:.4g} kPa"
         assert self.answer is not None
         self.picture.set_content(forms.section_svg(section, self.box, self.tops, self.answer.colours, text))
         self.reading.set_text(f"{pressure:.4g} cm")

@@ -459,5 +459,5 @@ def colour_bar(top: float, colours: list[str], what: str) -> str:
     """Return the scale from 0 to a value as HTML, with its words."""
     return (
         f'<div class="colour-bar"><span>0</span><div style="background:linear-gradient(90deg,{",".join(colours)})"></div>'
-        f"<span>{top:.3g} {escape(what)}</span></div>"
+        f"<span>{top:.4g} {escape(what)}</span></div>"
     )

@@ -56,6 +56,12 @@ def test_the_error_stands_under_the_slider(page):
     assert f": {first.text} " in said and first.text == "silicone"
 
 
+def test_the_colours_end_at_the_largest_stress_of_the_table(page):
+    """At the highest pressure, where the slider stands first."""
+    largest = value(page, "largest von Mises stress")
+    assert page.locator(".colour-bar span").last.text_content().startswith(f"{largest}, von Mises stress")
+
+
 def test_an_impossible_length_is_told_in_place_and_changes_nothing(page):
     box = page.get_by_label("membrane", exact=True).first
     before = value(page, "rise of the apex")
