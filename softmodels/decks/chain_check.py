@@ -63,8 +63,10 @@ def check_file(file: Path) -> ModuleType:
 CHECKED_PRESSURES = 5
 SMALL_DEFLECTION = 1e-3
 """Deflection by a load, in lengths and radians."""
-SETTLING_TIME = 0.8
-"""Time after which a damped chain is at rest, s."""
+MIN_SETTLING_TIME, MAX_SETTLING_TIME = 0.2, 8.0
+"""Time after which a damped chain may be at rest, and after which it is taken as it is, s."""
+SPEED_AT_REST = 1e-5
+"""Speed of each joint below which a chain is at rest, rad/s and m/s."""
 
 
 def _first_mode(model: ReducedModel, chain: ChainInMujoco) -> str:
@@ -94,7 +96,7 @@ class ChainInMujoco:
         data, wrench = self._data, np.zeros(6) if load is None else load
         self._mujoco.mj_resetData(self._model, data)
         data.ctrl[0] = pressure / 1e3
-        for _ in range(int(SETTLING_TIME / self._model.opt.timestep)):
+        while data.time < MIN_SETTLING_TIME or (np.abs(data.qvel).max() > SPEED_AT_REST and data.time < MAX_SETTLING_TIME):
             lever = self._tip.xpos - data.xipos[self._body]
             data.xfrc_applied[self._body] = np.concatenate([wrench[:3], wrench[3:] + np.cross(lever, wrench[:3])])
             self._mujoco.mj_step(self._model, data)

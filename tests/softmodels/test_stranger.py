@@ -41,6 +41,6 @@ def test_three_commands_from_files_to_the_bend_with_its_band(tmp_path, monkeypat
         result = CliRunner().invoke(command, words)
         assert result.exit_code == 0, result.output
     said = " ".join(result.output.split())
-    errors = r"\S+ \+- \S+ mm \(95 %\): (law's form|silicone) \S+ (law's form|silicone) \S+"
+    errors = r"\S+ \+- \S+ mm \(95 %\): (law's form|silicone) \S+ mm, (law's form|silicone) \S+ mm"
     assert re.search(f"tip rise {errors} tip displacement {errors}", said), said
     assert "closed by a plug" in said
