@@ -1391,8 +1391,9 @@ MIN_EDGE_ANGLE = math.radians(40.0)
 """Angle between triangles of an STL file from which their edge is one of the part."""
 FILL_SIZES = (1.0, 0.9, 0.8)
 """Shares of the cell size to try in turn where Gmsh leaves a cell without volume."""
-FACET_TOLERANCE = 0.01
-"""Distance over the walls' thickness within which facets of an STL part are joined where they cannot be meshed as they are."""
+FACET_TOLERANCE, MAX_FACETS = 0.02, 30_000
+"""Distance over the walls' thickness within which facets of an STL part are joined where they cannot be meshed as they are, or
+are more than a number, from which Gmsh takes minutes or does not come back."""
 FILL_CELLS_PER_CIRCLE, MIN_FILL_SHARE = 5.0, 0.35
 """Cells around a full circle of an STL part's roundings, and the smallest ones there over the cell size."""
 MAX_FILL_GROWTH = 0.3
@@ -1704,12 +1705,16 @@ def meshed_solid(file: str, surface: Surface, cell_size: float) -> mesh_arrays.T
 
 
 def _filled_apart(surface: Surface, cell_size: float) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
-    """Mesh the solid between closed surfaces in processes of their own: as they are, simplified, or between their facets."""
+    """Mesh the solid between closed surfaces in processes of their own: as they are unless they have very many facets, then
+    simplified, or between their facets."""
     area, volume = _area_and_volume(surface)
     for tolerance in (0.0, FACET_TOLERANCE * 2.0 * volume / area):
-        simpler = surfaces.simplified(surface, tolerance) if tolerance else surface
+        if tolerance:
+            surface = surfaces.simplified(surface, tolerance)
+        elif len(surface[1]) > MAX_FACETS:
+            continue
         with contextlib.suppress(MeshingError):  # the mesher crashed at some surfaces, or did not come back from them
-            if made := meshing.apart(_fill, *simpler, cell_size):
+            if made := meshing.apart(_fill, *surface, cell_size):
                 return made
     return meshing.apart(_fill_between_facets, surface, cell_size)
 
@@ -1743,7 +1748,7 @@ def _mesh_surfaces(
         tag = gmsh.model.addDiscreteEntity(2)
         gmsh.model.mesh.addNodes(2, tag, np.arange(1, len(points) + 1), points.ravel())
         gmsh.model.mesh.addElementsByType(tag, 2, [], (triangles + 1).ravel())
-        with meshing.ended_after(MAX_PARAMETER_SECONDS):
+        with meshing.ended_after(MAX_SURFACE_SECONDS):
             gmsh.model.mesh.classifySurfaces(MIN_EDGE_ANGLE, True, anew, math.pi)
             if anew:
                 gmsh.model.mesh.createGeometry()
@@ -1757,6 +1762,8 @@ def _mesh_surfaces(
         if anew:
             _use_sizes(points, _sizes_of_roundings(points, triangles, cell_size), cell_size)
         try:
+            with meshing.ended_after(MAX_SURFACE_SECONDS):
+                gmsh.model.mesh.generate(2)
             gmsh.model.mesh.generate(3)
         except Exception as error:  # Gmsh raises bare Exception
             raise MeshingError(str(error).strip() or "Gmsh gives no reason") from None
@@ -1777,9 +1784,8 @@ def _mesh_surfaces(
         return at, nodes.astype(np.int64).reshape(-1, 10)[:, mesh_arrays.TO_GMSH]
 
 
-MAX_PARAMETER_SECONDS, MAX_SURFACE_SECONDS = 60.0, 90.0
-"""CPU time in which Gmsh finds parameters of surfaces, and meshes the faces of a drawing to measure it, a few seconds for
-most; it never ends with some."""
+MAX_SURFACE_SECONDS = 90.0
+"""CPU time in which Gmsh finds parameters of surfaces, or meshes them, a few seconds for most; it never ends with some."""
 
 
 def _sizes_of_roundings(points: Array, triangles: mesh_arrays.Ints, cell_size: float) -> tuple[Array, Array]:

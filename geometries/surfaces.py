@@ -27,8 +27,6 @@ SAME_VOLUME_TOLERANCE = 1e-6
 """Share of a body's volume that is no more than rounding."""
 SAME_ANGLE = 1e-6
 """Angle between faces that lie on each other."""
-MAX_HALVINGS = 6
-"""Tolerances tried in turn, each half of the last."""
 SIMPLIFIED_VOLUME_TOLERANCE = 5e-4
 """Share of the solid's and of the air's volume that leaving out corners may change."""
 MIN_AIR_SHARE = 0.01
@@ -174,23 +172,28 @@ def air_points(air: Surface) -> list[Array]:
 
 
 def simplified(surface: Surface, tolerance: float) -> Surface:
-    """Return a closed surface with fewer triangles, all within a distance (m) of the others, or less where the volumes of the
-    solid and its air ask for it. A surface that crosses itself stays as it is."""
-    points, triangles = surface
-    size = float(np.ptp(points, axis=0).max())
-    solid = mesh_arrays.manifold(points / size, triangles)
-    air = mesh_arrays.enclosed_air(points / size, triangles).sum()
-    for halvings in range(MAX_HALVINGS if not solid.is_empty() else 0):
-        places, corners = mesh_arrays.surface_of(solid.simplify(tolerance / size / 2**halvings))
-        changes = np.array(
-            [
-                mesh_arrays.manifold(places, corners).volume() - solid.volume(),
-                mesh_arrays.enclosed_air(places, corners).sum() - air,
-            ]
-        )
-        if (np.abs(changes) <= SIMPLIFIED_VOLUME_TOLERANCE * np.array([solid.volume(), air])).all():
-            return size * places, corners
-    return surface
+    """Return a closed surface with fewer triangles, by quadrics (Garland and Heckbert, doi:10.1145/258734.258849): 0.7 times as
+    many as long as no corner is farther from it than a distance (m), and the solid and its air keep their volumes. A surface
+    that crosses itself stays as it is."""
+    size = float(np.ptp(surface[0], axis=0).max())
+
+    def volumes(points: Array, triangles: mesh_arrays.Ints) -> Array:
+        return np.array([mesh_arrays.manifold(points, triangles).volume(), mesh_arrays.enclosed_air(points, triangles).sum()])
+
+    corners, fewer = surface[0] / size, surface
+    whole = volumes(corners, surface[1])
+    left = pyvista.PolyData.from_regular_faces(corners, surface[1])
+    while whole[0] > 0.0:
+        left = left.decimate(0.3)
+        points, triangles = np.asarray(left.points, dtype=float), np.asarray(left.regular_faces, dtype=np.int64)
+        away = pyvista.PolyData(corners).compute_implicit_distance(left)["implicit_distance"]
+        if len(triangles) == len(fewer[1]) or not (
+            np.abs(away).max() <= tolerance / size
+            and (np.abs(volumes(points, triangles) - whole) <= SIMPLIFIED_VOLUME_TOLERANCE * whole).all()
+        ):
+            break
+        fewer = size * points, triangles
+    return fewer
 
 
 def split(surface: Surface, length: float) -> Surface:
