@@ -2072,7 +2072,8 @@ def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra,
         surface, repairs = read_surfaces(part.file, UNITS[part.unit])
         for file in part.air:
             space, more = read_surfaces(file, UNITS[part.unit])
-            surface, repairs = surfaces.without_air(part.file, surface, file, space), repairs + more
+            surface, cut = surfaces.without_air(part.file, surface, file, space)
+            repairs += more + cut
     else:
         mesh = read_mesh(part.file, UNITS[part.unit])
         if not (_parts_of(part.file, mesh) or part.chosen_by_name):

@@ -30,7 +30,8 @@ SAME_ANGLE = 1e-6
 SIMPLIFIED_VOLUME_TOLERANCE = 5e-4
 """Share of the solid's and of the air's volume that leaving out corners may change."""
 MIN_AIR_SHARE = 0.01
-"""Share of the air's volume within the body's solid below which the body was drawn hollow."""
+"""Share of the air's volume within the body's solid below which the body was drawn hollow, and outside of it below which the
+body was drawn full."""
 
 
 def repaired(file: str, places: Array, triangles: mesh_arrays.Ints) -> tuple[Surface, list[str]]:
@@ -129,9 +130,9 @@ def _bodies(
     return mesh_arrays.surface_of(solid), len(beside) + 1, left
 
 
-def without_air(file: str, body: Surface, air_file: str, air: Surface) -> Surface:
-    """Return a body without its air, which is that within a second surface; unchanged if it was drawn hollow. GeometryError for
-    air outside the body."""
+def without_air(file: str, body: Surface, air_file: str, air: Surface) -> tuple[Surface, list[str]]:
+    """Return a body without its air, which is that within a second surface, unchanged if it was drawn hollow; and, of a body
+    that was drawn hollow in part only, what is cut out of it, in words. GeometryError for air outside the body."""
     size = float(np.ptp(body[0], axis=0).max())
     solid, space = (mesh_arrays.manifold(points / size, triangles) for points, triangles in (body, air))
     if solid.is_empty() or space.is_empty():
@@ -145,9 +146,19 @@ def without_air(file: str, body: Surface, air_file: str, air: Surface) -> Surfac
             "and place"
         )
     if common < MIN_AIR_SHARE:
-        return body
+        return body, []
+    remarks = []
+    if common < 1.0 - MIN_AIR_SHARE:
+        points, triangles = mesh_arrays.surface_of(solid ^ space)
+        shares = np.linalg.det(points[triangles]) / 6.0  # of the volume, which flat skins have not
+        x, y, z = 1e3 * size * shares @ points[triangles].mean(axis=1) * 0.75 / shares.sum()
+        remarks.append(
+            f"{common:.0%} of the air of {air_file}, {1e6 * size**3 * common * space.volume():.3g} ml around {x:.4g}, {y:.4g}, "
+            f"{z:.4g} mm, lies in the walls of {file}, which is hollow elsewhere, and is cut out of them; if they are right, "
+            "leave --air out"
+        )
     points, triangles = mesh_arrays.surface_of(solid - space)
-    return size * points, triangles
+    return (size * points, triangles), remarks
 
 
 def air_points(air: Surface) -> list[Array]:

@@ -172,6 +172,18 @@ def test_air_that_is_not_in_the_part_is_refused(tmp_path):
         ImportedMesh(file=body, air=str(tmp_path / "cavity.step"), support="x = 0 mm")
 
 
+def test_air_that_is_cut_out_of_the_walls_of_a_hollow_part_is_told(tmp_path):
+    """Its share, volume and place; air that fits in the hollow, or in a part drawn full, needs no word."""
+    body, full = write(tmp_path / "part.stl", hollow()), write(tmp_path / "full.stl", soup(OUTSIDE))
+    fits, longer = (write(tmp_path / f"{end}.stl", soup(box((2, end), (2, 8), (2, 8), level=2))) for end in (18, 19))
+    part = ImportedMesh(file=body, air=longer, support="x = 0 mm")
+    assert part.cavity_volume == pytest.approx(17 * 36e-9, rel=1e-6)
+    (said,) = [remark for remark in part.remarks if "cut out" in remark]
+    assert re.search(r"6% of the air of \S+19.stl, 0.036 ml around 18.5, 5, 5 mm, lies in the walls of \S+part.stl", said)
+    for file, air in (body, fits), (full, fits), (full, longer):
+        assert not any("cut out" in remark for remark in ImportedMesh(file=file, air=air, support="x = 0 mm").remarks)
+
+
 def cup(path, at=(30.0, 40.0, 5.0)):
     """A block at a place (mm) with a pocket that is open below."""
     with private_model():
