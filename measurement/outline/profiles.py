@@ -664,11 +664,14 @@ class MeanProfile:
         spread = self.spread * np.maximum(np.gradient(value, self.value), LEAST_STEEPNESS)
         return MeanProfile(self.place, value, spread, StoredLight(other, low, high, old.width))
 
-    def fits(self, lamps: Sequence[float], camera: EdgeShape | None = None) -> list[tuple[float, OptimizeResult]]:
-        """Return each lamp's exponent with its best fit; the first lamp's are where those of the others begin."""
+    def fits(
+        self, lamps: Sequence[float], camera: EdgeShape | None = None, deep: bool = False
+    ) -> list[tuple[float, OptimizeResult]]:
+        """Return each lamp's exponent with its best fit, of a surface that is deep along the light where asked for; the first
+        lamp's are where those of the others begin."""
         starts, fits = None, []
         for lamp in lamps:
-            tried = _fitted_profile(self.place, self.value, self.spread, lamp, self.stored, camera, starts)
+            tried = _fitted_profile(self, lamp, camera, starts, deep)
             # A share of 0 or 1 tells nothing of a lamp of another shape.
             starts = starts or [np.r_[fit.x[:2], np.clip(fit.x[2], 0.1, 0.9), fit.x[3:]] for fit in tried]
             fits.append((lamp, min(tried, key=lambda fit: float(fit.cost))))
@@ -689,17 +692,23 @@ def common_shape(z: Array, residual: Array, clean: Mask, stored: StoredLight, ca
     inked = 1.0 - float(clean.all(axis=1).mean())
     profile = MeanProfile(place, value, np.hypot(error, np.hypot(ERROR_FLOOR, INKED_ERROR_FLOOR * inked)), stored)
     lamp, best = min(profile.fits(LAMP_EXPONENTS), key=lambda pair: float(pair[1].cost))
-    lift = hidden = 0.0
+    lift, hidden, freedom = 0.0, 0.0, len(place) - SHAPE_PARAMETERS
     if camera is not None:
-        bent, deep = min(profile.fits((*LAMP_EXPONENTS, BULB_EXPONENT), camera), key=lambda pair: float(pair[1].cost))
+        lamps = (*LAMP_EXPONENTS, BULB_EXPONENT)
+        fits = profile.fits(lamps, camera, deep=True)
+        bent, deep = min(fits, key=lambda pair: float(pair[1].cost))
         lift = _centre_by(camera, _shape(deep.x, bent, stored), float(np.median(z[:, -1])))
-        if 2.0 * (best.cost - deep.cost) >= DECISIVE_CHI_SQUARE * max(1.0, 2.0 * deep.cost / (len(place) - SHAPE_PARAMETERS)):
+        if 2.0 * (best.cost - deep.cost) >= DECISIVE_CHI_SQUARE * max(1.0, 2.0 * deep.cost / freedom):
             lamp, best = bent, deep
         else:
             lift, hidden = 0.0, float(np.hypot(lift, _place_error(deep.jac)))
-    misfit = float(np.sqrt(2.0 * best.cost / (len(place) - SHAPE_PARAMETERS)))
+            flat, known = min(profile.fits(lamps, camera), key=lambda pair: float(pair[1].cost))
+            # A wrong idea of the camera moves both photographs' edges alike, and no height.
+            if 2.0 * (known.cost - best.cost) < DECISIVE_CHI_SQUARE * max(1.0, 2.0 * best.cost / freedom):
+                lamp, best = flat, known
+    misfit = float(np.sqrt(2.0 * best.cost / freedom))
     # Neighbouring bins err together to an unknown extent; how far the profile lies off the shape shows how far each errs.
-    share = float(np.sqrt(np.sum(best.fun[: len(place)] ** 2) / (len(place) - SHAPE_PARAMETERS)))
+    share = float(np.sqrt(np.sum(best.fun[: len(place)] ** 2) / freedom))
     own = _place_error(np.vstack([best.jac[: len(place)] / share, best.jac[len(place) :]]))
     # An asymmetry that is no camera's may be the penumbra's own, as of a level surface that no other photograph explains.
     departure = abs(float(best.x[3]))
@@ -753,19 +762,14 @@ DIFFERENCE_STEP, MIN_DIFFERENCE_STEP = 1e-4, 1.5e-8
 
 
 def _fitted_profile(
-    place: Array,
-    value: Array,
-    spread: Array,
-    lamp: float,
-    stored: StoredLight,
-    camera: EdgeShape | None,
-    starts: list[Array] | None,
+    profile: MeanProfile, lamp: float, camera: EdgeShape | None, starts: list[Array] | None, deep: bool
 ) -> list[OptimizeResult]:
     """Return a fit from each start, or from the usual ones.
 
     Parameters: place of the half light, logarithm of the width, the lamp's share of the variance, e, the mask's amount and
-    radius, and what the profiles' own levels and fall of light have taken; with a known camera also q.
+    radius, and what the profiles' own levels and fall of light have taken; of a deep surface also q.
     """
+    place, value, spread, stored = profile.place, profile.value, profile.spread, profile.stored
     usual, errors = (0.0, 0.0, MASK_RADIUS_PX), (TONE_DEVIATION, SHARPENING_DEVIATION, MASK_RADIUS_DEVIATION)
     if camera is not None:
         usual, errors = (camera.tone, *camera.mask), CAMERA_DEVIATIONS
@@ -802,9 +806,10 @@ def _fitted_profile(
     scale = [0.01, 0.1, 0.3, 0.1, 0.3, 0.5, 0.01, 0.01, 0.01]
     begin = [start]
     if camera is not None:
+        start[3:6] = np.clip(usual, [-0.99, 0.01, 0.41], [0.99, 2.99, 3.99])
+    if deep:
         low, high, scale = [*low, 0.0], [*high, 0.99], [*scale, 0.2]
-        held = np.clip(usual, [-0.99, 0.01, 0.41], [0.99, 2.99, 3.99])
-        begin = [np.r_[start[:3], held, start[6:], q] for q in (0.1, 0.7)]
+        begin = [np.r_[start, q] for q in (0.1, 0.7)]
     return [
         least_squares(missed, start, slopes, bounds=(low, high), x_scale=scale, ftol=1e-4, max_nfev=40)
         for start in starts or begin

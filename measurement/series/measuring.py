@@ -110,7 +110,7 @@ def zero_of(traced: edge.Traced, raised: edge.Traced | None = None) -> ZeroLine:
             again.tone_error, again.doubts = 0.0, checks.doubts(checks.EdgeEvidence(again))
             traced = again
         elif raised.tone == traced.tone:
-            hidden = again.edge.shape.hidden * again.width_px * again.scale
+            traced, hidden = again, again.edge.shape.hidden * again.width_px * again.scale
     errors = traced.own_error
     seen = ~traced.line.bridged
     line = ZeroLine.fit(traced.points[seen], traced.normals[seen], errors[seen])

@@ -66,9 +66,12 @@ def test_large_lamps_and_a_depth_of_field_are_trusted_and_right(seed, lamp, shap
     assert np.median(stated) < error
 
 
-@pytest.mark.parametrize(("seed", "kind"), sampled(list(enumerate(runs.PHONES)), ((3, "denoised"),)))
+@pytest.mark.parametrize(("seed", "kind"), sampled([*enumerate(runs.PHONES), (10, "gamma")], ((3, "denoised"), (10, "gamma"))))
 def test_cameras_of_other_noise_and_blur_are_trusted_and_right(seed, kind, monkeypatch):
-    """Strong noise, JPEG of 70 to 85, motion blur of 2 px, a phone's denoising, a gamma curve, sharpening halos."""
+    """Strong noise, JPEG of 70 to 85, motion blur of 2 px, a phone's denoising, gamma curves, sharpening halos.
+
+    Before: with a gamma of 1.93 the zero plane's photograph showed another camera than the raised body's, and was 5 um off.
+    """
     monkeypatch.setattr(runs, "SHARES", (0.0, 1.0))
     case = runs.other_case(seed, kind)
     outline, off = trusted(case, seed)

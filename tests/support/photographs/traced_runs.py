@@ -188,17 +188,10 @@ def measured(case: Case, pictures: list[np.ndarray], setup: Setup | None = None,
     setup = setup or setup_of(case, pictures[0])
     raised = list(pictures[2:])
     try:
-        # As `measuring.zero_line` does.
-        clear = None
-        with contextlib.suppress(Unmeasurable):
-            top = trace_image(raised[-1], setup, tone)
-            clear = None if top.doubts else top
-        zero = zero_of(trace_image(pictures[1], setup, tone), clear)
-        if zero.doubts and clear is not None:
-            zero = zero_of(trace_image(pictures[1], setup, clear.tone), clear)
+        zero = _zero_line(pictures[1], raised[-1], setup, tone)
         if zero.sides is not None:
             setup = with_known_body(setup, zero, 2.0 * case.body.width)
-            zero = zero_of(trace_image(pictures[1], setup, zero.tone), clear)
+            zero = _zero_line(pictures[1], raised[-1], setup, tone)
     except Unmeasurable as error:
         return setup, [Refusal(f"zero: {error}", Path())] * len(raised)
     results = []
@@ -211,6 +204,16 @@ def measured(case: Case, pictures: list[np.ndarray], setup: Setup | None = None,
             outcome = Refusal(str(error), photo.file)
         results.append(Result(photo, outcome, f"{k}"))
     return setup, [result.outcome for result in judged(results)]
+
+
+def _zero_line(picture: np.ndarray, raised: np.ndarray, setup: Setup, tone: str):
+    """The undeformed surface, as `measuring.zero_line` finds it."""
+    clear = None
+    with contextlib.suppress(Unmeasurable):
+        top = trace_image(raised, setup, tone)
+        clear = None if top.doubts else top
+    zero = zero_of(trace_image(picture, setup, tone), clear)
+    return zero_of(trace_image(picture, setup, clear.tone), clear) if zero.doubts and clear is not None else zero
 
 
 def across(case: Case, setup: Setup, outline: Outline, height: float) -> np.ndarray:
