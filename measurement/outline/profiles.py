@@ -503,8 +503,9 @@ class Shading:
 SHAPE_STEP, MAX_SHAPE_DISTANCE = 0.05, 9.0
 """Distance of the nodes of a tabulated shape, and the distance of the outermost from the edge, in its widths."""
 
-LAMP_EXPONENTS, BULB_EXPONENT = (0.5, 0.0, 1.5, -0.5), 6.0
-"""Exponents m of the lamps that are tried; that of a frosted bulb, whose outer light is not like blur in a deep penumbra."""
+LAMP_EXPONENTS, BULB_EXPONENT, RING_EXPONENT = (0.5, 0.0, 1.5, -0.5), 6.0, -0.5
+"""Exponents m of the lamps that are tried; that of a frosted bulb, whose outer light is not like blur in a deep penumbra; and
+that of a ring, which is rare."""
 
 PROFILE_BINS, PROFILE_REACH, MIN_SAMPLES_PER_BIN, CORRELATED_SAMPLES = 40, 4.0, 20, 4.0
 """Bins of the mean profile, the widths to which they reach on either side, the least number of samples in one, and how many
@@ -535,8 +536,9 @@ DECISIVE_CHI_SQUARE = 12.0
 CAMERA_DEVIATIONS = (0.015, 0.1, 0.2)
 """Standard errors by which e, the mask's amount and its radius in px differ between two photographs of one camera."""
 
-DEPTH_CORRECTION_ERROR = 0.5
-"""Error of the correction for a surface that is deep along the light, as a share of it: q is one for all of the edge here."""
+DEPTH_CORRECTION_ERROR, LAMP_TEMPERATURE = 0.3, 2.0
+"""Error of the correction for a surface that is deep along the light, as a share of it: q is one for all of the edge here; and
+the factor by which the misfits of lamps differ more than what is known of them: neighbouring bins err together."""
 
 CAMERA_MODEL_ERROR, CAMERA_TONE_ERROR = 0.012, 0.4
 """Error of the half light's place in widths that remains because the model is not the camera's, and its growth with e."""
@@ -692,16 +694,16 @@ def common_shape(z: Array, residual: Array, clean: Mask, stored: StoredLight, ca
     inked = 1.0 - float(clean.all(axis=1).mean())
     profile = MeanProfile(place, value, np.hypot(error, np.hypot(ERROR_FLOOR, INKED_ERROR_FLOOR * inked)), stored)
     lamp, best = min(profile.fits(LAMP_EXPONENTS), key=lambda pair: float(pair[1].cost))
-    lift, hidden, freedom = 0.0, 0.0, len(place) - SHAPE_PARAMETERS
+    lift, moved, unsure, hidden, freedom = 0.0, 0.0, 0.0, 0.0, len(place) - SHAPE_PARAMETERS
     if camera is not None:
         lamps = (*LAMP_EXPONENTS, BULB_EXPONENT)
         fits = profile.fits(lamps, camera, deep=True)
-        bent, deep = min(fits, key=lambda pair: float(pair[1].cost))
+        (bent, deep), moved, unsure = _likely_lamp(fits, freedom)
         lift = _centre_by(camera, _shape(deep.x, bent, stored), float(np.median(z[:, -1])))
         if 2.0 * (best.cost - deep.cost) >= DECISIVE_CHI_SQUARE * max(1.0, 2.0 * deep.cost / freedom):
-            lamp, best = bent, deep
+            lamp, best, lift = bent, deep, max(0.0, lift - moved)
         else:
-            lift, hidden = 0.0, float(np.hypot(lift, _place_error(deep.jac)))
+            lift, moved, unsure, hidden = 0.0, 0.0, 0.0, float(np.hypot(lift, _place_error(deep.jac)))
             flat, known = min(profile.fits(lamps, camera), key=lambda pair: float(pair[1].cost))
             # A wrong idea of the camera moves both photographs' edges alike, and no height.
             if 2.0 * (known.cost - best.cost) < DECISIVE_CHI_SQUARE * max(1.0, 2.0 * best.cost / freedom):
@@ -715,8 +717,8 @@ def common_shape(z: Array, residual: Array, clean: Mask, stored: StoredLight, ca
     strange = 0.6 * max(0.0, departure - 3.0 * TONE_DEVIATION)
     model = float(np.hypot(CAMERA_MODEL_ERROR, CAMERA_TONE_ERROR * departure))
     return EdgeShape(
-        _shape(best.x, lamp, stored),
-        float(np.linalg.norm([own, MIN_PLACE_ERROR, strange, DEPTH_CORRECTION_ERROR * lift])),
+        np.interp(nodes() + moved, nodes(), _shape(best.x, lamp, stored)),
+        float(np.linalg.norm([own, MIN_PLACE_ERROR, strange, unsure, DEPTH_CORRECTION_ERROR * lift])),
         model,
         float(best.x[3]),
         misfit,
@@ -725,6 +727,22 @@ def common_shape(z: Array, residual: Array, clean: Mask, stored: StoredLight, ca
         hidden,
         profile,
     )
+
+
+def _likely_lamp(fits: list[tuple[float, OptimizeResult]], freedom: int) -> tuple[tuple[float, OptimizeResult], float, float]:
+    """Return the best fit of a deep surface with its lamp, a ring only where that is decisive; and how far in widths the mean
+    of all lamps, weighed by their fits, has the surface from there, with their scatter: the depth seems the larger, and the
+    surface the lower, the more of the lamp's light comes from its rim."""
+    best = min(fits, key=lambda pair: float(pair[1].cost))
+    usual = [pair for pair in fits if pair[0] != RING_EXPONENT]
+    other = min(usual, key=lambda pair: float(pair[1].cost))
+    excess = max(1.0, 2.0 * best[1].cost / freedom)
+    if 2.0 * (other[1].cost - best[1].cost) < DECISIVE_CHI_SQUARE * excess:
+        fits, best = usual, other
+    places, costs = np.array([(fit.x[0], fit.cost) for _, fit in fits]).T
+    weights = np.exp((best[1].cost - costs) / (LAMP_TEMPERATURE * excess))
+    mean = float(np.average(places, weights=weights))
+    return best, mean - float(best[1].x[0]), float(np.sqrt(np.average((places - mean) ** 2, weights=weights)))
 
 
 def _centre_by(shape: EdgeShape, values: Array, reach: float) -> float:
