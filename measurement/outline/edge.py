@@ -48,7 +48,8 @@ from softmodels.common.arrays import Array, Mask
 class Edge:
     """An edge in pixels: points in order along it and unit vectors across it from shadow to light, shape (n, 2); by point,
     shape (n,), the standard error along the normal and the standard deviation of penumbra and blur in px, and the share of
-    the local light that the shadow takes away. ``shape`` is what the profiles across it have in common."""
+    the local light that the shadow takes away. ``shape`` is what the profiles across it have in common; ``by_ink`` (n,) is the
+    part of the error by the grid's ink, which neighbours share, None without any."""
 
     px: Array
     normal: Array
@@ -56,9 +57,10 @@ class Edge:
     width: Array
     contrast: Array
     shape: EdgeShape = dataclasses.field(default_factory=gaussian)
+    by_ink: Array | None = None
 
     def __getitem__(self, chosen: Mask | npt.NDArray[np.intp]) -> Edge:
-        names = ("px", "normal", "error", "width", "contrast")
+        names = ("px", "normal", "error", "width", "contrast", *(() if self.by_ink is None else ("by_ink",)))
         return dataclasses.replace(self, **{name: getattr(self, name)[chosen] for name in names})
 
 
@@ -80,7 +82,7 @@ WINDOW_STATIONS = 31
 WHOLE_PROFILE_DEPTH, MIN_PROFILE_DEPTH = 0.85, 0.7
 """Share of the shadow's depth over which light falls in profiles that show all of the edge, and over which it must fall."""
 
-DRAWN_ERROR = 0.35
+DRAWN_ERROR = 0.5
 """Share of the shift by ink that blurs with the edge by which its correction may be wrong."""
 
 
@@ -161,7 +163,8 @@ def _edge_in(profiles: Profiles, shading: Shading | None = None, camera: EdgeSha
     if (spoilt & good).sum() < 0.2 * good.sum():
         good &= ~spoilt
     px = profiles.place + centre[:, None] * profiles.normal
-    return Edge(px[good], profiles.normal[good], error[good], fit.width[good], _contrast(fit)[good], shape)
+    by_ink = DRAWN_ERROR * np.abs(drawn[good]) if drawn.any() else None
+    return Edge(px[good], profiles.normal[good], error[good], fit.width[good], _contrast(fit)[good], shape, by_ink)
 
 
 def _contrast(fit: ProfileFit) -> Array:
@@ -374,7 +377,9 @@ def _stretch(edge: Edge, part: slice) -> BridgedLine:
     gain = smooth.error / smooth.scatter
     gain = np.maximum(gain, float(np.median(gain)))  # the ends of a stretch have neighbours on one side only
     # What values between pixels lose of their scatter is in `SHARED_NOISE_FACTOR` already.
-    own = np.maximum(edge.error[part] / np.sqrt(INTERPOLATION_NOISE), local)
+    by_ink = np.zeros(len(px)) if edge.by_ink is None else edge.by_ink[part]
+    noise = np.sqrt(np.maximum(edge.error[part] ** 2 - by_ink**2, 0.0))
+    own = np.maximum(noise / np.sqrt(INTERPOLATION_NOISE), local)
     # Where the edge turns within a span, as at a bulge's foot in a small picture, no quadratic follows it.
     few, noise = median_filter(rest, MEDIAN_POINTS, mode="mirror"), 1.25 * own / np.sqrt(MEDIAN_POINTS)
     turned = np.abs(few) > MEDIAN_TOLERANCE * noise
@@ -382,7 +387,8 @@ def _stretch(edge: Edge, part: slice) -> BridgedLine:
     error = SHARED_NOISE_FACTOR * np.where(turned, np.maximum(noise, gain * own), gain * own)
     line, normal = guide + value[:, None] * across, edge.normal[part]
     bent = _edge_offset(line, normal, edge.width[part])
-    return BridgedLine(line + bent[:, None] * normal, normal, np.hypot(error, BENT_ERROR * bent), np.zeros(len(px), dtype=bool))
+    error = np.linalg.norm([error, BENT_ERROR * bent, by_ink], axis=0)  # smoothing takes nothing of what neighbours share
+    return BridgedLine(line + bent[:, None] * normal, normal, error, np.zeros(len(px), dtype=bool))
 
 
 def _edge_offset(px: Array, normal: Array, width: Array) -> Array:

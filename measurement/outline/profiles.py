@@ -527,7 +527,7 @@ An S curve that adds a fifth of the smooth step 3 v^2 - 2 v^3 to sRGB's has e = 
 UNKNOWN_SHAPE_ERROR = 0.03
 """Error of the half light's place in widths where the profiles do not show the edge's shape."""
 
-MIN_PLACE_ERROR = 0.006
+MIN_PLACE_ERROR = 0.004
 """Error of the half light's place in widths beyond a photograph's noise: edges of one camera differ by that much."""
 
 DECISIVE_CHI_SQUARE = 12.0

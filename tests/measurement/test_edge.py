@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
@@ -192,6 +193,15 @@ def test_the_foot_of_a_bulge_in_a_small_picture_is_followed(seed):
     off = np.einsum("ni,ni->n", line.px - place, normal)
     assert np.abs(off).max() < 0.5
     assert np.mean(np.abs(off) < 3.0 * line.error) > 0.93
+
+
+def test_smoothing_takes_nothing_of_an_error_that_neighbours_share():
+    """Ink that blurs with the edge draws all stations on it alike. Before: a quarter of that error was left."""
+    edge = arc()
+    by_ink = np.where(np.abs(np.arange(len(edge.px)) - 200) < 30, 2.0 * NOISE, 0.0)
+    line = smoothed(dataclasses.replace(edge, error=np.hypot(edge.error, by_ink), by_ink=by_ink), 400.0)
+    assert np.all(line.error[by_ink > 0.0] > 2.0 * NOISE)
+    assert line.error[by_ink == 0.0] == pytest.approx(smoothed(edge, 400.0).error[by_ink == 0.0])
 
 
 # -- A patch of an edge that is more blurred than the rest -----------------------------------------------------------

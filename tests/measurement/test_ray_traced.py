@@ -53,10 +53,17 @@ def test_lamps_and_cameras_of_other_kinds_are_trusted_and_right(seed, lamp, came
 @pytest.mark.campaign
 @pytest.mark.parametrize(
     ("seed", "lamp", "shape", "error"),
-    [(6, "ring", "sheet", 12e-6), (0, "disc", "sheet", 12e-6), (5, "disc", "round", 12e-6), (1, "ring", "block", 25e-6)],
+    [
+        (6, "ring", "sheet", 12e-6),
+        (0, "disc", "sheet", 12e-6),
+        (5, "disc", "round", 12e-6),
+        (1, "ring", "block", 20e-6),
+        (4, "square", "block", 15e-6),
+    ],
 )
 def test_large_lamps_and_a_depth_of_field_are_trusted_and_right(seed, lamp, shape, error, monkeypatch):
-    """Before: the light falls in steps; the grid is off in the penumbra; the lamp is off level; a block has moved."""
+    """Before: the light falls in steps; the grid is off in the penumbra; the lamp is off level; a block has moved; a ring,
+    which explained little more than a square, made a depth of 0.34 one of 0.7, and the apex was 42 um too high."""
     monkeypatch.setattr(runs, "SHARES", (0.0, 1.0))
     case = runs.large_case(seed)
     assert case.lamp == lamp and runs.SHAPES[seed % 3] == shape
