@@ -222,7 +222,8 @@ def _ellipse(px: Array, share: Array, middle: Array, begin: Array, radius: float
     angle = np.linspace(0.0, 2.0 * np.pi, BOUNDARY_COUNT, endpoint=False)
     boundary = middle + fit.x[:2] * radius + np.column_stack([np.cos(angle), np.sin(angle)]) @ turn.T
     # Pixels next to each other are blurred together, and those of a block of a JPEG file are stored together: what they miss
-    # is not independent (covariance robust to clusters, Liang & Zeger 1986, by the freedom that the fit leaves them).
+    # is not independent (covariance robust to clusters, Liang & Zeger 1986); a small
+    # dot lies in fewer blocks than the fit has parameters.
     low_px = px.min(axis=0)
     image, known = (np.zeros(np.ptp(px, axis=0).astype(int)[::-1] + 1, np.float32) for _ in range(2))
     row, column = (px - low_px).astype(int).T[::-1]
@@ -235,7 +236,7 @@ def _ellipse(px: Array, share: Array, middle: Array, begin: Array, radius: float
     blocks, block = np.unique(px // JPEG_BLOCK, axis=0, return_inverse=True)
     score = np.zeros((len(blocks), 6))
     np.add.at(score, np.ravel(block), fit.jac * fit.fun[:, None])
-    clustered = inverse @ (score.T @ score) @ inverse * len(blocks) / max(1, len(blocks) - FITTED_COUNT)
+    clustered = inverse @ (score.T @ score) @ inverse * (len(blocks) + FITTED_COUNT) / max(1, len(blocks) - 1)
     both = [float(np.trace(covariance[:2, :2])) for covariance in (inverse * variance * correlated, clustered)]
     error = float(np.hypot(np.sqrt(max(both) / 2.0) * radius, MODEL_ERROR))
     patch = float(np.abs(mean[whole] / 9.0).max()) if whole.any() else 1.0
