@@ -90,7 +90,7 @@ class System:
         self.bcs = [*regions.conditions(self.body, self.vectors), *still]
         self.assembled = assembly.AssembledTerms(self.potential.terms.values(), self.bcs)
         self._whole: PETSc.Mat = assembly.matrix_of(self.space, self._products.matrices[: len(self.matter)])
-        self.unknowns = unknowns_of(body, self.space, self.bcs, components)
+        self.unknowns = unknowns_of(self.body, self.space, self.bcs, components)
         self.K: PETSc.Mat = self.unknowns.matrix(self._whole, self._assemble_whole)
         self._vector = fem.Function(self.space)
         self.cells = np.arange(body.mesh.topology.index_map(body.mesh.topology.dim).size_local, dtype=np.int32)
