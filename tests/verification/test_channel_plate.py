@@ -156,3 +156,32 @@ def test_a_cell_is_not_exported_nor_cast(tmp_path):
 def test_what_makes_no_cell(given, words):
     with pytest.raises(sm.GeometryError, match=words):
         sm.ChannelCell(**given)
+
+
+# -- Plates that leave their plane: growth across the channels is more than along them -------------------------------
+
+
+def _rings(offset):
+    """Return a disk with nine rings of air, each a polygon of 72 sides; channels and walls as of the cell below."""
+    turns = np.radians(np.arange(0, 361, 5))
+    rings = ((k * 2.4 * np.cos(turns), k * 2.4 * np.sin(turns)) for k in range(1, 10))
+    channels = tuple(" to ".join(f"{x:.9f}, {y:.9f}" for x, y in zip(*ring, strict=True)) + " mm" for ring in rings)
+    return sm.ChannelPlate(
+        channels=channels, outline="circle 45.8 mm", radius=0.00075, support="free", thickness=0.0032, offset=offset,
+        around=7, cell_size=0.0015,
+    )  # fmt: skip
+
+
+@pytest.mark.campaign
+def test_rings_make_a_cone_on_the_side_of_the_channels():
+    """Radii grow more than circles, so the disk becomes a cone, up to its rim's and its apex' rounding."""
+    grown = sm.inflate(sm.ChannelCell(radius=0.00075, pitch=0.0024, thickness=0.0032, around=12), LAW, pressures=[12e3])
+    cone = np.degrees(np.arccos(grown.stretch_along[-1] / grown.stretch_across[-1]))
+    slopes = []
+    for offset in (1e-4, -1e-4):
+        run = sm.inflate(_rings(offset), LAW, pressures=[12e3])
+        line = run.last.along((0.0138, 4e-6, 0.001599), (0.0206, 4e-6, 0.001599), points=20)
+        x, z = np.linspace(0.0138, 0.0206, 20) + line["displacement"][:, 0], line["displacement"][:, 2]
+        slopes.append(np.degrees(np.arctan(-np.polyfit(x, z, 1)[0])))
+        assert np.sign(offset) * run.rise[-1] > 3e-3
+    assert slopes[0] == pytest.approx(-slopes[1], rel=0.05) and 0.6 * cone < slopes[0] < cone
