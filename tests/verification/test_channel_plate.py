@@ -1,6 +1,7 @@
 """A plate with a channel against the same body drawn by CAD, and the work of the pressure against the energy stored."""
 
 import itertools
+import math
 
 import gmsh
 import numpy as np
@@ -185,3 +186,24 @@ def test_rings_make_a_cone_on_the_side_of_the_channels():
         slopes.append(np.degrees(np.arctan(-np.polyfit(x, z, 1)[0])))
         assert np.sign(offset) * run.rise[-1] > 3e-3
     assert slopes[0] == pytest.approx(-slopes[1], rel=0.05) and 0.6 * cone < slopes[0] < cone
+
+
+@pytest.mark.campaign
+def test_radial_channels_make_a_saddle():
+    """Circles grow more than radii. The outline is an ellipse, so that a quarter is meshed, which leaves the saddle free."""
+    turns = [(math.tau * k / 48, 5.0 if k % 4 == 0 else 9.5 if k % 2 == 0 else 17.0) for k in range(48)]
+    ends = [(math.cos(a) * r, math.sin(a) * r) for a, low in turns for r in (low, 32.0)]
+    channels = tuple(f"{a:.9f}, {b:.9f} to {c:.9f}, {d:.9f} mm" for (a, b), (c, d) in itertools.batched(ends, 2))
+    plate = sm.ChannelPlate(
+        channels=channels, outline="circle 68 mm", scale_x=1.05, radius=0.00075, support="free", thickness=0.0026,
+        offset=3e-5, around=6, cell_size=0.002,
+    )  # fmt: skip
+    run = sm.inflate(plate, LAW, pressures="0:8:0.5 kPa")
+
+    def rise(x, y):
+        line = run.last.along((0.95 * x, 0.95 * y, 0.001298), (x, y, 0.001298), points=3)
+        return line["displacement"][-1, 2] - run.rise[-1]
+
+    assert rise(0.0355, 1e-6) > 5e-4 and rise(1e-6, 0.0338) < -1.5e-3
+    eigenvalues = run.lowest_eigenvalue
+    assert eigenvalues.argmin() < len(eigenvalues) - 3 and abs(eigenvalues.min()) < 0.05 * eigenvalues[0]
