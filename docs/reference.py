@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 GROUPS = {
     "Runs": "inflate run limit load compare Case Run SolvedState Line Limit Comparison Syringe Reservoir",
     "Devices": "HollowDisk SeminarActuator PneuNet BendingBellows Cylinder Membrane Balloon Bellows Beam ChannelPlate "
-    "ImportedActuator ImportedMesh",
+    "ChannelCell ImportedActuator ImportedMesh",
     "Materials": "NeoHookean MooneyRivlin Yeoh Ogden Gent Carroll Polynomial FungDemiray silicone Material Region",
     "Loads, contact and parts": "Gravity Mass Force Moment Rigid RigidShape Obstacle Walls Fibres Fabric Sheet Clamp",
     "Fits": "fit fit_heights fit_curves fit_leak score FitOptions TensileCurve Score Leak",

@@ -13,7 +13,7 @@ Every name is loaded when it is first used.
 Begin with `actuator`: a device is a frozen dataclass of it that is registered (`registry`).
 
 - `disk`, `seminar`, `pneunet`, `membrane`, `balloon`, `bellows`, `bending_bellows`, `cylinder`, `beam`, `suction_cup`,
-  `channel_plate`: one file for each device: its lengths, their checks, its mesh and its outline.
+  `channel_plate`, `channel_cell`: one file for each device: its lengths, their checks, its mesh and its outline.
 - `imported`: parts from files: STEP, meshes of Gmsh, Abaqus or CalculiX, STL. `faces`: texts that pick their faces and points.
   `surfaces`: STL files repaired. `inlets`: openings of their air and their plugs. `abaqus`: decks of Abaqus and CalculiX.
 - `network`: networks of channels, their walls and surface. `drawings`: SVG and DXF. `slices`: the part between mirrors.
@@ -32,6 +32,7 @@ PLACES = {
     "Beam": "geometries.beam",
     "Bellows": "geometries.bellows",
     "BendingBellows": "geometries.bending_bellows",
+    "ChannelCell": "geometries.channel_cell",
     "ChannelPlate": "geometries.channel_plate",
     "Cylinder": "geometries.cylinder",
     "HollowDisk": "geometries.disk",
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
     from geometries.beam import Beam as Beam
     from geometries.bellows import Bellows as Bellows
     from geometries.bending_bellows import BendingBellows as BendingBellows
+    from geometries.channel_cell import ChannelCell as ChannelCell
     from geometries.channel_plate import ChannelPlate as ChannelPlate
     from geometries.cylinder import Cylinder as Cylinder
     from geometries.disk import HollowDisk as HollowDisk

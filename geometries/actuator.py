@@ -542,11 +542,13 @@ class Hold:
         role: Physical group that is held.
         direction: Unit vector along which the displacement is zero; None for all components.
         point: True if the role is a single mesh vertex, False if it is a curve or a surface.
+        together: True if the displacement along the direction is not zero but the same all over a plane face, which travels.
     """
 
     role: str
     direction: Vector | None
     point: bool = False
+    together: bool = False
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
         Beam as Beam,
         Bellows as Bellows,
         BendingBellows as BendingBellows,
+        ChannelCell as ChannelCell,
         ChannelPlate as ChannelPlate,
         Cylinder as Cylinder,
         GeometryError as GeometryError,

@@ -195,6 +195,9 @@ class Clamp(regions.HoldingPart):
     face: str = schema.field_of(schema.Words(), "faces, edges or regions that are held, such as top")
     along: str = schema.field_of(schema.Words(), "direction along which they are held, such as z: they slip across it", "")
     slip: str = schema.field_of(schema.Words(), "direction in which they slip, such as x: they are held across it", "")
+    together: bool = schema.field_of(
+        schema.Flag(), "held along that direction only together: the plane face stays plane, and travels", False
+    )
 
     table: ClassVar[str] = "hold"
     differentiable: ClassVar[bool] = True
@@ -205,6 +208,8 @@ class Clamp(regions.HoldingPart):
             raise ComponentError(self.needs)
         if self.along and self.slip:
             raise ComponentError(f"{self.where} has both along and slip; give either the held or the free direction")
+        if self.together and not self.along:
+            raise self.error("together needs the direction along which the face travels, such as along = 'x'")
         for text in filter(None, (self.along, self.slip)):
             direction(text, self.where)
 
@@ -226,7 +231,7 @@ class Clamp(regions.HoldingPart):
     def holds(self, actuator: Actuator) -> list[Hold]:
         """Return what it holds on a device; `ComponentError` for a direction that an axisymmetric section does not have."""
         points = {hold.role for hold in actuator.holds if hold.point}
-        return [Hold(role, way, role in points) for role in self.roles for way in self._ways(actuator)]
+        return [Hold(role, way, role in points, self.together) for role in self.roles for way in self._ways(actuator)]
 
     def _ways(self, actuator: Actuator) -> list[Vector | None]:
         text = self.along or self.slip

@@ -239,7 +239,8 @@ class Body:
 
         V = -1/3 int (X + u) . cof(F) N ds, N out of the solid. Cut planes add nothing because they hold the origin, nor does
         a plate elsewhere, from which X is counted. Above a plane that seals it is the sum of columns on the plane, so that no
-        part of it depends on a rim that lifts.
+        part of it depends on a rim that lifts. Within walls that end on planes that travel it is the flux of the places across
+        their direction e, (x - x . e e) / 2, to which these planes add nothing wherever they are.
         """
         F = self.deformation_gradient(w)
         X = ufl.SpatialCoordinate(self.mesh)
@@ -251,7 +252,12 @@ class Body:
             x = ufl.as_vector([x[0], 0, x[1]])
         if any(self.actuator.plate):
             x -= ufl.as_vector([float(value) / self.actuator.size for value in self.actuator.plate])
-        return -ufl.dot(x, ufl.dot(ufl.cofac(F), self.normal)) / 3 * self.hoop
+        flux = x / 3
+        for hold in self.holds:
+            if hold.together and any(opening.closed_by([hold]) for opening in self.openings):
+                e = ufl.as_vector(hold.direction)
+                flux = (x - ufl.dot(x, e) * e) / 2
+        return -ufl.dot(flux, ufl.dot(ufl.cofac(F), self.normal)) * self.hoop
 
     def flow(self, w: Expr, direction: Expr) -> Expr:
         """Return the deformed area per undeformed area of a wall, projected along a direction of the mesh, out of the solid."""
@@ -307,23 +313,21 @@ class Body:
         return conditions
 
     def _held_components(self) -> list[tuple[str, list[int]]]:
-        d = self.actuator.dimension
         wanted: list[tuple[str, Vector | None]] = [(plane.name, plane.normal) for plane in self.actuator.cut_planes]
-        wanted += [(hold.role, hold.direction) for hold in self.holds]
-        result = []
-        for role, direction in wanted:
-            if direction is None:
-                result.append((role, list(range(d))))
-                continue
-            weights = in_section(direction, d) @ self.skew_inverse
-            largest = int(np.argmax(np.abs(weights)))
-            if np.abs(np.delete(weights, largest)).max() > 1e-12 * abs(weights[largest]):
-                raise BodyError(
-                    f"role {role!r} is held along {direction}, which is neither parallel nor perpendicular to the "
-                    f"directions of other roles"
-                )
-            result.append((role, [largest]))
-        return result
+        wanted += [(hold.role, hold.direction) for hold in self.holds if not hold.together]
+        every = list(range(self.actuator.dimension))
+        return [(role, every if direction is None else [self.along(role, direction)[0]]) for role, direction in wanted]
+
+    def along(self, role: str, direction: Vector) -> tuple[int, float]:
+        """Return the component of w along a direction that a role is held in, and the displacement there for a unit of it."""
+        weights = in_section(direction, self.actuator.dimension) @ self.skew_inverse
+        largest = int(np.argmax(np.abs(weights)))
+        if np.abs(np.delete(weights, largest)).max() > 1e-12 * abs(weights[largest]):
+            raise BodyError(
+                f"role {role!r} is held along {direction}, which is neither parallel nor perpendicular to the "
+                f"directions of other roles"
+            )
+        return largest, float(weights[largest])
 
 
 def _cavity_tags(count: int) -> npt.NDArray[np.int32]:

@@ -344,7 +344,7 @@ class RigidMotion:
     def wrench(self, b: Array) -> tuple[Array, Array]:
         """Force, shape (d,), and moment about the centre where it is now, shape (3,), of owned entries conjugate to w."""
         forces = b[self.dofs[self.owned]] @ self.skew
-        if forces.shape[1] == 2:
+        if forces.shape[1] < 3:
             return self.sum(forces.sum(axis=0)), np.zeros(3)
         arms = self.arms[self.owned] @ self.rotation.T
         both = self.sum(np.concatenate([forces.sum(axis=0), np.cross(arms, forces).sum(axis=0)]))
@@ -598,7 +598,7 @@ def _held_modes(body: Body, cells: npt.NDArray[np.int32] | None = None) -> Array
     modes = np.zeros((6, 6) if d == 3 else (1, 1))
     own = None if cells is None else np.unique(mesh.geometry.dofmaps[0][cells])
     wanted = [(plane.name, plane.normal) for plane in body.actuator.cut_planes]
-    for role, way in [*wanted, *((hold.role, hold.direction) for hold in body.holds)]:
+    for role, way in [*wanted, *((hold.role, hold.direction) for hold in body.holds if not hold.together)]:
         dimension, entities = body.group(role)
         mesh.topology.create_connectivity(dimension, mesh.topology.dim)
         nodes = np.unique(meshes.entities_to_geometry(mesh, dimension, entities))

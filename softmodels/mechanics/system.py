@@ -8,7 +8,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -90,7 +90,7 @@ class System:
         self.bcs = [*regions.conditions(self.body, self.vectors), *still]
         self.assembled = assembly.AssembledTerms(self.potential.terms.values(), self.bcs)
         self._whole: PETSc.Mat = assembly.matrix_of(self.space, self._products.matrices[: len(self.matter)])
-        self.unknowns = unknowns_of(body, self.space, self.bcs, components)
+        self.unknowns = unknowns_of(self.body, self.space, self.bcs, components)
         self.K: PETSc.Mat = self.unknowns.matrix(self._whole, self._assemble_whole)
         self._vector = fem.Function(self.space)
         self.cells = np.arange(body.mesh.topology.index_map(body.mesh.topology.dim).size_local, dtype=np.int32)
@@ -618,51 +618,69 @@ def _nodes_of(space: fem.FunctionSpace) -> tuple[fem.FunctionSpace, Ints, Array]
     return vectors, every.astype(np.int32).reshape(-1, d), places
 
 
+def _on_face(vectors: fem.FunctionSpace, body: Body, face: str) -> Ints:
+    """Return the local nodes on a face."""
+    dimension, entities = body.entities[face]
+    body.mesh.topology.create_connectivity(dimension, body.mesh.topology.dim)
+    return np.asarray(fem.locate_dofs_topological(vectors, dimension, entities))
+
+
 def _on_part(vectors: fem.FunctionSpace, body: Body, part: regions.RigidPart) -> Ints:
     """Return the local nodes on a part's face, or of its region; `ComponentError` if the mesh has no such face."""
     if part.region:
         return np.asarray(fem.locate_dofs_topological(vectors, body.mesh.topology.dim, body.regions[part.region]))
     if part.face not in body.entities:
         raise part.error(f"the mesh has no face {part.face!r}; it has {', '.join(body.entities)}")
-    dimension, entities = body.entities[part.face]
-    body.mesh.topology.create_connectivity(dimension, body.mesh.topology.dim)
-    return np.asarray(fem.locate_dofs_topological(vectors, dimension, entities))
+    return _on_face(vectors, body, part.face)
+
+
+def _motions(
+    body: Body, space: fem.FunctionSpace, components: Sequence[Component]
+) -> Iterator[tuple[str, str, regions.RigidMotion]]:
+    """Yield the label of each rigid part and its name in messages with its motion, and those of faces that travel: of these
+    only the component along the way is common."""
+    parts = [part for part in components if isinstance(part, regions.RigidPart)]
+    travelling = [(hold.role, hold.direction) for hold in body.holds if hold.together and hold.direction is not None]
+    if not parts and not travelling:
+        return
+    comm, (vectors, dofs, places) = body.mesh.comm, _nodes_of(space)
+    n = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+    for role, direction in travelling:
+        nodes, (component, unit) = _on_face(vectors, body, role), body.along(role, direction)
+        along, freedom = dofs[nodes][:, [component]], regions.Freedom(np.zeros(1), np.ones((1, 1)), np.empty((0, 3)))
+        where = f"the face {role}, which travels,"
+        skew, own = np.array([[1.0 / unit]]), along[:, 0] < n
+        yield f"face {role}", where, regions.RigidMotion(comm, freedom, skew, along, np.zeros((len(nodes), 1)), own)
+    for part in parts:
+        nodes, freedom = _on_part(vectors, body, part), part.freedom(body.actuator, _centre(body, part))
+        own = dofs[nodes, 0] < n
+        yield part.label, part.where, regions.RigidMotion(comm, freedom, body.skew, dofs[nodes], places[nodes], own)
 
 
 def unknowns_of(
     body: Body, space: fem.FunctionSpace, held: Sequence[fem.DirichletBC], components: Sequence[Component]
 ) -> Unknowns:
-    """Return the unknowns on a mesh: its owned dofs, fewer with rigid parts.
+    """Return the unknowns on a mesh: its owned dofs, fewer with rigid parts and faces that travel.
 
     Raises:
         ComponentError: A rigid part on no face of the mesh, two that meet, or one that meets what holds the device.
     """
-    n = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-    rigid = [part for part in components if isinstance(part, regions.RigidPart)]
-    if not rigid:
-        return Unknowns(body.mesh.comm, n, {}, np.empty(0, dtype=np.int32))
-    comm, (vectors, all_dofs, all_places) = body.mesh.comm, _nodes_of(space)
-    none = np.empty(0, dtype=np.int32)
+    comm, none = body.mesh.comm, np.empty(0, dtype=np.int32)
     still = np.concatenate([none, *(bc.dof_indices()[0] for bc in held)])
-    motions: dict[str, regions.RigidMotion] = {}
-    taken = none
-    for part in rigid:
-        on_part = _on_part(vectors, body, part)
-        dofs, places = all_dofs[on_part], all_places[on_part]
-        freedom = part.freedom(body.actuator, _centre(body, part))
-        motion = motions[part.label] = regions.RigidMotion(comm, freedom, body.skew, dofs, places, dofs[:, 0] < n)
-        if mpi.any_rank(comm, bool(np.isin(dofs, taken).any())):
-            raise ComponentError(f"{part.where} touches another rigid part; merge them")
+    motions, taken = dict[str, regions.RigidMotion](), none
+    for label, where, motion in _motions(body, space, components):
+        if mpi.any_rank(comm, bool(np.isin(motion.dofs, taken).any())):
+            raise ComponentError(f"{where} touches another rigid part or a face that travels; merge them, or use another face")
         if mpi.any_rank(
-            comm, bool((np.isin(dofs, still)[..., None] & (np.abs(motion.rates()) > regions.HELD_TOLERANCE)).any())
+            comm, bool((np.isin(motion.dofs, still)[..., None] & (np.abs(motion.rates()) > regions.HELD_TOLERANCE)).any())
         ):
             raise ComponentError(
-                f"{part.where} touches the device's support along an edge, so it cannot move; guide it along a free "
+                f"{where} touches the device's support along an edge, so it cannot move; guide it along a free "
                 "direction of the support, or use kind = 'held'"
             )
-        taken = np.concatenate([taken, dofs.ravel()])
+        taken, motions[label] = np.concatenate([taken, motion.dofs.ravel()]), motion
     try:
-        return Unknowns(comm, n, motions, still)
+        return Unknowns(comm, space.dofmap.index_map.size_local * space.dofmap.index_map_bs, motions, still)
     except ValueError as few:
         raise ComponentError(str(few)) from None
 

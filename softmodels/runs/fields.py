@@ -610,7 +610,7 @@ def coloured() -> dict[str, tuple[OutputField, Colours]]:
 def rigid_parts(sampling: state_values.Sampling, state: State) -> dict[str, float]:
     """Return the columns of the rigid parts in the state that is loaded, of the whole device, on all ranks."""
     eq = sampling.system
-    moving = eq.unknowns.moving
+    moving = {part.label: eq.unknowns.moving[part.label] for part in eq.components if isinstance(part, regions.RigidPart)}
     if not moving:
         return {}
     surplus = eq.surplus()

@@ -49,7 +49,7 @@ DEVICES = {
 }  # fmt: skip
 """A small one of each class, and the bodies of its mould in the order in which they leave; lost cores are of wax."""
 WAX = dataclasses.replace(COARSE, core="wax", wax_shrinkage=0.02)
-ELSEWHERE = {"ChannelPlate", "HollowDisk", "SeminarActuator", "ImportedActuator", "ImportedMesh"}
+ELSEWHERE = {"ChannelCell", "ChannelPlate", "HollowDisk", "SeminarActuator", "ImportedActuator", "ImportedMesh"}
 """Devices whose moulds `test_mould` and a test below make, and what has none."""
 
 

@@ -53,6 +53,32 @@ def test_tube(clamps, radius, body_of, figure):
     figure(LAME, "opening per pressure", found / opening(0.3, tube.inner, getattr(tube, radius)) - 1, 1e-4)
 
 
+class OpenTube(bodies.Tube):
+    """A slice of a tube whose upper plane may travel; the library's volume ends in it."""
+
+    @property
+    def plate(self):
+        return (0.0, 0.0, self.height)
+
+
+@pytest.mark.parametrize("section", ["axisymmetric", "quarter"])
+def test_a_tube_whose_end_travels(section, body_of, figure):
+    """A section that stays plane and travels is pulled by the air on the tube's ends."""
+    tube, nu = OpenTube(section=section, through=6), LAW.poisson
+    solver = Solver(System(body_of(tube), LAW, components=[Clamp("top", along="z", together=True)]))
+    solver.factorise(rest := solver.system.rest())
+    along = solver.tangent(rest, pressure_control(0.0), 1e-10)
+    E = 2 * (1 + nu)
+    end = 1 / ((tube.outer / tube.inner) ** 2 - 1)  # stress of the wall along z, and half of the sum of the others
+    hoop = end * (1 + (tube.outer / tube.inner) ** 2)
+    stretch, opening = (end - 2 * nu * end) / E, (hoop - nu * (-1.0 + end)) / E
+    solver.system.unknowns.set_dofs(along.w[: solver.system.dofs])
+    (travel,) = solver.system.unknowns.moving["face top"].values
+    name = "Lame's tube with closed ends, its section free to travel"
+    figure(name, f"stretch along it per pressure, {section}", travel / along.P / (tube.height / tube.size) / stretch - 1, 3e-7)
+    figure(name, f"added volume, {section}", along.V / along.P / rest.V / (2 * opening + stretch) - 1, 1e-5)
+
+
 def test_a_device_held_otherwise(body_of, solved, figure):
     """A glued disk that slides on its bench opens more; the same clamp as its own hold changes nothing."""
     body, law = body_of(DISK), NeoHookean(20e3, 0.495)
@@ -93,6 +119,7 @@ def test_oblique_planes(body_of):
         ("[hold.ring]\nface = 'ring'", "has no 'ring'; known are"),
         ("[hold]\nalong = 'z'", "needs a face"),
         ("[hold]\nface = 'top'\nalong = 'z'\nslip = 'x'", "both along and slip"),
+        ("[hold]\nface = 'top'\nslip = 'x'\ntogether = true", "together needs the direction"),
         ("[hold]\nface = 'top'\nalong = 'up'", "is not a direction"),
         ("[hold]\nface = 'top'\nalong = 'y'", "a section has only the directions"),
     ],

@@ -15,7 +15,7 @@ from softmodels.case.entries import CaseError
 from softmodels.case.load import steps_of
 from softmodels.case.materials import Region
 from softmodels.common.schema import choice_field, length_field
-from softmodels.components.loads import Force
+from softmodels.components.loads import Force, Gravity
 from softmodels.components.rigid import Clamp, Rigid
 from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.controls import pressure_control
@@ -306,6 +306,15 @@ def test_tangent_of_a_turned_plate(bent, figure):
         np.abs(y.array_r - product).max() / np.abs(product).max(),
         1e-13,
     )
+
+
+def test_a_plate_beside_a_clamp_moves_as_its_face():
+    """A clamp's direction may be a component of w that the device has elsewhere; the plate has to follow."""
+    beam = sm.Beam(part="full", length=0.03, cell_size=0.005)
+    parts = [Gravity("-z"), Rigid("tip", name="plate"), Clamp("bottom within x < 6 mm", along="y")]
+    row = sm.run(Case("beam", beam, LAW, steps_of(share=[1.0]), components=parts)).rows[-1]
+    assert row["plate_z_mm"] < -1.0 and row["plate_y_mm"] == pytest.approx(0.0, abs=1e-6)
+    assert row["plate_z_mm"] == pytest.approx(row["tip_z_mm"], rel=1e-9)
 
 
 @pytest.mark.campaign

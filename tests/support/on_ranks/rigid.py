@@ -20,7 +20,8 @@ MEMBRANE = sm.Membrane(
 )
 DISK = sm.HollowDisk(section="wedge", angle=15.0, cell_size=0.006, fillet=0.0015)
 BEAM = sm.Beam(length=0.020, width=0.004, thickness=0.004, part="full", cell_size=0.004)
-MESHES = {"membrane": MEMBRANE, "plated": DISK, "beam": BEAM}
+CELL = sm.ChannelCell(around=8)
+MESHES = {"membrane": MEMBRANE, "plated": DISK, "beam": BEAM, "cell": CELL}
 LAW = sm.NeoHookean(30e3)
 
 
@@ -52,12 +53,13 @@ def turned(system, method):
 
 def figures(comm, folder, method="direct"):
     """Lists of numbers by what they are of, the same on all ranks; ``method`` is of the linear solver."""
-    membrane, disk, beam = (Body.from_file(device, folder / f"{name}.msh", comm) for name, device in MESHES.items())
+    membrane, disk, beam, cell = (Body.from_file(device, folder / f"{name}.msh", comm) for name, device in MESHES.items())
     components = [Rigid("plate", name="plate"), Rigid(region="ring1", name="ring")]
     pushed = [Rigid("tip", name="plate"), Force("tip", "-z", 0.02, name="down"), Force("tip", "y", 0.01, name="aside")]
     values = {
         "wedge with a plate": inflated(System(disk, LAW, components=[Rigid("top", name="plate")]), (0.1,), method),
         "plate that turns": turned(System(beam, LAW, components=pushed), method),
+        "planes that travel": inflated(System(cell, LAW), (0.1,), method),
     }
     if method == "direct":
         values["plate and rigid ring"] = inflated(System(membrane, LAW, components=components), (0.01, 0.02), method)
