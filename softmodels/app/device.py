@@ -54,7 +54,7 @@ class DevicePage(forms.TabPage):
                 with ui.row().classes("w-full items-center no-wrap gap-3"):
                     self.slider = ui.slider(min=0.0, max=1.0, step=0.01, value=0.0)
                     forms.tagged(self.slider, "pressure", "grow", 'aria-label="pressure"')
-                    self.reading = forms.tagged(ui.label(), "pressure-shown", "w-28 text-right", "")
+                    self.reading = forms.tagged(ui.label(), "pressure-shown", "w-40 text-right whitespace-nowrap", "")
                 self.slider.on_value_change(lambda _: self._show_between())
                 self.slider.on("change", lambda _: self._solve_between())
                 self.about = forms.tagged(ui.label(), "linear", "text-sm", "")
@@ -85,12 +85,12 @@ class DevicePage(forms.TabPage):
         kinds = sorted(
             name for name, kind in ACTUATORS.items() if name == own_kind or not kind.__dataclass_fields__.get("file")
         )
-        device = forms.tagged(ui.select(kinds, value=own_kind, label="Device"), "device")
+        device = forms.tagged(ui.select(forms.options(kinds), value=own_kind, label="Device"), "device")
         device.on_value_change(lambda event: self._take_device(event.value))
         forms.field_controls(case.actuator, self._take_field, self._move_field)
         ui.separator()
         known = silicones.named(case.material)
-        own = [] if known else [f"{case.material.name} of case.toml"]
+        own = [] if known else [f"{case.material.name.title()} with its own numbers"]
         value = own[0] if own else str(known).partition("/")[0]
         products = ui.select([*own, *sorted(silicones.PRODUCTS)], value=value, label="Silicone", with_input=True)
         forms.tagged(products, "silicone").on_value_change(
@@ -100,8 +100,8 @@ class DevicePage(forms.TabPage):
         )
         values = case.load.of(steps.PRESSURE)
         text = f"{values[0] / case.column.pascal:g}:{case.column.text(values[-1], 'g')}" if values else ""
-        box = forms.tagged(ui.input("Pressures", value=text), "pressures")
-        box.tooltip(f"such as 0:60 cm ({case.column.unit}), or 0:6 kPa")
+        box = forms.tagged(ui.input(f"Pressures ({case.column.unit}), or in kPa", value=text), "pressures")
+        box.tooltip("such as 0:60 cm, or 0:6 kPa")
         box.on("change", lambda _: self._take_pressures(str(box.value)))
         liquid = forms.tagged(ui.input("Liquid of the column", value=units.exact_text(case.water_density, "kg/m^3")), "liquid")
         liquid.tooltip(f"Its density: centimetres here and on the photographs are of it. 970 kg/m^3 is {units.DENSITY_NOTE}")
@@ -222,7 +222,7 @@ class DevicePage(forms.TabPage):
             return self.say("this device is a solid: start a run below, its path appears as it is solved")
         self._plot(rows)
         top = float(rows.shown("pressure").max())
-        whole = f"von Mises stress of the run's device at {top:.4g} cm"
+        whole = f"von Mises stress of the run's device at {top:.4g} {self.project.case.column.unit}"
         self.picture.set_content(forms.stored_picture(self.project, f"{OUTPUT}/cut.png", f"{whole}, cut open"))
         if self.linear is None or self.linear.case != stored.to_toml():
             self.slider.props(f"max={top} step={top / 500}")
@@ -246,16 +246,16 @@ class DevicePage(forms.TabPage):
 
     def _show_linear(self, device: Actuator) -> None:
         """Show the first-order answer of a solid with other lengths at the slider's pressure."""
-        linear, cm = self.linear, self.project.case.column.pascal
+        linear, column = self.linear, self.project.case.column
         if linear is None:
             return
-        base, wanted = Case.from_toml(linear.case).actuator, float(self.slider.value or 0.0) * cm
+        base, wanted = Case.from_toml(linear.case).actuator, float(self.slider.value or 0.0) * column.pascal
         changes = {name: actuator.parameter(device, name) - actuator.parameter(base, name) for name in linear.by_length}
-        solved = device == base and abs(wanted - linear.pressure) <= 1e-3 * cm
-        self.reading.set_text(f"{wanted / cm:.4g} cm")
+        solved = device == base and abs(wanted - linear.pressure) <= 1e-3 * column.pascal
+        self.reading.set_text(column.full(wanted))
         mark = "" if solved else "  (linear)"
         answer = linear.at(wanted, changes)
-        labels = [("pressure", f"{wanted / cm:.4g} cm ({wanted / 1e3:.4g} kPa)")]
+        labels = [("pressure", f"{column.full(wanted)} ({wanted / 1e3:.4g} kPa)")]
         labels += [
             (f"rise of the {name.removesuffix('_mm')}" if name.endswith("_mm") else "added volume",
              f"{value:.4g} {name.rpartition('_')[2]}{mark}")
@@ -263,8 +263,8 @@ class DevicePage(forms.TabPage):
         ]  # fmt: skip
         self._table(labels)
         self.about.set_text(
-            "" if solved else f"linear answer from the state solved at {linear.pressure / cm:.4g} cm, by its exact "
-            "derivatives; start a run for the solved one"
+            "" if solved else f"linear answer from the state solved at {column.full(linear.pressure)}, by its "
+            "exact derivatives; start a run for the solved one"
         )  # fmt: skip
 
     def _follow(self) -> None:
@@ -349,10 +349,11 @@ class DevicePage(forms.TabPage):
         return figures
 
     def _draw(self, section: replies.Section, pressure: float) -> None:
-        text = f"section at {pressure:.4g} cm, von Mises stress from 0 to {self.tops:.4g} kPa"
+        shown = f"{pressure:.4g} {self.project.case.column.unit}"
+        text = f"section at {shown}, von Mises stress from 0 to {self.tops:.4g} kPa"
         assert self.answer is not None
         self.picture.set_content(forms.section_svg(section, self.box, self.tops, self.answer.colours, text))
-        self.reading.set_text(f"{pressure:.4g} cm")
+        self.reading.set_text(shown)
 
     # -- the case's file ----------------------------------------------------------------------------------------------
 

@@ -14,7 +14,7 @@ from urllib.parse import quote
 import numpy as np
 from nicegui import ui
 
-from geometries import Actuator
+from geometries import ACTUATORS, Actuator
 from measurement.series.photo_list import ColumnError, PhotoListError
 from softmodels.app import jobs
 from softmodels.case import entries
@@ -67,13 +67,24 @@ PAGE_WORDING = {
     r"; use it with --material \S+": "",
 }
 """What the page calls options of the command line in sentences: patterns, in the order in which they are replaced."""
+CLASS_NAME = re.compile(r"\b[A-Z][a-z]+[A-Z]\w*")
 
 
 def page_words(sentence: str) -> str:
-    """Return a sentence that names options of the command line with the page's controls instead."""
+    """Return a sentence that names options of the command line and classes with the page's words instead."""
     for option, control in PAGE_WORDING.items():
         sentence = re.sub(option, control, sentence)
-    return sentence
+    return CLASS_NAME.sub(lambda name: spelled(name[0]).lower() if name[0] in ACTUATORS else name[0], sentence)
+
+
+def options(names: Iterable[str]) -> dict[str, str]:
+    """Return names in the code with their words, as a list of choices shows them."""
+    return {name: spelled(name) for name in names}
+
+
+def spelled(name: str) -> str:
+    """Return the words of a name in the code: "Hollow disk" of a class, "cavity radius" of a field."""
+    return re.sub(r"(?<=[a-z])[A-Z]", lambda letter: f" {letter[0].lower()}", name).replace("_", " ")
 
 
 class TabPage:
@@ -321,7 +332,7 @@ def field_controls(device: Actuator, take: Take, moved: Moved) -> None:
 
 def _control(device: Actuator, name: str, field: schema.About, take: Take, moved: Moved) -> None:
     made: ValueElement
-    value, label, kind = getattr(device, name), name.replace("_", " "), field.kind
+    value, label, kind = getattr(device, name), spelled(name), field.kind
     if isinstance(kind, schema.Quantity):
         return _number(device, name, field, take, moved)
     if isinstance(kind, schema.Choice | schema.Flag):
@@ -337,7 +348,7 @@ def _control(device: Actuator, name: str, field: schema.About, take: Take, moved
 
 
 def _number(device: Actuator, name: str, field: schema.About, take: Take, moved: Moved) -> None:
-    unit, value, label = field.kind.unit, float(getattr(device, name)), name.replace("_", " ")
+    unit, value, label = field.kind.unit, float(getattr(device, name)), spelled(name)
     usual = float(default_of(device, name) or value or 1.0)  # type: ignore[arg-type]
     low, high = min(usual / SLIDER_FACTOR, value), max(usual * SLIDER_FACTOR, value)
     with ui.row().classes("w-full items-center no-wrap gap-2"):

@@ -137,7 +137,7 @@ class MaterialPage(forms.TabPage):
         with self.answer:
             with ui.grid(columns="auto auto auto").classes("gap-x-6 gap-y-0"):
                 for name, value, about in parameters:
-                    ui.label(name.replace("_", " ")).classes("quiet")
+                    ui.label(forms.spelled(name)).classes("quiet")
                     forms.with_attribute(ui.label(value), "data-name", f"fitted-{name}")
                     ui.label(about)
             ui.label(forms.page_words(verdict)).classes("text-sm")
@@ -212,7 +212,7 @@ class MouldPage(forms.TabPage):
         field, default = schema.about(settings.Workshop)[name], getattr(settings.Workshop, name)
         text = schema.shown(default, field.kind.unit) if isinstance(default, float) else str(default)
         given = next(iter(self.given(f"--{name.replace('_', '-')}")), "")
-        box = ui.input(name.replace("_", " "), value=given, placeholder="" if default is None else text)
+        box = ui.input(forms.spelled(name), value=given, placeholder="" if default is None else text)
         forms.with_attribute(box, "hint", field.help) if name in FIRST_SETTINGS else box.tooltip(field.help)
         self.settings[name] = forms.tagged(box, f"mould-{name}", props="dense stack-label")
 
@@ -306,12 +306,13 @@ class DesignPage(forms.TabPage):
         device = self.project.case.actuator
         names = [name for name in actuator.parameter_names(device) if actuator.is_length(device, name)]
         probes = list(device.probes)
-        highest = max(self.project.case.load.of(steps.PRESSURE), default=0.0) / self.project.case.column.pascal
+        column = self.project.case.column
+        highest = column.text(max(self.project.case.load.of(steps.PRESSURE), default=0.0), "g")
         last = last_problem(self.project / PROBLEM) or ProblemChoices()
         ui.label("What may change").classes("font-bold")
         varied = [name for name in last.lengths if name in names] or names[:1]
         self.varied = forms.tagged(
-            ui.select(names, value=varied, label="lengths", multiple=True), "varied", props="dense use-chips"
+            ui.select(forms.options(names), value=varied, label="lengths", multiple=True), "varied", props="dense use-chips"
         )
         self.reach = forms.tagged(ui.input("from and to, as a factor both ways", value=f"{last.factor:.4g}"), "reach")
         ui.label("What it should do").classes("font-bold")
@@ -319,7 +320,8 @@ class DesignPage(forms.TabPage):
         self.objective = forms.tagged(objective, "objective")
         probe = forms.known([last.of], probes, probes[0])
         self.probe = forms.tagged(ui.select(probes, value=probe, label="of"), "probe")
-        self.at = forms.tagged(ui.input("at", value=last.at or f"{highest:g} cm"), "design-pressure")
+        at = ui.input(f"at a pressure ({column.unit}), or in kPa", value=last.at or highest)
+        self.at = forms.tagged(at, "design-pressure")
         ui.label("Limits that it keeps").classes("font-bold")
         self.limits = {
             name: forms.tagged(ui.input(name, value=last.limits.get(quantity, "")), f"keep-{quantity}")

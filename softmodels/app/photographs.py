@@ -542,6 +542,6 @@ class OverlayPage(forms.TabPage):
         self.image.set_visibility(True)
         self.image.set_content(f'<polyline class="simulated" points="{points_text(overlay.curve, scale)}"/>')
         self.about.set_text(
-            f"{case.column.text(pressure)}; measured and simulated heights differ by {overlay.difference * 1e6:.3g} um (rms)"
+            f"{case.column.full(pressure)}; measured and simulated heights differ by {overlay.difference * 1e6:.3g} um (rms)"
         )
         return ""

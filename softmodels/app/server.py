@@ -186,7 +186,7 @@ svg.section .scale-bar text { fill: currentColor; }
   .q-header .q-tab { min-width: 0; padding: 0 3px; }
 }
 .colour-bar { display: flex; gap: 0.6rem; align-items: center; font-size: 0.85rem; max-width: 30rem; margin: 0 auto; }
-.colour-bar div { flex: 1; height: 0.7rem; }
+.colour-bar div { flex: 1 0 6rem; height: 0.7rem; }
 .brand { font-size: 1rem; line-height: 1.5rem; font-weight: 700; margin: 0; }
 .q-tab--inactive { opacity: 1; }
 .quiet { color: #616161; }

@@ -65,9 +65,9 @@ def test_the_limit_point(run):
     row = next(row for row in run.rows if row["limit"])
     expected = half(slopes(lambda other: sm.limit(DISK, other).pressure))
     assert row["pressure_ci95_cm"] * run.case.column.pascal == pytest.approx(expected, rel=1e-3)
-    (note,) = band_notes(run.table)
+    (note,) = band_notes(run.case, run.table)
     low, high = row["pressure_cm"] - row["pressure_ci95_cm"], row["pressure_cm"] + row["pressure_ci95_cm"]
-    assert f"between {low:.4g} and {high:.4g} cm" in note
+    assert f"between {low:.4g} and {high:.4g} cm, 0.97 g/ml" in note
 
 
 @pytest.mark.campaign
