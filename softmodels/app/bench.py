@@ -14,7 +14,8 @@ import math
 import re
 import tempfile
 import tomllib
-from collections.abc import Callable, Iterable, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
 import tomli_w
@@ -40,6 +41,8 @@ class Bench:
         self.solver, self.slower = jobs.WarmWorker("softmodels.app.answers"), jobs.WarmWorker("softmodels.app.answers")
         self.tracer = jobs.WarmWorker("softmodels.app.tracing")
         self.jobs, self.photographs = jobs.Jobs(project.folder), Photographs(project, self.tracer)
+        self.at_work: Counter[object] = Counter()
+        self.worked: Event[object] = Event()
         for changed in (project.changed, self.photographs.changed):
             changed.subscribe(lambda _: project.record())
 
@@ -48,6 +51,18 @@ class Bench:
         self._loading = [asyncio.create_task(asyncio.to_thread(warm.start)) for warm in (self.solver, self.tracer)]
         self._loading.append(asyncio.create_task(self.photographs.begin()))
         self.jobs.begin()
+
+    @contextlib.contextmanager
+    def work(self, name: object) -> Iterator[None]:
+        """Count a piece of work in ``at_work`` until it is done; all tabs hear of it."""
+        self.at_work[name] += 1
+        self.worked.emit(name)
+        try:
+            yield
+        finally:
+            self.at_work.subtract([name])
+            self.at_work += Counter()  # only what is under way
+            self.worked.emit(name)
 
     async def take_samples(self, tell: Callable[[str], object]) -> None:
         """Fill a project without photographs with the sample ones: lens, screen, pressures, device and a curve, as a user would

@@ -33,6 +33,76 @@ if TYPE_CHECKING:
     from softmodels.app.bench import Bench
 
 
+class TabPage:
+    """One tab's page."""
+
+    message: ui.label
+    """Where the page shows what is wrong."""
+
+    def __init__(self, bench: Bench):
+        self.bench, self.project = bench, bench.project
+
+    def say(self, sentence: str) -> None:
+        """Show a sentence; none clears the place."""
+        self.message.set_text(page_words(sentence))
+
+    @contextlib.contextmanager
+    def saying(self, about: str = "") -> Iterator[None]:
+        """Show the sentence of an error, with what it is about before it."""
+        try:
+            yield
+        except ERRORS as error:
+            self.say(f"{about}{errors.reason(error)}")
+
+    def while_working(self, name: object, words: str, *starting: ui.button | ui.upload) -> None:
+        """Add a place that shows words while a piece of work is under way in any tab (`Bench.work`); what would start it again
+        is disabled until then."""
+        with ui.row().classes("items-center no-wrap gap-2") as shown:
+            ui.spinner()
+            ui.label(words)
+
+        def show() -> None:
+            shown.set_visibility(working := self.bench.at_work[name] > 0)
+            for control in starting:
+                control.set_enabled(not working)
+
+        self.bench.worked.subscribe(lambda changed: show() if changed == name else None)
+        show()
+
+    def upload_box(self, label: str, kind: bench.FileKind, endings: str, name: str, take: Callable[..., object]) -> ui.upload:
+        """Add a place to drop files in the current place of the page, with a name for tests and those who do not see it. The
+        browser offers the endings and rejects other kinds; ``take`` takes the event with the files.
+
+        The browser itself takes files off the list once they are here: a reset from the server would abort what was dropped
+        since.
+        """
+        made = ui.upload(
+            multiple=True, auto_upload=True, max_file_size=kind.largest, on_multi_upload=take,
+            on_rejected=lambda: self.say(kind.rejected),
+        )  # fmt: skip
+        made.add_slot("header", UPLOAD.replace("LABEL", label))
+        made.on("uploaded", js_handler=f"() => getElement({made.id}).$refs.qRef.removeUploadedFiles()")
+        return tagged(made, name, props=f'accept="{endings}"')
+
+    async def keep(self, event: MultiUploadEventArguments, folder: str, kind: bench.FileKind) -> None:
+        """Write files that were dropped into a folder of the project."""
+        with self.project.history.one_step():
+            for given in event.files:
+                with self.saying():
+                    self.project.keep(folder, given.name, await given.read(), kind)
+
+    def remove_button(self, name: str, remove: Callable[[], object]) -> None:
+        """Add a button in the current place of the page that takes a user's file out of the project."""
+
+        async def pressed() -> None:
+            with self.saying(f"{name}: "):
+                if inspect.isawaitable(removing := remove()):
+                    await removing
+
+        button = ui.button(icon="close", on_click=pressed).props("flat dense round size=sm").classes("shrink-0")
+        with_attribute(button.tooltip("Take it away; Undo brings it back"), "aria-label", f"take away {name}")
+
+
 ERRORS = (
     *entries.INPUT_ERRORS,
     jobs.AnswerError,
@@ -85,61 +155,6 @@ def options(names: Iterable[str]) -> dict[str, str]:
 def spelled(name: str) -> str:
     """Return the words of a name in the code: "Hollow disk" of a class, "cavity radius" of a field."""
     return re.sub(r"(?<=[a-z])[A-Z]", lambda letter: f" {letter[0].lower()}", name).replace("_", " ")
-
-
-class TabPage:
-    """One tab's page."""
-
-    message: ui.label
-    """Where the page shows what is wrong."""
-
-    def __init__(self, bench: Bench):
-        self.bench, self.project = bench, bench.project
-
-    def say(self, sentence: str) -> None:
-        """Show a sentence; none clears the place."""
-        self.message.set_text(page_words(sentence))
-
-    @contextlib.contextmanager
-    def saying(self, about: str = "") -> Iterator[None]:
-        """Show the sentence of an error, with what it is about before it."""
-        try:
-            yield
-        except ERRORS as error:
-            self.say(f"{about}{errors.reason(error)}")
-
-    def upload_box(self, label: str, kind: bench.FileKind, endings: str, name: str, take: Callable[..., object]) -> ui.upload:
-        """Add a place to drop files in the current place of the page, with a name for tests and those who do not see it. The
-        browser offers the endings and rejects other kinds; ``take`` takes the event with the files.
-
-        The browser itself takes files off the list once they are here: a reset from the server would abort what was dropped
-        since.
-        """
-        made = ui.upload(
-            multiple=True, auto_upload=True, max_file_size=kind.largest, on_multi_upload=take,
-            on_rejected=lambda: self.say(kind.rejected),
-        )  # fmt: skip
-        made.add_slot("header", UPLOAD.replace("LABEL", label))
-        made.on("uploaded", js_handler=f"() => getElement({made.id}).$refs.qRef.removeUploadedFiles()")
-        return tagged(made, name, props=f'accept="{endings}"')
-
-    async def keep(self, event: MultiUploadEventArguments, folder: str, kind: bench.FileKind) -> None:
-        """Write files that were dropped into a folder of the project."""
-        with self.project.history.one_step():
-            for given in event.files:
-                with self.saying():
-                    self.project.keep(folder, given.name, await given.read(), kind)
-
-    def remove_button(self, name: str, remove: Callable[[], object]) -> None:
-        """Add a button in the current place of the page that takes a user's file out of the project."""
-
-        async def pressed() -> None:
-            with self.saying(f"{name}: "):
-                if inspect.isawaitable(removing := remove()):
-                    await removing
-
-        button = ui.button(icon="close", on_click=pressed).props("flat dense round size=sm").classes("shrink-0")
-        with_attribute(button.tooltip("Take it away; Undo brings it back"), "aria-label", f"take away {name}")
 
 
 UPLOAD = """<div class="row items-center no-wrap q-pa-sm">

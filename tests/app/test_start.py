@@ -184,8 +184,14 @@ def test_another_choice_puts_results_out_of_date(project):
 def test_samples_fill_a_project_and_are_measured(browser, tmp_path):
     """From one click to the outlines of the sample photographs."""
     with served(tmp_path / "project") as (_, address), tab(browser, address, "Start") as page:
-        page.get_by_role("button", name="Try it with sample photographs").click()
+        samples = page.get_by_role("button", name="Try it with sample photographs")
+        samples.click()
+        page.get_by_text("filling this project").wait_for()
+        with tab(browser, address, "Start") as other:
+            for shown in (page, other):
+                assert shown.get_by_role("button", name="Try it with sample photographs").is_disabled()
         page.wait_for_function("document.querySelector('[data-name=\"start-told\"]')?.textContent.startsWith('filled')")
+        assert samples.is_enabled() and not page.get_by_text("filling this project").is_visible()
         page.get_by_role("tab", name="Photographs").click()
         page.get_by_role("button", name="Measure all outlines").click()
         page.wait_for_function("document.querySelector('[data-name=\"state-outlines\"]')?.textContent == 'done'")
