@@ -273,6 +273,7 @@ class JobPanel:
     def _stop(self) -> None:
         if (job := self.bench.jobs.latest(self.output)) is not None:
             self.bench.jobs.stop(job)
+            self._show()
 
     def _follow(self) -> None:
         job = self.bench.jobs.latest(self.output)
@@ -286,6 +287,7 @@ class JobPanel:
         job, file = self.bench.jobs.latest(self.output), self.bench.project / self.report
         active = job is not None and job.active
         self.start_button.set_enabled(not active)
+        self.stop_button.set_enabled(job is None or not self.bench.jobs.is_stopping(job))
         for element in (self.stop_button, self.spinner):
             element.set_visibility(active)
         self.log.set_visibility(job is not None)
@@ -295,7 +297,7 @@ class JobPanel:
             return
         text = self.bench.jobs.log(job)
         lines = [text_line for text_line in text.splitlines() if text_line.strip()]
-        self.state.set_text(job.state)
+        self.state.set_text(self.bench.jobs.state_words(job))
         self._mark()
         self.line.set_text(page_words(lines[-1]) if lines else "")
         self.whole.set_content(f"$ {job.command}\n{text}")
