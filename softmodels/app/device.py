@@ -41,10 +41,7 @@ class DevicePage(forms.TabPage):
         self.answer: replies.PathAnswer | None = None
         self.linear: replies.LinearAnswer | None = None
         self.own = False
-        with ui.element("div").classes("two-columns"):
-            with ui.card().classes("w-full"):
-                self.controls = ui.refreshable(self._controls)
-                self.controls()
+        with ui.element("div").classes("two-columns picture-first"):
             with ui.column().classes("w-full min-w-0"):
                 self.message = forms.tagged(ui.label(), "message", "text-negative", "")
                 self.busy = forms.tagged(ui.linear_progress(show_value=False), "busy", "w-full", "indeterminate")
@@ -57,6 +54,10 @@ class DevicePage(forms.TabPage):
                     self.reading = forms.tagged(ui.label(), "pressure-shown", "w-40 text-right whitespace-nowrap", "")
                 self.slider.on_value_change(lambda _: self._show_between())
                 self.slider.on("change", lambda _: self._solve_between())
+            with ui.card().classes("w-full"):
+                self.controls = ui.refreshable(self._controls)
+                self.controls()
+            with ui.column().classes("w-full min-w-0"):
                 self.about = forms.tagged(ui.label(), "linear", "text-sm", "")
                 self.error = forms.tagged(ui.label(), "error", "text-sm", "")
                 self.numbers = ui.grid(columns="auto auto").classes("gap-x-6 gap-y-0")

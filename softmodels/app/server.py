@@ -174,7 +174,12 @@ svg.section { width: 100%; max-height: 62vh; }
 svg.section .scale-bar path { stroke: currentColor; fill: none; }
 svg.section .scale-bar text { fill: currentColor; }
 .two-columns { display: grid; grid-template-columns: minmax(0, 1fr); gap: 1rem; width: 100%; }
-@media (min-width: 900px) { .two-columns { grid-template-columns: 22rem minmax(0, 1fr); } }
+@media (min-width: 900px) {
+  .two-columns { grid-template-columns: 22rem minmax(0, 1fr); }
+  .picture-first { grid-template-rows: auto 1fr; }
+  .picture-first > :first-child { grid-column: 2; }
+  .picture-first > :nth-child(2) { grid-area: 1 / 1 / span 2; align-self: start; }
+}
 .q-header { flex-wrap: nowrap; }
 .q-header .q-tabs { min-width: 0; }
 @media (max-width: 700px) {

@@ -261,6 +261,8 @@ def test_nothing_sticks_out(browser, server, width):
     with tab(browser, server, viewport={"width": width, "height": 844}) as page:
         page.locator("svg.section").wait_for()
         assert page.evaluate("document.documentElement.scrollWidth") <= width
+        slider, form = (page.locator(f'[data-name="{name}"]').first.bounding_box() for name in ("pressure", "device"))
+        assert slider["y"] < form["y"] if width < 900 else form["x"] + form["width"] < slider["x"]
 
 
 @pytest.mark.campaign
