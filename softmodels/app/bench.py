@@ -17,6 +17,7 @@ import tomllib
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import tomli_w
 from nicegui import Event
@@ -30,17 +31,22 @@ from softmodels.case.entries import CaseError
 from softmodels.common import errors, files, tables
 from softmodels.materials import silicones
 
+if TYPE_CHECKING:
+    from softmodels.app import forms
+
 
 class Bench:
     """What all tabs of one server share: the project, the address (with the key) under which other machines of the network
     connect, empty if they may not, and the processes that answer about devices and photographs. ``slower`` is for what takes
-    longer about devices, so that no slider waits for it."""
+    longer about devices, so that no slider waits for it. ``commands`` gives what the newest tab would start, by the folder of
+    results."""
 
     def __init__(self, project: Project, address: str = ""):
         self.project, self.address = project, address
         self.solver, self.slower = jobs.WarmWorker("softmodels.app.answers"), jobs.WarmWorker("softmodels.app.answers")
         self.tracer = jobs.WarmWorker("softmodels.app.tracing")
         self.jobs, self.photographs = jobs.Jobs(project.folder), Photographs(project, self.tracer)
+        self.commands: dict[str, Callable[[], forms.Command | str]] = {}
         self.at_work: Counter[object] = Counter()
         self.worked: Event[object] = Event()
         for changed in (project.changed, self.photographs.changed):
@@ -238,13 +244,15 @@ class Project:
 
     @property
     def task_cases(self) -> dict[str, str]:
-        """Texts of the cases that fits, moulds and designs are given, by their files' names: without the load, and for a fit
-        without the material. What does not matter there does not put their results out of date."""
+        """Texts of the cases that fits, moulds and designs are given, by their files' names: without the load, for fits and
+        moulds without the liquid of its column, and for a fit without the material. What does not matter there does not put
+        their results out of date."""
         water = self.case.water_density
-        made = dataclasses.replace(self.case, steps=load.steps_of(pressure=FIRST_PRESSURES, water_density=water), band=None)
-        text = self._text_of(made)
-        device = {name: table for name, table in tomllib.loads(text).items() if name != "material"}
-        return {FIT_CASE: tomli_w.dumps(device), MOULD_CASE: text, DESIGN_CASE: text}
+        designed = dataclasses.replace(self.case, steps=load.steps_of(pressure=FIRST_PRESSURES, water_density=water), band=None)
+        usual = {"control": Case.control, "water_density": Case.water_density, "steps": load.steps_of(pressure=FIRST_PRESSURES)}
+        made = self._text_of(dataclasses.replace(designed, **usual))  # type: ignore[arg-type]
+        device = {name: table for name, table in tomllib.loads(made).items() if name != "material"}
+        return {FIT_CASE: tomli_w.dumps(device), MOULD_CASE: made, DESIGN_CASE: self._text_of(designed)}
 
     def case_for(self, name: str) -> dict[str, str]:
         """Return one of `task_cases` by its file's name."""

@@ -247,6 +247,7 @@ class JobPanel:
             with ui.expansion("Log").classes("w-full").props("dense") as self.log:
                 self.whole = ui.code("", language="text").classes("w-full")
             self.frame = ui.html("", sanitize=False).classes("w-full")
+        bench.commands[output] = self._asked
         bench.jobs.changed.subscribe(lambda job: self._show() if job.output == output else None)
         ui.timer(1.0, self._follow)
         self._show()
@@ -316,10 +317,12 @@ class JobPanel:
 
 
 def is_outdated(bench: Bench, job: jobs.Job, made: Command | str = "") -> bool:
-    """Return whether a job's results are not those of the project's files as they are now, or of the command that would be
-    started now, where that is known."""
+    """Return whether a job's results are not those of the project's files as they are now and of the command that would be
+    started now: the given one, or that of the newest tab."""
     if job.state != jobs.DONE:
         return False
+    if not made and job.output in bench.commands:
+        made = bench.commands[job.output]()
     words, written = ([], {}) if isinstance(made, str) else (made.words, made.written)
     return bench.jobs.is_outdated(job, words, {**bench.project.task_cases, **written})
 
