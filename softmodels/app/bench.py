@@ -11,13 +11,13 @@ import csv
 import dataclasses
 import io
 import math
+import os
 import re
 import tempfile
 import tomllib
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import tomli_w
 from nicegui import Event
@@ -31,9 +31,6 @@ from softmodels.case.entries import CaseError
 from softmodels.common import errors, files, tables
 from softmodels.materials import silicones
 
-if TYPE_CHECKING:
-    from softmodels.app import forms
-
 
 class Bench:
     """What all tabs of one server share: the project, the address (with the key) under which other machines of the network
@@ -46,7 +43,7 @@ class Bench:
         self.solver, self.slower = jobs.WarmWorker("softmodels.app.answers"), jobs.WarmWorker("softmodels.app.answers")
         self.tracer = jobs.WarmWorker("softmodels.app.tracing")
         self.jobs, self.photographs = jobs.Jobs(project.folder), Photographs(project, self.tracer)
-        self.commands: dict[str, Callable[[], forms.Command | str]] = {}
+        self.commands: dict[str, Callable[[], jobs.Command | str]] = {}
         self.at_work: Counter[object] = Counter()
         self.worked: Event[object] = Event()
         for changed in (project.changed, self.photographs.changed):
@@ -123,6 +120,8 @@ OUTLINES, LENS = "outlines", "lens.toml"
 CASE, PHOTOS, SETUP, FITTED = "case.toml", "photos.csv", "setup.toml", "fitted.toml"
 FIT_CASE, MOULD_CASE, DESIGN_CASE = "fit-case.toml", "mould-case.toml", "design-case.toml"
 PHOTOGRAPHS, BOARDS, CURVES, PARTS, RESULTS = "photographs", "boards", "curves", "parts", "results"
+DEVICES = "devices"
+"""Cases under names of their own, as files."""
 SAMPLES = Path(__file__).parents[1] / "cli" / "files"
 """The examples that come with the package: `softmodels.cli.examples`."""
 SAMPLE_GRID = "grid.jpg"
@@ -136,7 +135,7 @@ FIRST_SCREEN = "", "9mm", "none", AUTO
 BENCH = "bench.toml"
 """How the screen was found: the photograph of its grid, the pitch, the lens; and how the photographs store light."""
 INPUT_TEXTS = {CASE: "device", PHOTOS: "pressures", SETUP: "screen", BENCH: "screen", FITTED: "fitted law"}
-INPUT_FOLDERS = {PHOTOGRAPHS: "photograph", BOARDS: "board", CURVES: "curve", PARTS: "part"}
+INPUT_FOLDERS = {PHOTOGRAPHS: "photograph", BOARDS: "board", CURVES: "curve", PARTS: "part", DEVICES: "kept device"}
 """What a project's results are made of, in words; its changes can be undone."""
 COLUMNS = ("pressure", "error", *photo_list.TIMES, "use")
 """Columns of the list beside the file's name."""
@@ -167,7 +166,7 @@ class Project:
 
     def __init__(self, folder: Path):
         self.folder = folder.absolute()
-        for name in (PHOTOGRAPHS, BOARDS, CURVES, PARTS, RESULTS):
+        for name in (*INPUT_FOLDERS, RESULTS):
             (self.folder / name).mkdir(parents=True, exist_ok=True)
         self.changed: Event[str] = Event()
         self.case_error = ""
@@ -205,8 +204,9 @@ class Project:
 
     def _text_of(self, case: Case) -> str:
         """Return a case's text in this folder, which may be moved: its files are named from here."""
-        own = {file: Path(file).relative_to(self.folder) for file in case.files if Path(file).is_relative_to(self.folder)}
-        return case.to_toml({file: place.as_posix() for file, place in own.items()})
+        places = {file: Path(os.path.normpath(file)) for file in case.files}
+        own = {file: place for file, place in places.items() if place.is_relative_to(self.folder)}
+        return case.to_toml({file: place.relative_to(self.folder).as_posix() for file, place in own.items()})
 
     def change(self, **fields: object) -> None:
         """Change fields of the case and write it; all pages follow. It stays as it was after a CaseError or ArgumentError: it
@@ -269,7 +269,7 @@ class Project:
     def keep(self, folder: str, name: str, data: bytes, kind: FileKind) -> Path:
         """Write a file that a user brings, under any name, to a free place in a folder, and return it; FieldError for another
         kind of file, OSError if it cannot be written."""
-        wanted = re.sub(r"[^\w.+-]+", "_", Path(name.replace("\\", "/")).name).lstrip("._") or "file"
+        wanted = _plain(name)
         stem, suffix = Path(wanted).stem[:80], Path(wanted).suffix[:12]
         if suffix.lower() not in kind.endings:
             raise errors.FieldError(f"{name}: {kind.what} are {kind.formats}")
@@ -282,6 +282,45 @@ class Project:
         """Take a file that a user brought out of its folder, until it is undone; OSError if it cannot be moved."""
         self.history.remove(file)
         self.changed.emit(file.parent.name)
+
+    # -- devices and results under names of their own -------------------------------------------------------------------
+
+    @property
+    def devices(self) -> list[Path]:
+        """The kept devices."""
+        return self.files(DEVICES, DEVICE_FILE.endings)
+
+    def keep_device(self, name: str) -> None:
+        """Keep the case under a name, as a file that finds its parts from its own folder; errors as of `keep`."""
+        parts = {file: os.path.relpath(file, self / DEVICES) for file in self.case.files}
+        text = self.case.to_toml(parts) if parts else self.case_text
+        self.keep(DEVICES, f"{name}.toml", text.encode(), DEVICE_FILE)
+
+    def rename_device(self, file: Path, name: str) -> None:
+        """Give a kept device another name, or one like it where that is in use; errors as of `keep`."""
+        if name != file.stem:
+            with self.history.one_step():
+                self.duplicate_device(file, name)
+                self.remove(file)
+
+    def duplicate_device(self, file: Path, name: str = "") -> None:
+        """Keep a copy of a kept device under another name, or one like its own; errors as of `keep`."""
+        self.keep(DEVICES, f"{name or file.stem}.toml", files.read_file(file), DEVICE_FILE)
+
+    def open_device(self, file: Path) -> None:
+        """Take a kept device as the project's; errors as of `change`."""
+        self._check_file()
+        case = Case.from_file(file)
+        text = self._text_of(case) if case.files else files.read_text(file)
+        self._take(Case.from_toml(text, self.folder), text)
+
+    def copies(self, output: str) -> list[Path]:
+        """Return the kept copies of a folder of results."""
+        return sorted(path for path in self.folder.glob(f"{output}-*") if path.is_dir() and not path.is_symlink())
+
+    def copy_place(self, output: str, name: str) -> Path:
+        """Return a free place for a copy of a folder of results under a name."""
+        return self._free(".", f"{output}-{_plain(name)[:80]}", "")
 
     def record(self) -> None:
         """Let the last changes be undone. Where that cannot be written, they stand all the same."""
@@ -298,6 +337,14 @@ class Project:
         """Return the files in a folder with some endings, by name."""
         known = {ending.lower() for ending in endings}
         return sorted(path for path in (self / folder).iterdir() if path.suffix.lower() in known)
+
+
+DEVICE_FILE = FileKind("kept devices", "TOML", (".toml",), 1 << 20)
+
+
+def _plain(name: str) -> str:
+    """Return a file's name for any text: without folders, spaces, and a dot at the beginning."""
+    return re.sub(r"[^\w.+-]+", "_", Path(name.replace("\\", "/")).name).lstrip("._") or "file"
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -16,7 +16,7 @@ import numpy as np
 from nicegui import ui
 
 from geometries import ACTUATORS, Actuator, actuator, registry
-from softmodels.app import bench, forms, jobs
+from softmodels.app import bench, forms, jobs, kept
 from softmodels.app.bench import Bench
 from softmodels.case import load
 from softmodels.case.case import Case
@@ -57,6 +57,7 @@ class DevicePage(forms.TabPage):
             with ui.card().classes("w-full"):
                 self.controls = ui.refreshable(self._controls)
                 self.controls()
+                kept.KeptDevices(bench)
             with ui.column().classes("w-full min-w-0"):
                 self.about = forms.tagged(ui.label(), "linear", "text-sm", "")
                 self.error = forms.tagged(ui.label(), "error", "text-sm", "")
@@ -66,6 +67,7 @@ class DevicePage(forms.TabPage):
                 self.spread = forms.tagged(ui.label(), "spread", "text-sm", "")
                 self.notes = ui.column().classes("gap-1")
                 forms.JobPanel(bench, OUTPUT, "Run with all pictures", self._run, f"{OUTPUT}/report.html", ABOUT)
+                kept.KeptResults(bench, OUTPUT)
                 self._whole_case()
                 with ui.expansion("The same in a terminal, and in Python").classes("w-full").props("dense"):
                     self.terminal = forms.tagged(ui.code("", language="bash"), "terminal", props="")
@@ -75,8 +77,8 @@ class DevicePage(forms.TabPage):
         ui.timer(0.05, self._solve, once=True)
         ui.timer(1.0, self._follow)
 
-    def _run(self) -> forms.Command:
-        return forms.Command(["softmodels", "run", self.project.case_file(), "-o", OUTPUT], OUTPUT, True)
+    def _run(self) -> jobs.Command:
+        return jobs.Command(["softmodels", "run", self.project.case_file(), "-o", OUTPUT], OUTPUT, True)
 
     # -- controls -----------------------------------------------------------------------------------------------------
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import inspect
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -200,17 +199,6 @@ def stored_picture(project: bench.Project, place: str, words: str) -> str:
 # Commands.
 
 
-@dataclasses.dataclass(frozen=True)
-class Command:
-    """The words of a command after ``python -m``, its folder of results, whether it has ``--resume``, and texts of files of the
-    project, by their names, that are written before it is started."""
-
-    words: list[str]
-    output: str
-    resumable: bool = False
-    written: Mapping[str, str] = dataclasses.field(default_factory=dict)
-
-
 ALLOWED = "allow-scripts allow-popups allow-downloads allow-modals"
 """What a report may do inside the page: its 3-D view, and saving and printing what it shows."""
 
@@ -229,7 +217,13 @@ class JobPanel:
     """
 
     def __init__(
-        self, bench: Bench, output: str, title: str, command: Callable[[], Command | str], report: str = "", about: str = ""
+        self,
+        bench: Bench,
+        output: str,
+        title: str,
+        command: Callable[[], jobs.Command | str],
+        report: str = "",
+        about: str = "",
     ):
         self.bench, self.output, self.title, self.command = bench, output, title, command
         self.report, self.about = report, about
@@ -252,7 +246,7 @@ class JobPanel:
         ui.timer(1.0, self._follow)
         self._show()
 
-    def _asked(self) -> Command | str:
+    def _asked(self) -> jobs.Command | str:
         try:
             return self.command()
         except ERRORS as error:
@@ -272,12 +266,12 @@ class JobPanel:
             self.bench.jobs.start(made.words, made.output, resumable=made.resumable)
 
     def _stop(self) -> None:
-        if (job := self.bench.jobs.latest(self.output)) is not None:
+        if (job := self.bench.jobs.shown(self.output)) is not None:
             self.bench.jobs.stop(job)
             self._show()
 
     def _follow(self) -> None:
-        job = self.bench.jobs.latest(self.output)
+        job = self.bench.jobs.shown(self.output)
         if job is not None and job.active:
             self._show()
         else:
@@ -285,7 +279,7 @@ class JobPanel:
 
     def _show(self) -> None:
         """Show the newest job, what it has printed, and its report once it has ended."""
-        job, file = self.bench.jobs.latest(self.output), self.bench.project / self.report
+        job, file = self.bench.jobs.shown(self.output), self.bench.project / self.report
         active = job is not None and job.active
         self.start_button.set_enabled(not active)
         self.stop_button.set_enabled(job is None or not self.bench.jobs.is_stopping(job))
@@ -295,6 +289,9 @@ class JobPanel:
         self.empty.set_visibility(job is None and bool(self.about))
         self.zip.set_visibility(not active and (self.bench.project / self.output).is_dir())
         if job is None:
+            self.state.set_text("")
+            self.line.set_text("")
+            self.frame.set_content("")
             return
         text = self.bench.jobs.log(job)
         lines = [text_line for text_line in text.splitlines() if text_line.strip()]
@@ -308,7 +305,7 @@ class JobPanel:
 
     def _mark(self) -> None:
         """Mark results that are not those of today's inputs."""
-        if (job := self.bench.jobs.latest(self.output)) is None or job.active:
+        if (job := self.bench.jobs.shown(self.output)) is None or job.active:
             return
         outdated = job.state == jobs.DONE and not self.kept() and is_outdated(self.bench, job, self._asked())
         self.state.set_text(f"{OUTDATED}: what it was made of has changed; start it again" if outdated else job.state)
@@ -316,7 +313,7 @@ class JobPanel:
             element.classes("outdated") if outdated else element.classes(remove="outdated")
 
 
-def is_outdated(bench: Bench, job: jobs.Job, made: Command | str = "") -> bool:
+def is_outdated(bench: Bench, job: jobs.Job, made: jobs.Command | str = "") -> bool:
     """Return whether a job's results are not those of the project's files as they are now and of the command that would be
     started now: the given one, or that of the newest tab."""
     if job.state != jobs.DONE:

@@ -140,6 +140,11 @@ class Jobs:
         """Return the newest job with a folder of results."""
         return next((job for job in reversed(self.all) if job.output == output), None)
 
+    def shown(self, output: str) -> Job | None:
+        """Return the newest job with a folder of results, unless these were deleted."""
+        job = self.latest(output)
+        return None if job is not None and job.state == DONE and not (self.project / output).exists() else job
+
     def log(self, job: Job) -> str:
         """Return what a command has printed; the last of what overwrote itself."""
         try:
@@ -228,6 +233,17 @@ def _interrupt(process: asyncio.subprocess.Process) -> None:
 def _kill(process: asyncio.subprocess.Process) -> None:
     if process.returncode is None:
         processes.kill_all(process.pid)
+
+
+@dataclasses.dataclass(frozen=True)
+class Command:
+    """The words of a command after ``python -m``, its folder of results, whether it has ``--resume``, and texts of files of the
+    project, by their names, that are written before it is started."""
+
+    words: list[str]
+    output: str
+    resumable: bool = False
+    written: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
 
 class SupersededError(Exception):

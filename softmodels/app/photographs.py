@@ -197,12 +197,12 @@ class PhotographsPage(forms.TabPage):
         await self.keep(event, BOARDS, PHOTOGRAPH)
         self._update()
 
-    def _calibrate(self) -> forms.Command | str:
+    def _calibrate(self) -> jobs.Command | str:
         files = [f"{BOARDS}/{file.name}" for file in self.project.files(BOARDS, photo_list.PICTURES)]
         if not files:
             return "drop photographs of the board first"
         options = ["--pattern", str(self.pattern.value), "--pitch", str(self.square.value), "-o", LENS]
-        return forms.Command(["measurement", "calibrate", *files, *options], LENS)
+        return jobs.Command(["measurement", "calibrate", *files, *options], LENS)
 
     async def _find(self) -> None:
         if not self.grid.value:
@@ -400,7 +400,7 @@ class PhotographsPage(forms.TabPage):
 
     # -- all of them --------------------------------------------------------------------------------------------------
 
-    def _measure(self) -> forms.Command | str:
+    def _measure(self) -> jobs.Command | str:
         """Return the command that measures all; a sentence where it cannot be given yet."""
         if not self.photos.setup:
             return "choose the photograph that shows the grid, and find the grid first"
@@ -415,7 +415,7 @@ class PhotographsPage(forms.TabPage):
         words += ["--tone", self.photos.tone] if self.photos.tone != AUTO else []
         density = self.photos.column.density
         words += ["--water-density", units.exact_text(density, "kg/m^3")] if density != units.WATER_DENSITY else []
-        return forms.Command(words, OUTLINES)
+        return jobs.Command(words, OUTLINES)
 
 
 @dataclasses.dataclass(frozen=True)

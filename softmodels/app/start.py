@@ -89,7 +89,7 @@ class StartPage(forms.TabPage):
 
     def _state(self, step: Step) -> tuple[str, str]:
         """Return the state of a step, and what comes next."""
-        job = self.bench.jobs.latest(step.output) if step.output else None
+        job = self.bench.jobs.shown(step.output) if step.output else None
         if job is None:
             listed = self.bench.photographs.shadows if step.output == OUTLINES else []
             typed = sum(bool(photograph.pressure) for photograph in listed)
