@@ -436,7 +436,8 @@ def span_sentence(case: Case, sources: columns.SourceTables) -> str:
     if common:
         rows = {name: many[common[name]] for name, many in sources.items()}
         here = rows[own or ""]
-        place = words.place(here) if case.variable == "pressure" else case.load.told(here[case.variable])
+        told = case.load.told(here[case.variable])
+        place = words.under(here, case.column.full(here["pressure"])) if case.variable == "pressure" else told
         parts.append(f"at {place} the {words.gauge} rises {_ends(rows, words.gauge)}")
         if words.volume and case.variable != "added_volume":
             parts.append(f"the cavity takes {_ends(rows, 'added_volume')}")

@@ -55,6 +55,7 @@ def test_the_error_stands_under_the_slider(page):
     (line, *_), (first, *_) = run.budget.lines(), run.budget.contributions(run.table[-1], "apex")
     assert said.startswith("at 60 cm") and said.endswith(line.replace("+-", "±"))
     assert f": {first.text} " in said and first.text == "silicone"
+    assert not BARE_COLUMN.search(value(page, "spread"))
 
 
 def test_the_colours_end_at_the_largest_stress_of_the_table(page):

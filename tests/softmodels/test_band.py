@@ -241,7 +241,7 @@ def test_what_the_sources_span_is_told_and_drawn(spanned):
     """At the last pressure that all of them reach; the softest ends at its limit point before the others."""
     (note,) = [note for note in spanned.notes if note.startswith(f"over the 4 sources of {ECOFLEX}")]
     rises = [next(row["apex_mm"] for row in rows if row["pressure_cm"] == 20.0) for rows in spanned.sources.values()]
-    assert f"at 20 cm the apex rises {min(rises):.4g} mm (smooth-on) to {max(rises):.4g} mm (marechal-2021)" in note
+    assert f"at 20 cm, 0.97 g/ml the apex rises {min(rises):.4g} mm (smooth-on) to {max(rises):.4g} mm (marechal-2021)" in note
     (limit,) = [row for row in spanned.sources[f"{ECOFLEX}/marechal-2021"] if row["limit"]]
     assert f"the limit point lies at {limit['pressure_cm']:.4g} cm (marechal-2021) (none met with" in note
     axes = spanned.plot().axes[0]
