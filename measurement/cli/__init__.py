@@ -6,14 +6,16 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import re
 import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NoReturn
 
 from measurement.screen.setup import SetupError, magnification as factor_of
-from softmodels.common import commands, errors, files, units
+from softmodels.common import commands, errors, files, processes, units
 from softmodels.common.lazy import consoles, progress
 
 EXIT_SOME_REJECTED = 3
@@ -113,17 +115,42 @@ def per_metre(text: str) -> float:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The bar that commands of the measurement show on a terminal while they work.
+# The bar that commands of the measurement show on a terminal while they work, or lines in a log.
 
 
 @contextlib.contextmanager
 def bar(words: str, total: int, quiet: bool) -> Iterator[Callable[[], None]]:
-    """Show a bar with the time taken and left, on a terminal only; yields a function to call at each of the steps."""
+    """Show a bar with the time taken and left, in a log a line every `LOG_SECONDS`; yields a function to call at each of the
+    steps."""
     console = consoles.Console(stderr=True, quiet=quiet)
     parts = (
         progress.TextColumn("{task.description}"), progress.BarColumn(), progress.MofNCompleteColumn(),
         progress.TimeElapsedColumn(), progress.TextColumn("left"), progress.TimeRemainingColumn(),
     )  # fmt: skip
-    with progress.Progress(*parts, console=console, disable=quiet or not console.is_terminal, transient=True) as shown:
+    if not quiet and not console.is_terminal:
+        yield _Lines(words, total).advance
+        return
+    with progress.Progress(*parts, console=console, disable=quiet, transient=True) as shown:
         task = shown.add_task(words, total=total)
         yield lambda: shown.advance(task)
+
+
+LOG_SECONDS = 1.0
+
+
+@dataclasses.dataclass
+class _Lines:
+    words: str
+    total: int
+    done: int = 0
+    first: float = 0.0
+    told: float = 0.0
+
+    def advance(self) -> None:
+        now, self.done = time.monotonic(), self.done + 1
+        if self.done == 1:
+            self.first = self.told = now  # the time of the start does not predict that of the steps
+        elif now - self.told >= LOG_SECONDS:
+            self.told = now
+            left = (now - self.first) / (self.done - 1) * (self.total - self.done)
+            processes.say(f"{self.words}: {self.done} of {self.total}, about {left:.0f} s left", err=True)

@@ -7,5 +7,6 @@ Begin with `server`, which serves the page to who holds its key, and builds the 
 - `jobs`: commands in processes of their own, which survive a closed tab and are resumed after a killed server; processes
   that keep the solver loaded, for answers while sliders move.
 - `answers`, `tracing`: what these processes answer, of devices and of photographs. `replies`: what both sides import.
-- `forms`: what pages are made of. `start`, `photographs`, `device`, `making`: the pages.
+- `forms`: what pages are made of. `kept`: lists of what is kept under names.
+- `start`, `photographs`, `device`, `making`: the pages.
 """

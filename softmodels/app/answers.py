@@ -67,8 +67,8 @@ def limit(case: str) -> tuple[str]:
         asked.actuator, asked.material, formulation=asked.formulation, components=asked.components, solver=asked.solver,
         band=asked.band if isinstance(asked.band, materials.MaterialErrors) else None, tolerance=asked.tolerance,
     )  # fmt: skip
-    error = f" ± {asked.column.text(limit.half_width, '.2g')} (95 %, mostly {limit.errors[0].text})" if limit.errors else ""
-    pressure = f"{asked.column.text(limit.pressure)} ({limit.pressure / 1e3:.4g} kPa){error}"
+    error = f" ± {limit.half_width / 1e3:.2g} kPa (95 %, mostly {limit.errors[0].text})" if limit.errors else ""
+    pressure = f"{asked.column.full(limit.pressure)}, that is {limit.pressure / 1e3:.4g} kPa{error}"
     if not limit.exists:
         return (f"no limit point up to {pressure}, where the largest stretch is {limit.stretch:.3g}",)
     what = "limit point" if limit.kind == "limit" else "bifurcation"

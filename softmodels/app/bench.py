@@ -11,10 +11,12 @@ import csv
 import dataclasses
 import io
 import math
+import os
 import re
 import tempfile
 import tomllib
-from collections.abc import Callable, Iterable, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
 import tomli_w
@@ -33,13 +35,17 @@ from softmodels.materials import silicones
 class Bench:
     """What all tabs of one server share: the project, the address (with the key) under which other machines of the network
     connect, empty if they may not, and the processes that answer about devices and photographs. ``slower`` is for what takes
-    longer about devices, so that no slider waits for it."""
+    longer about devices, so that no slider waits for it. ``commands`` gives what the newest tab would start, by the folder of
+    results."""
 
     def __init__(self, project: Project, address: str = ""):
         self.project, self.address = project, address
         self.solver, self.slower = jobs.WarmWorker("softmodels.app.answers"), jobs.WarmWorker("softmodels.app.answers")
         self.tracer = jobs.WarmWorker("softmodels.app.tracing")
         self.jobs, self.photographs = jobs.Jobs(project.folder), Photographs(project, self.tracer)
+        self.commands: dict[str, Callable[[], jobs.Command | str]] = {}
+        self.at_work: Counter[object] = Counter()
+        self.worked: Event[object] = Event()
         for changed in (project.changed, self.photographs.changed):
             changed.subscribe(lambda _: project.record())
 
@@ -48,6 +54,18 @@ class Bench:
         self._loading = [asyncio.create_task(asyncio.to_thread(warm.start)) for warm in (self.solver, self.tracer)]
         self._loading.append(asyncio.create_task(self.photographs.begin()))
         self.jobs.begin()
+
+    @contextlib.contextmanager
+    def work(self, name: object) -> Iterator[None]:
+        """Count a piece of work in ``at_work`` until it is done; all tabs hear of it."""
+        self.at_work[name] += 1
+        self.worked.emit(name)
+        try:
+            yield
+        finally:
+            self.at_work.subtract([name])
+            self.at_work += Counter()  # only what is under way
+            self.worked.emit(name)
 
     async def take_samples(self, tell: Callable[[str], object]) -> None:
         """Fill a project without photographs with the sample ones: lens, screen, pressures, device and a curve, as a user would
@@ -102,6 +120,8 @@ OUTLINES, LENS = "outlines", "lens.toml"
 CASE, PHOTOS, SETUP, FITTED = "case.toml", "photos.csv", "setup.toml", "fitted.toml"
 FIT_CASE, MOULD_CASE, DESIGN_CASE = "fit-case.toml", "mould-case.toml", "design-case.toml"
 PHOTOGRAPHS, BOARDS, CURVES, PARTS, RESULTS = "photographs", "boards", "curves", "parts", "results"
+DEVICES = "devices"
+"""Cases under names of their own, as files."""
 SAMPLES = Path(__file__).parents[1] / "cli" / "files"
 """The examples that come with the package: `softmodels.cli.examples`."""
 SAMPLE_GRID = "grid.jpg"
@@ -115,7 +135,7 @@ FIRST_SCREEN = "", "9mm", "none", AUTO
 BENCH = "bench.toml"
 """How the screen was found: the photograph of its grid, the pitch, the lens; and how the photographs store light."""
 INPUT_TEXTS = {CASE: "device", PHOTOS: "pressures", SETUP: "screen", BENCH: "screen", FITTED: "fitted law"}
-INPUT_FOLDERS = {PHOTOGRAPHS: "photograph", BOARDS: "board", CURVES: "curve", PARTS: "part"}
+INPUT_FOLDERS = {PHOTOGRAPHS: "photograph", BOARDS: "board", CURVES: "curve", PARTS: "part", DEVICES: "kept device"}
 """What a project's results are made of, in words; its changes can be undone."""
 COLUMNS = ("pressure", "error", *photo_list.TIMES, "use")
 """Columns of the list beside the file's name."""
@@ -146,7 +166,7 @@ class Project:
 
     def __init__(self, folder: Path):
         self.folder = folder.absolute()
-        for name in (PHOTOGRAPHS, BOARDS, CURVES, PARTS, RESULTS):
+        for name in (*INPUT_FOLDERS, RESULTS):
             (self.folder / name).mkdir(parents=True, exist_ok=True)
         self.changed: Event[str] = Event()
         self.case_error = ""
@@ -184,8 +204,9 @@ class Project:
 
     def _text_of(self, case: Case) -> str:
         """Return a case's text in this folder, which may be moved: its files are named from here."""
-        own = {file: Path(file).relative_to(self.folder) for file in case.files if Path(file).is_relative_to(self.folder)}
-        return case.to_toml({file: place.as_posix() for file, place in own.items()})
+        places = {file: Path(os.path.normpath(file)) for file in case.files}
+        own = {file: place for file, place in places.items() if place.is_relative_to(self.folder)}
+        return case.to_toml({file: place.relative_to(self.folder).as_posix() for file, place in own.items()})
 
     def change(self, **fields: object) -> None:
         """Change fields of the case and write it; all pages follow. It stays as it was after a CaseError or ArgumentError: it
@@ -223,13 +244,15 @@ class Project:
 
     @property
     def task_cases(self) -> dict[str, str]:
-        """Texts of the cases that fits, moulds and designs are given, by their files' names: without the load, and for a fit
-        without the material. What does not matter there does not put their results out of date."""
+        """Texts of the cases that fits, moulds and designs are given, by their files' names: without the load, for fits and
+        moulds without the liquid of its column, and for a fit without the material. What does not matter there does not put
+        their results out of date."""
         water = self.case.water_density
-        made = dataclasses.replace(self.case, steps=load.steps_of(pressure=FIRST_PRESSURES, water_density=water), band=None)
-        text = self._text_of(made)
-        device = {name: table for name, table in tomllib.loads(text).items() if name != "material"}
-        return {FIT_CASE: tomli_w.dumps(device), MOULD_CASE: text, DESIGN_CASE: text}
+        designed = dataclasses.replace(self.case, steps=load.steps_of(pressure=FIRST_PRESSURES, water_density=water), band=None)
+        usual = {"control": Case.control, "water_density": Case.water_density, "steps": load.steps_of(pressure=FIRST_PRESSURES)}
+        made = self._text_of(dataclasses.replace(designed, **usual))  # type: ignore[arg-type]
+        device = {name: table for name, table in tomllib.loads(made).items() if name != "material"}
+        return {FIT_CASE: tomli_w.dumps(device), MOULD_CASE: made, DESIGN_CASE: self._text_of(designed)}
 
     def case_for(self, name: str) -> dict[str, str]:
         """Return one of `task_cases` by its file's name."""
@@ -246,7 +269,7 @@ class Project:
     def keep(self, folder: str, name: str, data: bytes, kind: FileKind) -> Path:
         """Write a file that a user brings, under any name, to a free place in a folder, and return it; FieldError for another
         kind of file, OSError if it cannot be written."""
-        wanted = re.sub(r"[^\w.+-]+", "_", Path(name.replace("\\", "/")).name).lstrip("._") or "file"
+        wanted = _plain(name)
         stem, suffix = Path(wanted).stem[:80], Path(wanted).suffix[:12]
         if suffix.lower() not in kind.endings:
             raise errors.FieldError(f"{name}: {kind.what} are {kind.formats}")
@@ -259,6 +282,45 @@ class Project:
         """Take a file that a user brought out of its folder, until it is undone; OSError if it cannot be moved."""
         self.history.remove(file)
         self.changed.emit(file.parent.name)
+
+    # -- devices and results under names of their own -------------------------------------------------------------------
+
+    @property
+    def devices(self) -> list[Path]:
+        """The kept devices."""
+        return self.files(DEVICES, DEVICE_FILE.endings)
+
+    def keep_device(self, name: str) -> None:
+        """Keep the case under a name, as a file that finds its parts from its own folder; errors as of `keep`."""
+        parts = {file: os.path.relpath(file, self / DEVICES) for file in self.case.files}
+        text = self.case.to_toml(parts) if parts else self.case_text
+        self.keep(DEVICES, f"{name}.toml", text.encode(), DEVICE_FILE)
+
+    def rename_device(self, file: Path, name: str) -> None:
+        """Give a kept device another name, or one like it where that is in use; errors as of `keep`."""
+        if name != file.stem:
+            with self.history.one_step():
+                self.duplicate_device(file, name)
+                self.remove(file)
+
+    def duplicate_device(self, file: Path, name: str = "") -> None:
+        """Keep a copy of a kept device under another name, or one like its own; errors as of `keep`."""
+        self.keep(DEVICES, f"{name or file.stem}.toml", files.read_file(file), DEVICE_FILE)
+
+    def open_device(self, file: Path) -> None:
+        """Take a kept device as the project's; errors as of `change`."""
+        self._check_file()
+        case = Case.from_file(file)
+        text = self._text_of(case) if case.files else files.read_text(file)
+        self._take(Case.from_toml(text, self.folder), text)
+
+    def copies(self, output: str) -> list[Path]:
+        """Return the kept copies of a folder of results."""
+        return sorted(path for path in self.folder.glob(f"{output}-*") if path.is_dir() and not path.is_symlink())
+
+    def copy_place(self, output: str, name: str) -> Path:
+        """Return a free place for a copy of a folder of results under a name."""
+        return self._free(".", f"{output}-{_plain(name)[:80]}", "")
 
     def record(self) -> None:
         """Let the last changes be undone. Where that cannot be written, they stand all the same."""
@@ -275,6 +337,14 @@ class Project:
         """Return the files in a folder with some endings, by name."""
         known = {ending.lower() for ending in endings}
         return sorted(path for path in (self / folder).iterdir() if path.suffix.lower() in known)
+
+
+DEVICE_FILE = FileKind("kept devices", "TOML", (".toml",), 1 << 20)
+
+
+def _plain(name: str) -> str:
+    """Return a file's name for any text: without folders, spaces, and a dot at the beginning."""
+    return re.sub(r"[^\w.+-]+", "_", Path(name.replace("\\", "/")).name).lstrip("._") or "file"
 
 
 # ----------------------------------------------------------------------------------------------------------------------

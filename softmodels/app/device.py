@@ -16,7 +16,7 @@ import numpy as np
 from nicegui import ui
 
 from geometries import ACTUATORS, Actuator, actuator, registry
-from softmodels.app import bench, forms, jobs
+from softmodels.app import bench, forms, jobs, kept
 from softmodels.app.bench import Bench
 from softmodels.case import load
 from softmodels.case.case import Case
@@ -41,10 +41,7 @@ class DevicePage(forms.TabPage):
         self.answer: replies.PathAnswer | None = None
         self.linear: replies.LinearAnswer | None = None
         self.own = False
-        with ui.element("div").classes("two-columns"):
-            with ui.card().classes("w-full"):
-                self.controls = ui.refreshable(self._controls)
-                self.controls()
+        with ui.element("div").classes("two-columns picture-first"):
             with ui.column().classes("w-full min-w-0"):
                 self.message = forms.tagged(ui.label(), "message", "text-negative", "")
                 self.busy = forms.tagged(ui.linear_progress(show_value=False), "busy", "w-full", "indeterminate")
@@ -54,9 +51,14 @@ class DevicePage(forms.TabPage):
                 with ui.row().classes("w-full items-center no-wrap gap-3"):
                     self.slider = ui.slider(min=0.0, max=1.0, step=0.01, value=0.0)
                     forms.tagged(self.slider, "pressure", "grow", 'aria-label="pressure"')
-                    self.reading = forms.tagged(ui.label(), "pressure-shown", "w-28 text-right", "")
+                    self.reading = forms.tagged(ui.label(), "pressure-shown", "w-40 text-right whitespace-nowrap", "")
                 self.slider.on_value_change(lambda _: self._show_between())
                 self.slider.on("change", lambda _: self._solve_between())
+            with ui.card().classes("w-full"):
+                self.controls = ui.refreshable(self._controls)
+                self.controls()
+                kept.KeptDevices(bench)
+            with ui.column().classes("w-full min-w-0"):
                 self.about = forms.tagged(ui.label(), "linear", "text-sm", "")
                 self.error = forms.tagged(ui.label(), "error", "text-sm", "")
                 self.numbers = ui.grid(columns="auto auto").classes("gap-x-6 gap-y-0")
@@ -65,6 +67,7 @@ class DevicePage(forms.TabPage):
                 self.spread = forms.tagged(ui.label(), "spread", "text-sm", "")
                 self.notes = ui.column().classes("gap-1")
                 forms.JobPanel(bench, OUTPUT, "Run with all pictures", self._run, f"{OUTPUT}/report.html", ABOUT)
+                kept.KeptResults(bench, OUTPUT)
                 self._whole_case()
                 with ui.expansion("The same in a terminal, and in Python").classes("w-full").props("dense"):
                     self.terminal = forms.tagged(ui.code("", language="bash"), "terminal", props="")
@@ -74,8 +77,8 @@ class DevicePage(forms.TabPage):
         ui.timer(0.05, self._solve, once=True)
         ui.timer(1.0, self._follow)
 
-    def _run(self) -> forms.Command:
-        return forms.Command(["softmodels", "run", self.project.case_file(), "-o", OUTPUT], OUTPUT, True)
+    def _run(self) -> jobs.Command:
+        return jobs.Command(["softmodels", "run", self.project.case_file(), "-o", OUTPUT], OUTPUT, True)
 
     # -- controls -----------------------------------------------------------------------------------------------------
 
@@ -85,12 +88,12 @@ class DevicePage(forms.TabPage):
         kinds = sorted(
             name for name, kind in ACTUATORS.items() if name == own_kind or not kind.__dataclass_fields__.get("file")
         )
-        device = forms.tagged(ui.select(kinds, value=own_kind, label="Device"), "device")
+        device = forms.tagged(ui.select(forms.options(kinds), value=own_kind, label="Device"), "device")
         device.on_value_change(lambda event: self._take_device(event.value))
         forms.field_controls(case.actuator, self._take_field, self._move_field)
         ui.separator()
         known = silicones.named(case.material)
-        own = [] if known else [f"{case.material.name} of case.toml"]
+        own = [] if known else [f"{case.material.name.title()} with its own numbers"]
         value = own[0] if own else str(known).partition("/")[0]
         products = ui.select([*own, *sorted(silicones.PRODUCTS)], value=value, label="Silicone", with_input=True)
         forms.tagged(products, "silicone").on_value_change(
@@ -100,8 +103,8 @@ class DevicePage(forms.TabPage):
         )
         values = case.load.of(steps.PRESSURE)
         text = f"{values[0] / case.column.pascal:g}:{case.column.text(values[-1], 'g')}" if values else ""
-        box = forms.tagged(ui.input("Pressures", value=text), "pressures")
-        box.tooltip(f"such as 0:60 cm ({case.column.unit}), or 0:6 kPa")
+        box = forms.tagged(ui.input(f"Pressures ({case.column.unit}), or in kPa", value=text), "pressures")
+        box.tooltip("such as 0:60 cm, or 0:6 kPa")
         box.on("change", lambda _: self._take_pressures(str(box.value)))
         liquid = forms.tagged(ui.input("Liquid of the column", value=units.exact_text(case.water_density, "kg/m^3")), "liquid")
         liquid.tooltip(f"Its density: centimetres here and on the photographs are of it. 970 kg/m^3 is {units.DENSITY_NOTE}")
@@ -222,7 +225,7 @@ class DevicePage(forms.TabPage):
             return self.say("this device is a solid: start a run below, its path appears as it is solved")
         self._plot(rows)
         top = float(rows.shown("pressure").max())
-        whole = f"von Mises stress of the run's device at {top:.4g} cm"
+        whole = f"von Mises stress of the run's device at {top:.4g} {self.project.case.column.unit}"
         self.picture.set_content(forms.stored_picture(self.project, f"{OUTPUT}/cut.png", f"{whole}, cut open"))
         if self.linear is None or self.linear.case != stored.to_toml():
             self.slider.props(f"max={top} step={top / 500}")
@@ -246,16 +249,16 @@ class DevicePage(forms.TabPage):
 
     def _show_linear(self, device: Actuator) -> None:
         """Show the first-order answer of a solid with other lengths at the slider's pressure."""
-        linear, cm = self.linear, self.project.case.column.pascal
+        linear, column = self.linear, self.project.case.column
         if linear is None:
             return
-        base, wanted = Case.from_toml(linear.case).actuator, float(self.slider.value or 0.0) * cm
+        base, wanted = Case.from_toml(linear.case).actuator, float(self.slider.value or 0.0) * column.pascal
         changes = {name: actuator.parameter(device, name) - actuator.parameter(base, name) for name in linear.by_length}
-        solved = device == base and abs(wanted - linear.pressure) <= 1e-3 * cm
-        self.reading.set_text(f"{wanted / cm:.4g} cm")
+        solved = device == base and abs(wanted - linear.pressure) <= 1e-3 * column.pascal
+        self.reading.set_text(column.full(wanted))
         mark = "" if solved else "  (linear)"
         answer = linear.at(wanted, changes)
-        labels = [("pressure", f"{wanted / cm:.4g} cm ({wanted / 1e3:.4g} kPa)")]
+        labels = [("pressure", f"{column.full(wanted)} ({wanted / 1e3:.4g} kPa)")]
         labels += [
             (f"rise of the {name.removesuffix('_mm')}" if name.endswith("_mm") else "added volume",
              f"{value:.4g} {name.rpartition('_')[2]}{mark}")
@@ -263,8 +266,8 @@ class DevicePage(forms.TabPage):
         ]  # fmt: skip
         self._table(labels)
         self.about.set_text(
-            "" if solved else f"linear answer from the state solved at {linear.pressure / cm:.4g} cm, by its exact "
-            "derivatives; start a run for the solved one"
+            "" if solved else f"linear answer from the state solved at {column.full(linear.pressure)}, by its "
+            "exact derivatives; start a run for the solved one"
         )  # fmt: skip
 
     def _follow(self) -> None:
@@ -349,10 +352,11 @@ class DevicePage(forms.TabPage):
         return figures
 
     def _draw(self, section: replies.Section, pressure: float) -> None:
-        text = f"section at {pressure:.4g} cm, von Mises stress from 0 to {self.tops:.4g} kPa"
+        shown = f"{pressure:.4g} {self.project.case.column.unit}"
+        text = f"section at {shown}, von Mises stress from 0 to {self.tops:.4g} kPa"
         assert self.answer is not None
         self.picture.set_content(forms.section_svg(section, self.box, self.tops, self.answer.colours, text))
-        self.reading.set_text(f"{pressure:.4g} cm")
+        self.reading.set_text(shown)
 
     # -- the case's file ----------------------------------------------------------------------------------------------
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import inspect
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -14,7 +13,7 @@ from urllib.parse import quote
 import numpy as np
 from nicegui import ui
 
-from geometries import Actuator
+from geometries import ACTUATORS, Actuator
 from measurement.series.photo_list import ColumnError, PhotoListError
 from softmodels.app import jobs
 from softmodels.case import entries
@@ -31,6 +30,76 @@ if TYPE_CHECKING:
 
     from softmodels.app import bench, replies
     from softmodels.app.bench import Bench
+
+
+class TabPage:
+    """One tab's page."""
+
+    message: ui.label
+    """Where the page shows what is wrong."""
+
+    def __init__(self, bench: Bench):
+        self.bench, self.project = bench, bench.project
+
+    def say(self, sentence: str) -> None:
+        """Show a sentence; none clears the place."""
+        self.message.set_text(page_words(sentence))
+
+    @contextlib.contextmanager
+    def saying(self, about: str = "") -> Iterator[None]:
+        """Show the sentence of an error, with what it is about before it."""
+        try:
+            yield
+        except ERRORS as error:
+            self.say(f"{about}{errors.reason(error)}")
+
+    def while_working(self, name: object, words: str, *starting: ui.button | ui.upload) -> None:
+        """Add a place that shows words while a piece of work is under way in any tab (`Bench.work`); what would start it again
+        is disabled until then."""
+        with ui.row().classes("items-center no-wrap gap-2") as shown:
+            ui.spinner()
+            ui.label(words)
+
+        def show() -> None:
+            shown.set_visibility(working := self.bench.at_work[name] > 0)
+            for control in starting:
+                control.set_enabled(not working)
+
+        self.bench.worked.subscribe(lambda changed: show() if changed == name else None)
+        show()
+
+    def upload_box(self, label: str, kind: bench.FileKind, endings: str, name: str, take: Callable[..., object]) -> ui.upload:
+        """Add a place to drop files in the current place of the page, with a name for tests and those who do not see it. The
+        browser offers the endings and rejects other kinds; ``take`` takes the event with the files.
+
+        The browser itself takes files off the list once they are here: a reset from the server would abort what was dropped
+        since.
+        """
+        made = ui.upload(
+            multiple=True, auto_upload=True, max_file_size=kind.largest, on_multi_upload=take,
+            on_rejected=lambda: self.say(kind.rejected),
+        )  # fmt: skip
+        made.add_slot("header", UPLOAD.replace("LABEL", label))
+        made.on("uploaded", js_handler=f"() => getElement({made.id}).$refs.qRef.removeUploadedFiles()")
+        return tagged(made, name, props=f'accept="{endings}"')
+
+    async def keep(self, event: MultiUploadEventArguments, folder: str, kind: bench.FileKind) -> None:
+        """Write files that were dropped into a folder of the project."""
+        with self.project.history.one_step():
+            for given in event.files:
+                with self.saying():
+                    self.project.keep(folder, given.name, await given.read(), kind)
+
+    def remove_button(self, name: str, remove: Callable[[], object]) -> None:
+        """Add a button in the current place of the page that takes a user's file out of the project."""
+
+        async def pressed() -> None:
+            with self.saying(f"{name}: "):
+                if inspect.isawaitable(removing := remove()):
+                    await removing
+
+        button = ui.button(icon="close", on_click=pressed).props("flat dense round size=sm").classes("shrink-0")
+        with_attribute(button.tooltip("Take it away; Undo brings it back"), "aria-label", f"take away {name}")
 
 
 ERRORS = (
@@ -67,68 +136,24 @@ PAGE_WORDING = {
     r"; use it with --material \S+": "",
 }
 """What the page calls options of the command line in sentences: patterns, in the order in which they are replaced."""
+CLASS_NAME = re.compile(r"\b[A-Z][a-z]+[A-Z]\w*")
 
 
 def page_words(sentence: str) -> str:
-    """Return a sentence that names options of the command line with the page's controls instead."""
+    """Return a sentence that names options of the command line and classes with the page's words instead."""
     for option, control in PAGE_WORDING.items():
         sentence = re.sub(option, control, sentence)
-    return sentence
+    return CLASS_NAME.sub(lambda name: spelled(name[0]).lower() if name[0] in ACTUATORS else name[0], sentence)
 
 
-class TabPage:
-    """One tab's page."""
+def options(names: Iterable[str]) -> dict[str, str]:
+    """Return names in the code with their words, as a list of choices shows them."""
+    return {name: spelled(name) for name in names}
 
-    message: ui.label
-    """Where the page shows what is wrong."""
 
-    def __init__(self, bench: Bench):
-        self.bench, self.project = bench, bench.project
-
-    def say(self, sentence: str) -> None:
-        """Show a sentence; none clears the place."""
-        self.message.set_text(page_words(sentence))
-
-    @contextlib.contextmanager
-    def saying(self, about: str = "") -> Iterator[None]:
-        """Show the sentence of an error, with what it is about before it."""
-        try:
-            yield
-        except ERRORS as error:
-            self.say(f"{about}{errors.reason(error)}")
-
-    def upload_box(self, label: str, kind: bench.FileKind, endings: str, name: str, take: Callable[..., object]) -> ui.upload:
-        """Add a place to drop files in the current place of the page, with a name for tests and those who do not see it. The
-        browser offers the endings and rejects other kinds; ``take`` takes the event with the files.
-
-        The browser itself takes files off the list once they are here: a reset from the server would abort what was dropped
-        since.
-        """
-        made = ui.upload(
-            multiple=True, auto_upload=True, max_file_size=kind.largest, on_multi_upload=take,
-            on_rejected=lambda: self.say(kind.rejected),
-        )  # fmt: skip
-        made.add_slot("header", UPLOAD.replace("LABEL", label))
-        made.on("uploaded", js_handler=f"() => getElement({made.id}).$refs.qRef.removeUploadedFiles()")
-        return tagged(made, name, props=f'accept="{endings}"')
-
-    async def keep(self, event: MultiUploadEventArguments, folder: str, kind: bench.FileKind) -> None:
-        """Write files that were dropped into a folder of the project."""
-        with self.project.history.one_step():
-            for given in event.files:
-                with self.saying():
-                    self.project.keep(folder, given.name, await given.read(), kind)
-
-    def remove_button(self, name: str, remove: Callable[[], object]) -> None:
-        """Add a button in the current place of the page that takes a user's file out of the project."""
-
-        async def pressed() -> None:
-            with self.saying(f"{name}: "):
-                if inspect.isawaitable(removing := remove()):
-                    await removing
-
-        button = ui.button(icon="close", on_click=pressed).props("flat dense round size=sm").classes("shrink-0")
-        with_attribute(button.tooltip("Take it away; Undo brings it back"), "aria-label", f"take away {name}")
+def spelled(name: str) -> str:
+    """Return the words of a name in the code: "Hollow disk" of a class, "cavity radius" of a field."""
+    return re.sub(r"(?<=[a-z])[A-Z]", lambda letter: f" {letter[0].lower()}", name).replace("_", " ")
 
 
 UPLOAD = """<div class="row items-center no-wrap q-pa-sm">
@@ -174,17 +199,6 @@ def stored_picture(project: bench.Project, place: str, words: str) -> str:
 # Commands.
 
 
-@dataclasses.dataclass(frozen=True)
-class Command:
-    """The words of a command after ``python -m``, its folder of results, whether it has ``--resume``, and texts of files of the
-    project, by their names, that are written before it is started."""
-
-    words: list[str]
-    output: str
-    resumable: bool = False
-    written: Mapping[str, str] = dataclasses.field(default_factory=dict)
-
-
 ALLOWED = "allow-scripts allow-popups allow-downloads allow-modals"
 """What a report may do inside the page: its 3-D view, and saving and printing what it shows."""
 
@@ -203,7 +217,13 @@ class JobPanel:
     """
 
     def __init__(
-        self, bench: Bench, output: str, title: str, command: Callable[[], Command | str], report: str = "", about: str = ""
+        self,
+        bench: Bench,
+        output: str,
+        title: str,
+        command: Callable[[], jobs.Command | str],
+        report: str = "",
+        about: str = "",
     ):
         self.bench, self.output, self.title, self.command = bench, output, title, command
         self.report, self.about = report, about
@@ -221,11 +241,12 @@ class JobPanel:
             with ui.expansion("Log").classes("w-full").props("dense") as self.log:
                 self.whole = ui.code("", language="text").classes("w-full")
             self.frame = ui.html("", sanitize=False).classes("w-full")
+        bench.commands[output] = self._asked
         bench.jobs.changed.subscribe(lambda job: self._show() if job.output == output else None)
         ui.timer(1.0, self._follow)
         self._show()
 
-    def _asked(self) -> Command | str:
+    def _asked(self) -> jobs.Command | str:
         try:
             return self.command()
         except ERRORS as error:
@@ -245,11 +266,12 @@ class JobPanel:
             self.bench.jobs.start(made.words, made.output, resumable=made.resumable)
 
     def _stop(self) -> None:
-        if (job := self.bench.jobs.latest(self.output)) is not None:
+        if (job := self.bench.jobs.shown(self.output)) is not None:
             self.bench.jobs.stop(job)
+            self._show()
 
     def _follow(self) -> None:
-        job = self.bench.jobs.latest(self.output)
+        job = self.bench.jobs.shown(self.output)
         if job is not None and job.active:
             self._show()
         else:
@@ -257,19 +279,23 @@ class JobPanel:
 
     def _show(self) -> None:
         """Show the newest job, what it has printed, and its report once it has ended."""
-        job, file = self.bench.jobs.latest(self.output), self.bench.project / self.report
+        job, file = self.bench.jobs.shown(self.output), self.bench.project / self.report
         active = job is not None and job.active
         self.start_button.set_enabled(not active)
+        self.stop_button.set_enabled(job is None or not self.bench.jobs.is_stopping(job))
         for element in (self.stop_button, self.spinner):
             element.set_visibility(active)
         self.log.set_visibility(job is not None)
         self.empty.set_visibility(job is None and bool(self.about))
         self.zip.set_visibility(not active and (self.bench.project / self.output).is_dir())
         if job is None:
+            self.state.set_text("")
+            self.line.set_text("")
+            self.frame.set_content("")
             return
         text = self.bench.jobs.log(job)
         lines = [text_line for text_line in text.splitlines() if text_line.strip()]
-        self.state.set_text(job.state)
+        self.state.set_text(self.bench.jobs.state_words(job))
         self._mark()
         self.line.set_text(page_words(lines[-1]) if lines else "")
         self.whole.set_content(f"$ {job.command}\n{text}")
@@ -279,7 +305,7 @@ class JobPanel:
 
     def _mark(self) -> None:
         """Mark results that are not those of today's inputs."""
-        if (job := self.bench.jobs.latest(self.output)) is None or job.active:
+        if (job := self.bench.jobs.shown(self.output)) is None or job.active:
             return
         outdated = job.state == jobs.DONE and not self.kept() and is_outdated(self.bench, job, self._asked())
         self.state.set_text(f"{OUTDATED}: what it was made of has changed; start it again" if outdated else job.state)
@@ -287,11 +313,13 @@ class JobPanel:
             element.classes("outdated") if outdated else element.classes(remove="outdated")
 
 
-def is_outdated(bench: Bench, job: jobs.Job, made: Command | str = "") -> bool:
-    """Return whether a job's results are not those of the project's files as they are now, or of the command that would be
-    started now, where that is known."""
+def is_outdated(bench: Bench, job: jobs.Job, made: jobs.Command | str = "") -> bool:
+    """Return whether a job's results are not those of the project's files as they are now and of the command that would be
+    started now: the given one, or that of the newest tab."""
     if job.state != jobs.DONE:
         return False
+    if not made and job.output in bench.commands:
+        made = bench.commands[job.output]()
     words, written = ([], {}) if isinstance(made, str) else (made.words, made.written)
     return bench.jobs.is_outdated(job, words, {**bench.project.task_cases, **written})
 
@@ -321,7 +349,7 @@ def field_controls(device: Actuator, take: Take, moved: Moved) -> None:
 
 def _control(device: Actuator, name: str, field: schema.About, take: Take, moved: Moved) -> None:
     made: ValueElement
-    value, label, kind = getattr(device, name), name.replace("_", " "), field.kind
+    value, label, kind = getattr(device, name), spelled(name), field.kind
     if isinstance(kind, schema.Quantity):
         return _number(device, name, field, take, moved)
     if isinstance(kind, schema.Choice | schema.Flag):
@@ -337,7 +365,7 @@ def _control(device: Actuator, name: str, field: schema.About, take: Take, moved
 
 
 def _number(device: Actuator, name: str, field: schema.About, take: Take, moved: Moved) -> None:
-    unit, value, label = field.kind.unit, float(getattr(device, name)), name.replace("_", " ")
+    unit, value, label = field.kind.unit, float(getattr(device, name)), spelled(name)
     usual = float(default_of(device, name) or value or 1.0)  # type: ignore[arg-type]
     low, high = min(usual / SLIDER_FACTOR, value), max(usual * SLIDER_FACTOR, value)
     with ui.row().classes("w-full items-center no-wrap gap-2"):

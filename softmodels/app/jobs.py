@@ -88,6 +88,7 @@ class Jobs:
         self.changed: Event[Job] = Event()
         self._turn = asyncio.Lock()
         self._processes: dict[int, asyncio.subprocess.Process] = {}
+        self._stopped: set[int] = set()
         self._tasks: set[asyncio.Task[None]] = set()
         self.ending = False
         self.all: list[Job] = []
@@ -139,6 +140,11 @@ class Jobs:
         """Return the newest job with a folder of results."""
         return next((job for job in reversed(self.all) if job.output == output), None)
 
+    def shown(self, output: str) -> Job | None:
+        """Return the newest job with a folder of results, unless these were deleted."""
+        job = self.latest(output)
+        return None if job is not None and job.state == DONE and not (self.project / output).exists() else job
+
     def log(self, job: Job) -> str:
         """Return what a command has printed; the last of what overwrote itself."""
         try:
@@ -148,19 +154,32 @@ class Jobs:
         return "\n".join(line.rpartition("\r")[2] for line in text.splitlines())
 
     def stop(self, job: Job) -> None:
-        """Stop a job: what was computed stays readable."""
+        """Stop a job: it may end the step under way at the first signal, ends at once at the second, and is killed where
+        compiled code, such as a factorisation, hears neither. What was computed stays readable."""
+        self._stopped.add(job.number)
         if (process := self._processes.get(job.number)) is not None:
-            with contextlib.suppress(ProcessLookupError):
-                process.send_signal(signal.SIGINT)
+            _interrupt(process)
+            loop = asyncio.get_running_loop()
+            loop.call_later(SECOND_SIGNAL_SECONDS, _interrupt, process)
+            loop.call_later(KILL_SECONDS, _kill, process)
         elif job.active:
             self._set(job, STOPPED)
+
+    def is_stopping(self, job: Job) -> bool:
+        return job.active and job.number in self._stopped
+
+    def state_words(self, job: Job) -> str:
+        """Return the state of a job, and of one that waits what it waits for."""
+        if self.is_stopping(job):
+            return "stopping"
+        before = next((Path(other.output).stem for other in self.all if other.state == RUNNING), None)
+        return f"waiting until {before} has ended" if job.state == WAITING and before else job.state
 
     def end(self) -> None:
         """Stop all, as the server ends; they are resumed when it starts again."""
         self.ending = True
         for process in self._processes.values():
-            with contextlib.suppress(ProcessLookupError):
-                process.send_signal(signal.SIGINT)
+            _interrupt(process)
 
     def _log(self, job: Job) -> Path:
         return self.folder / f"{job.number}.log"
@@ -198,10 +217,33 @@ class Jobs:
                     self._log(job).write_text(f"the command could not be started ({errors.reason(error)})\n", encoding="utf-8")
                 return self._set(job, FAILED)
             self._processes[job.number] = process
+            if not job.active:  # stopped while it was started
+                self.stop(job)
             status = await process.wait()
             del self._processes[job.number]
             if not self.ending:
-                self._set(job, JOB_STATES.get(status, FAILED))
+                self._set(job, JOB_STATES.get(status, STOPPED if job.number in self._stopped else FAILED))
+
+
+def _interrupt(process: asyncio.subprocess.Process) -> None:
+    with contextlib.suppress(ProcessLookupError):  # it has ended
+        process.send_signal(signal.SIGINT)
+
+
+def _kill(process: asyncio.subprocess.Process) -> None:
+    if process.returncode is None:
+        processes.kill_all(process.pid)
+
+
+@dataclasses.dataclass(frozen=True)
+class Command:
+    """The words of a command after ``python -m``, its folder of results, whether it has ``--resume``, and texts of files of the
+    project, by their names, that are written before it is started."""
+
+    words: list[str]
+    output: str
+    resumable: bool = False
+    written: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
 
 class SupersededError(Exception):
@@ -255,6 +297,8 @@ class WarmWorker:
 FOLDER = "jobs"
 JOB_STATES = {commands.EXIT_DONE: DONE, commands.EXIT_NO_EQUILIBRIUM: DONE, commands.EXIT_STOPPED: STOPPED}
 """States by exit status; some photographs refused has that of a limit point. All others are `FAILED`."""
+SECOND_SIGNAL_SECONDS, KILL_SECONDS = 0.2, 0.45
+"""Seconds after the first signal to a job that shall stop."""
 RECORDED_ELSEWHERE = "recorded elsewhere, not run"
 """State of a job that another machine, or anyone without this one's `machine_key`, recorded as waiting or running."""
 

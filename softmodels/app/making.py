@@ -14,7 +14,7 @@ import tomli_w
 from nicegui import ui
 
 from geometries import actuator
-from softmodels.app import forms, jobs
+from softmodels.app import forms, jobs, kept
 from softmodels.app.bench import CASE, CURVES, DESIGN_CASE, FIT_CASE, FITTED, MOULD_CASE, OUTLINES, RESULTS, Bench, FileKind
 from softmodels.case import materials
 from softmodels.case.case import Case
@@ -84,6 +84,7 @@ class MaterialPage(forms.TabPage):
                 self.answer = ui.column().classes("gap-1")
                 panel = forms.JobPanel(bench, FIT, "Fit", self._command, f"{FIT}/report.html", ABOUT_FIT)
                 panel.shown = [self.answer]
+                kept.KeptResults(bench, FIT)
         bench.jobs.changed.subscribe(self._ended)
         self.project.changed.subscribe(lambda place: self.curves.refresh() if place in (CURVES, CASE) else None)
         self._show()
@@ -102,7 +103,7 @@ class MaterialPage(forms.TabPage):
     async def _uploaded(self, event: MultiUploadEventArguments) -> None:
         await self.keep(event, CURVES, CURVE)
 
-    def _command(self) -> forms.Command | str:
+    def _command(self) -> jobs.Command | str:
         words = ["softmodels", "fit"]
         if self.with_outlines.value:
             if not (self.project / OUTLINES).is_dir():
@@ -120,7 +121,7 @@ class MaterialPage(forms.TabPage):
         words += ["--silicone", str(self.product.value)] if self.product.value else []
         for text in str(self.fixed.value or "").replace(";", ",").split(","):
             words += ["--fix", text.strip()] if text.strip() else []
-        return forms.Command([*words, "-o", FIT], FIT, written=self.project.case_for(FIT_CASE))
+        return jobs.Command([*words, "-o", FIT], FIT, written=self.project.case_for(FIT_CASE))
 
     async def _ended(self, job: jobs.Job) -> None:
         if job.output == OUTLINES and not job.active:
@@ -137,7 +138,7 @@ class MaterialPage(forms.TabPage):
         with self.answer:
             with ui.grid(columns="auto auto auto").classes("gap-x-6 gap-y-0"):
                 for name, value, about in parameters:
-                    ui.label(name.replace("_", " ")).classes("quiet")
+                    ui.label(forms.spelled(name)).classes("quiet")
                     forms.with_attribute(ui.label(value), "data-name", f"fitted-{name}")
                     ui.label(about)
             ui.label(forms.page_words(verdict)).classes("text-sm")
@@ -204,6 +205,7 @@ class MouldPage(forms.TabPage):
                 self.exploded = forms.tagged(ui.html("", sanitize=False), "exploded", props="")
                 panel = forms.JobPanel(bench, MOULD, "Make the mould", self._command, f"{MOULD}/sheet.html", ABOUT_MOULD)
                 panel.shown = [self.exploded, self.files]
+                kept.KeptResults(bench, MOULD, "sheet.html")
         bench.jobs.changed.subscribe(self._ended)
         self._show()
 
@@ -212,17 +214,17 @@ class MouldPage(forms.TabPage):
         field, default = schema.about(settings.Workshop)[name], getattr(settings.Workshop, name)
         text = schema.shown(default, field.kind.unit) if isinstance(default, float) else str(default)
         given = next(iter(self.given(f"--{name.replace('_', '-')}")), "")
-        box = ui.input(name.replace("_", " "), value=given, placeholder="" if default is None else text)
+        box = ui.input(forms.spelled(name), value=given, placeholder="" if default is None else text)
         forms.with_attribute(box, "hint", field.help) if name in FIRST_SETTINGS else box.tooltip(field.help)
         self.settings[name] = forms.tagged(box, f"mould-{name}", props="dense stack-label")
 
-    def _command(self) -> forms.Command:
+    def _command(self) -> jobs.Command:
         words = ["softmodels", "mould", MOULD_CASE, "-o", MOULD]
         words += ["--silicone", str(self.silicone.value)] if self.silicone.value != "as simulated" else []
         for name, box in self.settings.items():
             if text := str(box.value or "").strip():
                 words += [f"--{name.replace('_', '-')}", text]
-        return forms.Command(words, MOULD, written=self.project.case_for(MOULD_CASE))
+        return jobs.Command(words, MOULD, written=self.project.case_for(MOULD_CASE))
 
     async def _ended(self, job: jobs.Job) -> None:
         if job.output == MOULD and job.state == jobs.DONE:
@@ -299,6 +301,7 @@ class DesignPage(forms.TabPage):
                 self.message = forms.tagged(ui.label(), "design-message", "text-negative", "")
                 panel = forms.JobPanel(bench, DESIGN, "Search", self._command, f"{DESIGN}/report.html", ABOUT_DESIGN)
                 panel.kept = self._in_use
+                kept.KeptResults(bench, DESIGN)
                 forms.tagged(ui.button("Use this device", on_click=self._use), "use-design", "", "outline")
         self.project.changed.subscribe(lambda file: self.controls.refresh())
 
@@ -306,12 +309,13 @@ class DesignPage(forms.TabPage):
         device = self.project.case.actuator
         names = [name for name in actuator.parameter_names(device) if actuator.is_length(device, name)]
         probes = list(device.probes)
-        highest = max(self.project.case.load.of(steps.PRESSURE), default=0.0) / self.project.case.column.pascal
+        column = self.project.case.column
+        highest = column.text(max(self.project.case.load.of(steps.PRESSURE), default=0.0), "g")
         last = last_problem(self.project / PROBLEM) or ProblemChoices()
         ui.label("What may change").classes("font-bold")
         varied = [name for name in last.lengths if name in names] or names[:1]
         self.varied = forms.tagged(
-            ui.select(names, value=varied, label="lengths", multiple=True), "varied", props="dense use-chips"
+            ui.select(forms.options(names), value=varied, label="lengths", multiple=True), "varied", props="dense use-chips"
         )
         self.reach = forms.tagged(ui.input("from and to, as a factor both ways", value=f"{last.factor:.4g}"), "reach")
         ui.label("What it should do").classes("font-bold")
@@ -319,16 +323,17 @@ class DesignPage(forms.TabPage):
         self.objective = forms.tagged(objective, "objective")
         probe = forms.known([last.of], probes, probes[0])
         self.probe = forms.tagged(ui.select(probes, value=probe, label="of"), "probe")
-        self.at = forms.tagged(ui.input("at", value=last.at or f"{highest:g} cm"), "design-pressure")
+        at = ui.input(f"at a pressure ({column.unit}), or in kPa", value=last.at or highest)
+        self.at = forms.tagged(at, "design-pressure")
         ui.label("Limits that it keeps").classes("font-bold")
         self.limits = {
             name: forms.tagged(ui.input(name, value=last.limits.get(quantity, "")), f"keep-{quantity}")
             for name, (quantity, _) in LIMITS.items()
         }
 
-    def _command(self) -> forms.Command:
+    def _command(self) -> jobs.Command:
         written = {PROBLEM: tomli_w.dumps(self._problem()), **self.project.case_for(DESIGN_CASE)}
-        return forms.Command(["softmodels", "design", PROBLEM, "-o", DESIGN], DESIGN, True, written)
+        return jobs.Command(["softmodels", "design", PROBLEM, "-o", DESIGN], DESIGN, True, written)
 
     def _in_use(self) -> bool:
         """Return whether the project's device is the design already."""

@@ -4,6 +4,7 @@ simulated outline over them, pressure by pressure."""
 from __future__ import annotations
 
 import base64
+import contextlib
 import copy
 import dataclasses
 import math
@@ -43,6 +44,8 @@ ABOUT = (
     "undeformed body), choose the grid's photograph and its pitch, and find the grid. Edges are drawn as they are found. "
     "Here come the measured outlines of all photographs."
 )
+FINDING, TRACING = "grid", "edges"
+"""Work that several tabs share."""
 HANDLE_REACH_PX = 40.0
 """Pixels of a preview within which a press takes hold of a handle."""
 
@@ -72,6 +75,7 @@ class PhotographsPage(forms.TabPage):
                 self.image = forms.tagged(image, "photograph", "w-full photograph", 'aria-label="the photograph with its edge"')
                 self.image.set_visibility(False)  # until there is one
                 self._controls()
+                self.while_working(TRACING, "finding the edges anew")
                 self.about = forms.tagged(ui.label(), "about-photograph", "", "")
                 forms.JobPanel(bench, OUTLINES, "Measure all outlines", self._measure, f"{OUTLINES}/overview.html", ABOUT)
         self.photos.changed.subscribe(self._changed)
@@ -122,7 +126,8 @@ class PhotographsPage(forms.TabPage):
         tones = {AUTO: "tone: as the edge shows", **{name: f"tone: {words}" for name, words in TONE_WORDS.items()}}
         tone = ui.select(tones, value=self.photos.tone, label="how the photographs store light")
         self.tone = forms.tagged(tone, "tone").on_value_change(self._tone)
-        self.find = forms.tagged(ui.button("Find the grid", on_click=self._find), "find-grid", "")
+        find = forms.tagged(ui.button("Find the grid", on_click=self._find), "find-grid", "")
+        self.while_working(FINDING, "finding the grid, then the edges", find)
         ui.label("Photographs").classes("font-bold")
         self.liquid = forms.tagged(ui.label(), "liquid-shown", "text-sm", "")
         self.rows: dict[str, PhotographRow] = {}
@@ -192,21 +197,19 @@ class PhotographsPage(forms.TabPage):
         await self.keep(event, BOARDS, PHOTOGRAPH)
         self._update()
 
-    def _calibrate(self) -> forms.Command | str:
+    def _calibrate(self) -> jobs.Command | str:
         files = [f"{BOARDS}/{file.name}" for file in self.project.files(BOARDS, photo_list.PICTURES)]
         if not files:
             return "drop photographs of the board first"
         options = ["--pattern", str(self.pattern.value), "--pitch", str(self.square.value), "-o", LENS]
-        return forms.Command(["measurement", "calibrate", *files, *options], LENS)
+        return jobs.Command(["measurement", "calibrate", *files, *options], LENS)
 
     async def _find(self) -> None:
         if not self.grid.value:
             return self.say("choose the photograph that shows the grid")
-        self.find.props("loading")
-        with self.saying():
+        with self.saying(), self.bench.work(FINDING):
             await self.photos.find_plane(str(self.grid.value), str(self.pitch.value), str(self.lens.value))
             self.say("")
-        self.find.props(remove="loading")
         return None
 
     async def _change(self, about: str, entries: Mapping[str, Mapping[str, str]]) -> None:
@@ -220,7 +223,7 @@ class PhotographsPage(forms.TabPage):
 
     async def _tone(self) -> None:
         if self.tone.value != self.photos.tone:
-            with self.saying():
+            with self.saying(), self.bench.work(TRACING):
                 await self.photos.take_tone(str(self.tone.value))
 
     async def _uploaded(self, event: MultiUploadEventArguments) -> None:
@@ -369,7 +372,7 @@ class PhotographsPage(forms.TabPage):
 
     async def _move(self, handles: replies.Handles) -> None:
         handles.settle()
-        with self.saying():
+        with self.saying(), self.bench.work(TRACING):
             await self.photos.move(handles)
             self.say("")
         self._settled()
@@ -397,7 +400,7 @@ class PhotographsPage(forms.TabPage):
 
     # -- all of them --------------------------------------------------------------------------------------------------
 
-    def _measure(self) -> forms.Command | str:
+    def _measure(self) -> jobs.Command | str:
         """Return the command that measures all; a sentence where it cannot be given yet."""
         if not self.photos.setup:
             return "choose the photograph that shows the grid, and find the grid first"
@@ -412,7 +415,7 @@ class PhotographsPage(forms.TabPage):
         words += ["--tone", self.photos.tone] if self.photos.tone != AUTO else []
         density = self.photos.column.density
         words += ["--water-density", units.exact_text(density, "kg/m^3")] if density != units.WATER_DENSITY else []
-        return forms.Command(words, OUTLINES)
+        return jobs.Command(words, OUTLINES)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -490,7 +493,8 @@ class OverlayPage(forms.TabPage):
         with ui.row().classes("w-full items-center gap-3"):
             chosen = ui.select([], label="Photograph", on_change=self._show)
             self.chosen = forms.tagged(chosen, "overlay-photograph", "w-72", "")
-            forms.tagged(ui.button("Draw", on_click=self._refresh), "overlay-draw", "", "outline")
+            draw = forms.tagged(ui.button("Draw", on_click=self._refresh), "overlay-draw", "", "outline")
+            self.while_working(self, "computing the outline", draw)
             self.about = forms.tagged(ui.label(), "overlay-about", "", "")
         words = 'aria-label="the photograph with the simulated outline"'
         self.image = forms.tagged(ui.interactive_image(sanitize=False), "overlay", "w-full photograph", words)
@@ -513,12 +517,8 @@ class OverlayPage(forms.TabPage):
 
     async def _show(self) -> None:
         name = self.chosen.value
-        try:
+        with contextlib.suppress(jobs.SupersededError), self.saying(), self.bench.work(self):
             self.say(await self._draw(name) if name else "")
-        except jobs.SupersededError:
-            pass
-        except jobs.AnswerError as error:
-            self.say(str(error))
 
     async def _draw(self, name: str) -> str:
         """Draw the outline over a photograph; return the sentence why it cannot be drawn."""
@@ -542,6 +542,6 @@ class OverlayPage(forms.TabPage):
         self.image.set_visibility(True)
         self.image.set_content(f'<polyline class="simulated" points="{points_text(overlay.curve, scale)}"/>')
         self.about.set_text(
-            f"{case.column.text(pressure)}; measured and simulated heights differ by {overlay.difference * 1e6:.3g} um (rms)"
+            f"{case.column.full(pressure)}; measured and simulated heights differ by {overlay.difference * 1e6:.3g} um (rms)"
         )
         return ""

@@ -174,7 +174,12 @@ svg.section { width: 100%; max-height: 62vh; }
 svg.section .scale-bar path { stroke: currentColor; fill: none; }
 svg.section .scale-bar text { fill: currentColor; }
 .two-columns { display: grid; grid-template-columns: minmax(0, 1fr); gap: 1rem; width: 100%; }
-@media (min-width: 900px) { .two-columns { grid-template-columns: 22rem minmax(0, 1fr); } }
+@media (min-width: 900px) {
+  .two-columns { grid-template-columns: 22rem minmax(0, 1fr); }
+  .picture-first { grid-template-rows: auto 1fr; }
+  .picture-first > :first-child { grid-column: 2; }
+  .picture-first > :nth-child(2) { grid-area: 1 / 1 / span 2; align-self: start; }
+}
 .q-header { flex-wrap: nowrap; }
 .q-header .q-tabs { min-width: 0; }
 @media (max-width: 700px) {
@@ -186,7 +191,7 @@ svg.section .scale-bar text { fill: currentColor; }
   .q-header .q-tab { min-width: 0; padding: 0 3px; }
 }
 .colour-bar { display: flex; gap: 0.6rem; align-items: center; font-size: 0.85rem; max-width: 30rem; margin: 0 auto; }
-.colour-bar div { flex: 1; height: 0.7rem; }
+.colour-bar div { flex: 1 0 6rem; height: 0.7rem; }
 .brand { font-size: 1rem; line-height: 1.5rem; font-weight: 700; margin: 0; }
 .q-tab--inactive { opacity: 1; }
 .quiet { color: #616161; }

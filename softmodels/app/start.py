@@ -52,19 +52,13 @@ class StartPage(forms.TabPage):
         with ui.column().classes("w-full max-w-5xl mx-auto gap-4"):
             ui.label("From photograph to mould").classes("text-xl font-bold")
             with ui.row().classes("w-full gap-3 items-stretch"):
-                for icon, title, words, take in (
+                samples, *_ = (_beginning(*about) for about in (
                     ("auto_awesome", "Try it with sample photographs", "Everything is filled in; a minute.", self._samples),
                     ("photo_camera", "My photographs", "Shadows of a body on a grid, with pressures.",
                      lambda: go("Photographs")),
                     ("science", "My test curves", "Tables of a test machine, as they are.", lambda: go("Material")),
                     ("tune", "A device from the shelf", "Disk, finger, bellows, balloon, cup and more.", lambda: go("Device")),
-                ):  # fmt: skip
-                    button = ui.button(on_click=take).props("outline no-caps").classes("p-3 w-full sm:w-56")
-                    forms.with_attribute(button, "aria-label", title)
-                    with button, ui.column().classes("items-center gap-1"):
-                        ui.icon(icon, size="md")
-                        ui.label(title).classes("font-bold")
-                        ui.label(words).classes("text-sm quiet")
+                ))  # fmt: skip
             with ui.expansion("My own part (STEP, STL), or a drawing of channels (SVG, DXF)").classes("w-full").props("dense"):
                 self.support = forms.tagged(ui.input("where it is held", value="x = 0 mm"), "part-support", "w-56", "")
                 self.support.tooltip("A plane, or a face as documented: named flange, normal 1, 0, 0 at 5 mm")
@@ -72,11 +66,9 @@ class StartPage(forms.TabPage):
             with ui.expansion("A project as one file (ZIP), to send or to keep").classes("w-full").props("dense"):
                 link = ui.link("Download the whole project", forms.zip_address(""))
                 forms.tagged(link, "zip-project", "", "download")
-                self.upload_box("Drop a project that was sent", packing.ARCHIVE, ".zip", "project", self._sent)
-            with ui.row().classes("items-center gap-2"):
-                self.spinner = ui.spinner()
-                self.spinner.set_visibility(False)
-                self.told = forms.tagged(ui.label(), "start-told", "", "")
+                sent = self.upload_box("Drop a project that was sent", packing.ARCHIVE, ".zip", "project", self._sent)
+            self.while_working(FILLING, "filling this project", samples, sent)
+            self.told = forms.tagged(ui.label(), "start-told", "", "")
             self.message = forms.tagged(ui.label(), "start-message", "text-negative", "")
             self.steps = ui.refreshable(self._steps)
             self.steps()
@@ -97,7 +89,7 @@ class StartPage(forms.TabPage):
 
     def _state(self, step: Step) -> tuple[str, str]:
         """Return the state of a step, and what comes next."""
-        job = self.bench.jobs.latest(step.output) if step.output else None
+        job = self.bench.jobs.shown(step.output) if step.output else None
         if job is None:
             listed = self.bench.photographs.shadows if step.output == OUTLINES else []
             typed = sum(bool(photograph.pressure) for photograph in listed)
@@ -115,15 +107,13 @@ class StartPage(forms.TabPage):
         return job.state, step.then if job.state == jobs.DONE else "" if job.active else "Its page says why."
 
     async def _samples(self) -> None:
-        self.spinner.set_visibility(True)
-        with self.saying():
+        with self.saying(), self.bench.work(FILLING):
             self.say("")
             await self.bench.take_samples(self.told.set_text)
-        self.spinner.set_visibility(False)
 
     async def _sent(self, event: MultiUploadEventArguments) -> None:
         for given in event.files:
-            with self.saying(f"{given.name}: "):
+            with self.saying(f"{given.name}: "), self.bench.work(FILLING):
                 self.say("")
                 left_out = await asyncio.to_thread(packing.unpack, io.BytesIO(await given.read()), self.project)
                 await self.bench.read_again()
@@ -146,3 +136,18 @@ class StartPage(forms.TabPage):
                     file.unlink(missing_ok=True)
                     raise errors.FieldError(f"{given.name}: {errors.reason(error)}") from None
                 self.go("Device")
+
+
+FILLING = "filling"
+"""Work that fills a project: with the samples, or with one that was sent."""
+
+
+def _beginning(icon: str, title: str, words: str, take: Callable[[], object]) -> ui.button:
+    """Add a way to begin in the current place of the page."""
+    button = ui.button(on_click=take).props("outline no-caps").classes("p-3 w-full sm:w-56")
+    forms.with_attribute(button, "aria-label", title)
+    with button, ui.column().classes("items-center gap-1"):
+        ui.icon(icon, size="md")
+        ui.label(title).classes("font-bold")
+        ui.label(words).classes("text-sm quiet")
+    return button

@@ -121,9 +121,9 @@ def scatter_text(scatter: Scatter, column: LimitColumn) -> str:
     pressures = np.array([limit.pressure / column.scale.pascal for _, limit in counted])
     quantiles = np.percentile(pressures, PERCENTILES)
     text = f"{count} devices within the tolerances: {what} ({column.scale.unit}) " + ", ".join(
-        f"{q:.4g} cm ({p} %)" for p, q in zip(PERCENTILES, quantiles, strict=True)
+        f"{q:.4g} ({p} %)" for p, q in zip(PERCENTILES, quantiles, strict=True)
     )
-    text += f"; lowest {pressures.min():.4g} cm, highest {pressures.max():.4g} cm"
+    text += f"; lowest {pressures.min():.4g}, highest {pressures.max():.4g}"
     if without := count - len(counted):
         text += f"; {without} have no limit or were not followed to it"
     if len(pressures) > len(scatter.tolerances) + 1:
@@ -194,7 +194,9 @@ def write_page(
     facts, told = [], registry.to_table(device, units.readable)
     for name, limit in limits.items():
         margin = math.inf if column.working is None else abs(limit.pressure) / column.scale.pascal / column.working
-        notes_of_it = [] if column.working is None else [f"{margin:.2f} times the working pressure of {column.working:g} cm"]
+        notes_of_it = [] if column.working is None else [
+            f"{margin:.2f} times the working pressure of {column.working:g} {column.scale.unit}"
+        ]  # fmt: skip
         kind = KINDS[limit.kind] if limit.pressure > 0.0 else KINDS[limit.kind].replace("up to", "down to")
         what = f"held for {limit.held:g} s" if limit.held else kind
         pressure = f"{column.scale.full(limit.pressure)} ({limit.pressure / 1e3:.4g} kPa)"

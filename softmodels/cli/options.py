@@ -310,7 +310,7 @@ def start_again(ranks: int) -> int:
         raise StartError(f"mpirun cannot be started ({error.strerror or error}); use --ranks 1", 1) from None
 
     def forward(number: int, frame: FrameType | None) -> None:
-        ranks = _children(_children([process.pid]))  # of the launcher's proxies
+        ranks = processes.children(processes.children([process.pid]))  # of the launcher's proxies
         for receiver in ranks or [process.pid]:  # or of the launcher, which has started none yet
             with contextlib.suppress(OSError):
                 os.kill(receiver, number)
@@ -327,15 +327,6 @@ def start_again(ranks: int) -> int:
 def rank_asked_to_stop() -> contextlib.AbstractContextManager[Callable[[], bool]]:
     """As `asked_to_stop`, in a process that may be one of several ranks, which wait for each other."""
     return commands.asked_to_stop(mpi.launched() not in (None, 1), mpi.speaks())
-
-
-def _children(parents: list[int]) -> list[int]:
-    children = []
-    for status in Path("/proc").glob("[0-9]*/stat"):
-        with contextlib.suppress(OSError, ValueError, IndexError):
-            if int(status.read_text().rpartition(")")[2].split()[1]) in parents:
-                children.append(int(status.parent.name))
-    return children
 
 
 # ----------------------------------------------------------------------------------------------------------------------

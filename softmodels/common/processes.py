@@ -20,6 +20,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any, TextIO
 
 from softmodels.common import errors
@@ -37,6 +38,27 @@ def end_with_parent() -> None:
     """Make this process end when its parent ends or is killed (Linux)."""
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
+def children(parents: list[int]) -> list[int]:
+    """Return the processes that others have started (Linux)."""
+    started = []
+    for status in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError, ValueError, IndexError):
+            if int(status.read_text().rpartition(")")[2].split()[1]) in parents:
+                started.append(int(status.parent.name))
+    return started
+
+
+def kill_all(process: int) -> None:
+    """Kill a process with all that it has started, such as a launcher and its ranks."""
+    generation = [process]
+    while generation:
+        started = children(generation)
+        for number in generation:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(number, signal.SIGKILL)
+        generation = started
 
 
 LAUNCHERS = ("PMI", "HYDRA", "MPI", "OMPI", "PMIX")

@@ -601,6 +601,7 @@ class Instability:
         return f"{self.mode} {way} at stretch {self.stretch:.3g}"
 
 
+@functools.lru_cache(maxsize=64)
 def instabilities(material: Material, furthest: float = MAX_STRETCH) -> tuple[Instability, ...]:
     """Return the first states along every mode, in tension and compression, that violate Drucker's criterion, the smallest
     strain first, of a law taken as incompressible; from 1/furthest to ``furthest`` of stretch."""

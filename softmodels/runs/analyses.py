@@ -225,7 +225,7 @@ def _held(case: Case, body: Body, relaxed: Limit, hold: float) -> Limit:
                 last = held(tried)
             except stability.PathEnd as end:
                 if not isinstance(end, schedule.LostInTime):
-                    raise RunError(f"{case.column.text(tried)} could not be followed for {hold:g} s: {end}") from end
+                    raise RunError(f"{case.column.full(tried)} could not be followed for {hold:g} s: {end}") from end
                 high = tried
                 continue
             low, best = tried, _limit_of(model.fields, last, "limit")

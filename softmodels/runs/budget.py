@@ -149,7 +149,8 @@ class Budget:
         if at_volume > 0.0 and self.case.variable == "pressure":
             causes = causes_in(row, "pressure") or [MATERIAL]
             rising = "" if math.isnan(at_rise) else f", +- {at_rise:.3g} cm at equal rise of the {gauge}"
-            yield f"pressure +- {at_volume:.3g} cm at equal added volume{rising} (95 %, {', '.join(map(_name, causes))})"
+            half = f"{at_volume:.3g} {self.case.column.unit}"
+            yield f"pressure +- {half} at equal added volume{rising} (95 %, {', '.join(map(_name, causes))})"
 
     def _called(self, row: table.Row, name: str) -> str:
         device = self.case.actuator

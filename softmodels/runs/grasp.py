@@ -358,7 +358,7 @@ def grasp(
         if abs(here.states[0].P / P - 1) > 1e-9:
             raise RunError(
                 f"the fingers do not close to {units.written(pressure)}: the object is no longer in equilibrium beyond "
-                f"{case.column.text(here.pressure)}; lower the pressure, or use more fingers or friction",
+                f"{case.column.full(here.pressure)}; lower the pressure, or use more fingers or friction",
                 commands.EXIT_NO_EQUILIBRIUM,
             )
         states.append(here)

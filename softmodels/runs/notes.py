@@ -46,7 +46,7 @@ def notes_of(known: budget.Budget) -> list[str]:
         *sealing_notes(case, rows),
         *depth_notes(case, rows),
         *place_notes(case, rows),
-        *band_notes(rows),
+        *band_notes(case, rows),
         *known.mesh.doubts(),
         *time_notes(case, rows),
         *motion_notes(case, rows),
@@ -89,10 +89,11 @@ def supply_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
     supply = case.supply
     if not isinstance(supply, Reservoir) or not rows:
         return
-    time, pressure = rows["time"], rows.shown("pressure")
+    time, pressure = rows["time"], rows["pressure"]
     if (seconds := fill_time(rows)) is not None:
         most = max(rows, key=lambda row: row["source_pressure"])
-        yield f"the device takes {seconds:.3g} s to {FILLED_SHARE:.0%} of the source's {most.told('source_pressure')}"
+        source = case.column.full(most["source_pressure"])
+        yield f"the device takes {seconds:.3g} s to {FILLED_SHARE:.0%} of the source's {source}"
     opening = steps.prescribes(case.steps, steps.VALVE)
     closed = np.array([opening and steps.value_at(case.steps, steps.VALVE, row["load_step"]) == 0.0 for row in rows])
     if supply.leak is not None and closed.any():
@@ -101,10 +102,10 @@ def supply_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
         left, since = pressure[first : first + length], time[first : first + length] - time[first]
         if left[0] > 0.0 and left.min() <= left[0] / 2:
             half = float(np.interp(-left[0] / 2, -left, since))
-            yield f"with the valve closed the leak takes {half:.3g} s to half of {left[0]:.4g} cm"
+            yield f"with the valve closed the leak takes {half:.3g} s to half of {case.column.full(left[0])}"
         elif left[0] > 0.0 and since[-1] > 0.0:
             lost = 1 - left[-1] / left[0]
-            yield f"with the valve closed the leak takes {lost:.1%} of {left[0]:.4g} cm in {since[-1]:.3g} s"
+            yield f"with the valve closed the leak takes {lost:.1%} of {case.column.full(left[0])} in {since[-1]:.3g} s"
     flow = float(np.abs(rows["flow"]).max()) * supply.ambient
     if supply.tube is not None and (number := supply.tube.reynolds(flow)) > MAX_LAMINAR_REYNOLDS:
         yield (
@@ -128,7 +129,7 @@ def vacuum_notes(case: Case) -> Iterator[str]:
     """Yield a sentence on a vacuum that few sources reach, or none."""
     if (lowest := case.load.lowest()) <= LOWEST_USUAL_PRESSURE:
         yield (
-            f"{case.column.text(lowest)} are {lowest / 1e3:.4g} kPa: at sea level ejectors reach about -85 kPa, single-stage "
+            f"{case.column.full(lowest)} are {lowest / 1e3:.4g} kPa: at sea level ejectors reach about -85 kPa, single-stage "
             "pumps -90 kPa; check the source's data sheet"
         )
 
@@ -187,15 +188,15 @@ def law_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
         )
 
 
-def band_notes(rows: table.PathTable) -> Iterator[str]:
+def band_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
     """Yield the 95 % interval of the limit pressure from the material's errors, as a sentence; none if unknown."""
     for row in rows:
         if row.get("limit") and not math.isnan(row.get("pressure_ci95", math.nan)):
             half = row.shown("pressure_ci95")
             low, high = row.shown("pressure") - half, row.shown("pressure") + half
             yield (
-                f"limit pressure between {low:.4g} and {high:.4g} cm (95 % confidence interval from the fitted material's "
-                f"errors)"
+                f"limit pressure between {low:.4g} and {high:.4g} {case.column.unit} (95 % confidence interval from the "
+                "fitted material's errors)"
             )
             return
 
@@ -388,8 +389,9 @@ def time_notes(case: Case, rows: table.PathTable) -> Iterator[str]:
         told.append(f"cycle {len(all_cycles)} loses {cycle.loss}{rest}")
     for first, last in _holds(rows):
         if first[gauge] and last[gauge]:
+            held = f"{case.column.full(first['pressure'])} for {last['time'] - first['time']:.4g} s"
             told.append(
-                f"held at {first.told('pressure')} for {last['time'] - first['time']:.4g} s, the {gauge} creeps from "
+                f"held at {held}, the {gauge} creeps from "
                 f"{first.shown(gauge):+.4g} to {last.told(gauge, '+.4g')} ({last[gauge] / first[gauge] - 1:+.1%})"
             )
     yield from dict.fromkeys(told[:1] + told[-1:])
@@ -434,7 +436,8 @@ def span_sentence(case: Case, sources: columns.SourceTables) -> str:
     if common:
         rows = {name: many[common[name]] for name, many in sources.items()}
         here = rows[own or ""]
-        place = words.place(here) if case.variable == "pressure" else case.load.told(here[case.variable])
+        told = case.load.told(here[case.variable])
+        place = words.under(here, case.column.full(here["pressure"])) if case.variable == "pressure" else told
         parts.append(f"at {place} the {words.gauge} rises {_ends(rows, words.gauge)}")
         if words.volume and case.variable != "added_volume":
             parts.append(f"the cavity takes {_ends(rows, 'added_volume')}")
@@ -797,7 +800,7 @@ def explain(case: Case, end: stability.PathEnd, fields: Fields, path: Continuati
         gas = supply.its_gas or f"the gas of the {supply.name}"
         return (
             f"a stroke of {asked} was not reached: {end}. The stroke has a limit point at {stroke:.4g} ml "
-            f"({case.column.text(at.pressure)}), where {_risen(device, at.rises)} and the cavity has "
+            f"({case.column.full(at.pressure)}), where {_risen(device, at.rises)} and the cavity has "
             f"{gained(at.added_volume)}; beyond it {gas} expands and the device snaps "
             f"through. Stay below{f', or use {supply.gentler}' if supply.gentler else ''}"
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ pytest.importorskip("nicegui")
 
 from softmodels.app import jobs
 from softmodels.app.bench import Project
-from softmodels.app.jobs import DONE, FAILED, RECORDED_ELSEWHERE, RUNNING, Job, Jobs, check_command
+from softmodels.app.jobs import DONE, FAILED, RECORDED_ELSEWHERE, RUNNING, STOPPED, Job, Jobs, check_command
 from softmodels.common.errors import FieldError
 from softmodels.common.processes import Worker, python
 
@@ -97,6 +98,63 @@ def test_a_record_of_this_machine_is_resumed_and_a_changed_one_is_not(project, s
     (state / "softmodels" / "key").unlink()  # as on another machine
     written(project, record)
     assert [job.state for job in begun(project).all] == [RECORDED_ELSEWHERE] and len(started) == 1
+
+
+DEAF = """import signal, subprocess, sys, time
+[signal.signal(number, signal.SIG_IGN) for number in (2, 15)]
+rank = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"], start_new_session=True)
+print(rank.pid, flush=True)
+time.sleep(60)"""
+POLITE = "import signal, time; signal.signal(2, lambda *_: exit(130)); print(0, flush=True); time.sleep(60)"
+
+
+@pytest.mark.parametrize("program", [DEAF, POLITE], ids=["compiled code", "between steps"])
+def test_stop_stops_within_a_second_and_the_next_job_begins(program, project, monkeypatch):
+    """Compiled code hears neither the first nor the second signal; its ranks end with it."""
+    real, programs = asyncio.create_subprocess_exec, [program, "print('next')"]
+
+    async def start(*words, **how):
+        return await real(sys.executable, "-c", programs.pop(0), **how)
+
+    monkeypatch.setattr(jobs.asyncio, "create_subprocess_exec", start)
+
+    async def stopped():
+        found = Jobs(project)
+        job, following = found.start(HARMLESS, "results/device"), found.start(HARMLESS, "results/fit")
+        while not found.log(job):
+            await asyncio.sleep(0.01)
+        assert found.state_words(following) == "waiting until device has ended"
+        begun = time.monotonic()
+        found.stop(job)
+        assert found.is_stopping(job) and found.state_words(job) == "stopping"
+        while job.active:
+            await asyncio.sleep(0.01)
+        took = time.monotonic() - begun
+        while following.active:
+            await asyncio.sleep(0.01)
+        return took, job.state, following.state, Path("/proc", found.log(job).strip(), "stat")
+
+    took, state, following, rank = asyncio.run(stopped())
+    assert not rank.exists() or " Z " in rank.read_text()
+    assert took < 1.0 and (state, following) == (STOPPED, DONE)
+
+
+def test_a_job_that_is_stopped_while_it_starts_does_not_run_on(project, monkeypatch):
+    real = asyncio.create_subprocess_exec
+
+    async def stopped():
+        found = Jobs(project)
+
+        async def start(*words, **how):
+            found.stop(job)
+            return await real(sys.executable, "-c", DEAF, **how)
+
+        monkeypatch.setattr(jobs.asyncio, "create_subprocess_exec", start)
+        job = found.start(HARMLESS, "results/device")
+        await asyncio.wait_for(asyncio.gather(*found._tasks), 10.0)
+        return job.state
+
+    assert asyncio.run(stopped()) == STOPPED
 
 
 WRONG = (

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import softmodels as sm
+from geometries import ACTUATORS
 from softmodels.app import answers
 from softmodels.case.case import Case
 from softmodels.case.load import steps_of
@@ -54,12 +55,46 @@ def test_the_error_stands_under_the_slider(page):
     (line, *_), (first, *_) = run.budget.lines(), run.budget.contributions(run.table[-1], "apex")
     assert said.startswith("at 60 cm") and said.endswith(line.replace("+-", "±"))
     assert f": {first.text} " in said and first.text == "silicone"
+    assert not BARE_COLUMN.search(value(page, "spread"))
 
 
 def test_the_colours_end_at_the_largest_stress_of_the_table(page):
     """At the highest pressure, where the slider stands first."""
     largest = value(page, "largest von Mises stress")
     assert page.locator(".colour-bar span").last.text_content().startswith(f"{largest}, von Mises stress")
+
+
+TEXTS = """all => all.filter(one => !one.closest("code, textarea, i") && !one.querySelector("textarea"))
+  .flatMap(one => [...one.childNodes].filter(node => node.nodeType == 3).map(node => node.data)
+           .concat(one.ariaLabel ?? "", one.value ?? ""))"""
+"""What stands on the page, hints and choices too, but for the log and the files as they are."""
+BARE_COLUMN = re.compile(r"[1-9][\d.]* *cm(?!, [\d.]+ g/ml)\b")
+CLASSES = "|".join(name for name in ACTUATORS if re.search("[a-z][A-Z]", name))
+INTERNAL = re.compile(rf"\b(?:{CLASSES})\b|\b[a-z]+_[a-z_]+|\bof case\.toml|(?<!\S)--[a-z]")
+
+
+def test_texts_name_the_liquid_and_no_internal_names(browser, tmp_path):
+    """Boxes that are typed into have the liquid in their label."""
+    project, law = tmp_path / "project", sm.NeoHookean(20e3)
+    project.mkdir()
+    case = Case("device", sm.HollowDisk(section="axisymmetric"), law, steps=steps_of(pressure_cm="0:60"))
+    (project / "case.toml").write_text(case.to_toml())
+    with served(project) as (_, address), tab(browser, address) as page:
+        assert value(page, "limit") and value(page, "error")
+        assert page.locator('input[data-name="silicone"]').input_value() == "Neo-Hookean with its own numbers"
+        for name in ("Start", "Photographs", "Material", "Device", "Overlay", "Design", "Mould"):
+            page.get_by_role("tab", name=name).click()
+            page.wait_for_timeout(400)
+            lists = page.locator(".q-tab-panel .q-select:visible").all() if name in ("Device", "Design") else []
+            for opened in [None, *lists]:
+                if opened is not None:
+                    opened.click()
+                    page.locator(".q-menu").wait_for()
+                shown = page.locator(".q-tab-panel *, .q-menu *, header *").evaluate_all(TEXTS)
+                texts = {text.strip() for text in shown} - {"0:60 cm", "60 cm"}
+                wrong = [text for text in texts if BARE_COLUMN.search(text) or INTERNAL.search(text)]
+                assert not wrong and len(texts) > 10, (name, wrong)
+                page.keyboard.press("Escape")
 
 
 def test_an_impossible_length_is_told_in_place_and_changes_nothing(page):
@@ -227,6 +262,8 @@ def test_nothing_sticks_out(browser, server, width):
     with tab(browser, server, viewport={"width": width, "height": 844}) as page:
         page.locator("svg.section").wait_for()
         assert page.evaluate("document.documentElement.scrollWidth") <= width
+        slider, form = (page.locator(f'[data-name="{name}"]').first.bounding_box() for name in ("pressure", "device"))
+        assert slider["y"] < form["y"] if width < 900 else form["x"] + form["width"] < slider["x"]
 
 
 @pytest.mark.campaign

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import dataclasses
+import functools
 import json
 from types import SimpleNamespace
 
@@ -16,10 +17,12 @@ from measurement.series.photo_list import Column
 from softmodels.app import device, forms, jobs, making, photographs, start
 from softmodels.app.bench import CASE, OUTLINES, PHOTOS, Project
 from softmodels.app.jobs import DONE, Job, Jobs, check_command
+from softmodels.case import materials
 from softmodels.case.case import Case
 from softmodels.case.load import steps_of
 from softmodels.casting import settings
 from softmodels.common import schema
+from softmodels.materials import silicones
 from tests.app.conftest import served, tab, value
 
 
@@ -46,25 +49,35 @@ def box(text):
     return SimpleNamespace(value=text)
 
 
-def commands(project):
-    """What each button of the page starts, with choices other than the defaults."""
-    page = {"project": project, "bench": SimpleNamespace(photographs=SimpleNamespace(measured={"a.jpg": {"trusted": "no"}}))}
-    listed = SimpleNamespace(setup="x", project=project, column=Column(998.0), tone="linear", write_list=lambda: None)
-    workshop = schema.about(settings.Workshop)
+CHOICES = {
+    "pattern": "9x6", "square": "25mm", "tone": "linear", "with_outlines": True, "tests": {"pull.csv": box("uniaxial")},
+    "laws": ["yeoh", "gent"], "poisson": "0.49", "product": "ecoflex-00-30", "fixed": "c3=0, leak=0",
+    "silicone": "dragon-skin-30", "settings": {name: box("1 mm") for name in schema.about(settings.Workshop)},
+    "varied": ["wall"], "reach": "1.5", "objective": "most rise", "probe": "apex", "at": "60 cm",
+    "limits": {name: box("1.25") for name in making.LIMITS},
+}  # fmt: skip
+"""Other than the defaults."""
+
+
+def commands(project, **choices):
+    """What each button of the page starts."""
+    made = {name: value if isinstance(value, dict) else box(value) for name, value in {**CHOICES, **choices}.items()}
+    density = project.case.water_density
+    listed = SimpleNamespace(
+        setup="x", project=project, column=Column(density), tone=made["tone"].value, write_list=lambda: None
+    )
+    measured = SimpleNamespace(measured={"a.jpg": {"trusted": "no"}})
+    page = SimpleNamespace(
+        project=project, bench=SimpleNamespace(photographs=measured), photos=listed, handles=SimpleNamespace(zero=[1]), **made
+    )
     design = making.DesignPage.__new__(making.DesignPage)
-    vars(design).update(
-        project=project, varied=box(["wall"]), reach=box("1.5"), objective=box("most rise"), probe=box("apex"),
-        at=box("60 cm"), limits={name: box("1.25") for name in making.LIMITS},
-    )  # fmt: skip
-    material = {"with_outlines": box(True), "tests": {"pull.csv": box("uniaxial")}, "laws": box(["yeoh", "gent"])}
-    numbers = {"poisson": box("0.49"), "product": box("ecoflex-00-30"), "fixed": box("c3=0, leak=0")}
-    mould = {"silicone": box("dragon-skin-30"), "settings": {name: box("1 mm") for name in workshop}}
+    vars(design).update(vars(page))
     return [
-        photographs.PhotographsPage._calibrate(SimpleNamespace(**page, pattern=box("9x6"), square=box("25mm"))),
-        photographs.PhotographsPage._measure(SimpleNamespace(photos=listed, handles=SimpleNamespace(zero=None))),
-        making.MaterialPage._command(SimpleNamespace(**page, **material, **numbers)),
-        device.DevicePage._run(SimpleNamespace(**page)),
-        making.MouldPage._command(SimpleNamespace(**page, **mould)),
+        photographs.PhotographsPage._calibrate(page),
+        photographs.PhotographsPage._measure(page),
+        making.MaterialPage._command(page),
+        device.DevicePage._run(page),
+        making.MouldPage._command(page),
         design._command(),
     ]
 
@@ -87,46 +100,88 @@ def done(project, command):
     return Job(1, [*command.words], command.output, state=DONE, inputs=jobs.digest(command.words, project.folder))
 
 
+def case(**fields):
+    return lambda project: project.change(**fields)
+
+
+def field(**values):
+    return lambda project: project.change(actuator=project.case.actuator.replaced(**values))
+
+
+def text(name, content):
+    return lambda project: (project / name).write_text(content)
+
+
+def gone(name):
+    return lambda project: (project / name).unlink()
+
+
+def choice(**choices):
+    return lambda project: choices
+
+
+SHAPE = {"fit", "device", "mould", "design"}
+LISTED = "file,pressure,use\nphotographs/a.jpg,"
 CHANGES = {
-    "pressure": ({"device"}, lambda project: project.change(steps=steps_of(pressure="0:40 cm"))),
-    "material": ({"device", "mould", "design"}, lambda project: project.change(material=sm.Yeoh(12e3, 0.0))),
-    "length": (
-        {"fit", "device", "mould", "design"},
-        lambda project: project.change(actuator=project.case.actuator.replaced(membrane="5 mm")),
-    ),
-    "outlines": ({"fit"}, lambda project: (project / OUTLINES / "a.csv").write_text("x,z\n0,1\n")),
-    "curve": ({"fit"}, lambda project: (project / "curves" / "pull.csv").write_text("stretch,stress\n1,1\n")),
-    "photograph": ({"outlines"}, lambda project: (project / "photographs" / "a.jpg").write_bytes(b"y")),
-    "entry of the list": (
-        {"outlines"},
-        lambda project: (project / PHOTOS).write_text("file,pressure,use\na.jpg,0 cm,anyway\n"),
-    ),
-    "board": ({"lens.toml"}, lambda project: (project / "boards" / "a.jpg").write_bytes(b"y")),
-    "nothing": (set(), lambda project: (project / CASE).touch()),
+    "pressure": ({"device"}, case(steps=steps_of(pressure="0:40 cm"))),
+    "volume instead": ({"device"}, case(steps=steps_of(volume_ml="0:2"))),
+    "syringe": ({"device", "design"}, case(control="volume")),
+    "material": ({"device", "mould", "design"}, case(material=sm.Yeoh(12e3, 0.0))),
+    "silicone": ({"device", "mould", "design"}, case(material=silicones.silicone("dragon-skin-30"))),
+    "its band": ({"device"}, case(band=materials.SourceBand("ecoflex-00-30"))),
+    "liquid": ({"device", "outlines", "design"}, case(water_density=1000.0)),
+    "membrane": (SHAPE, field(membrane="5 mm")),
+    "wall": (SHAPE, field(wall="12 mm")),
+    "base": (SHAPE, field(base="5 mm")),
+    "fillet": (SHAPE, field(fillet="0.5 mm")),
+    "cavity": (SHAPE, field(cavity_radius="11 mm")),
+    "its height": (SHAPE, field(cavity_height="5 mm")),
+    "another device": (SHAPE, case(actuator=sm.Balloon())),
+    "an outline": ({"fit"}, text(f"{OUTLINES}/a.csv", "x,z\n0,1\n")),
+    "heights": ({"fit"}, text(f"{OUTLINES}/heights.csv", "file\na.jpg\n")),
+    "curve": ({"fit"}, text("curves/pull.csv", "stretch,stress\n1,1\n")),
+    "curve taken away": ({"fit"}, gone("curves/pull.csv")),
+    "curve that is not used": (set(), text("curves/other.csv", "stretch,stress\n1,1\n")),
+    "photograph": ({"outlines"}, text("photographs/a.jpg", "y")),
+    "photograph taken away": ({"outlines"}, gone("photographs/a.jpg")),
+    "photograph that is not listed": (set(), text("photographs/b.jpg", "y")),
+    "its pressure": ({"outlines"}, text(PHOTOS, f"{LISTED}1 cm,\n")),
+    "its use": ({"outlines"}, text(PHOTOS, f"{LISTED}0 cm,anyway\n")),
+    "screen": ({"outlines"}, text("setup.toml", "y")),
+    "tone": ({"outlines"}, choice(tone="srgb")),
+    "board": ({"lens.toml"}, text("boards/a.jpg", "y")),
+    "board taken away": ({"lens.toml"}, gone("boards/a.jpg")),
+    "another board": ({"lens.toml"}, text("boards/b.jpg", "y")),
+    "corners of the board": ({"lens.toml"}, choice(pattern="8x5")),
+    "its squares": ({"lens.toml"}, choice(square="20mm")),
+    "laws": ({"fit"}, choice(laws=["gent"])),
+    "Poisson's ratio": ({"fit"}, choice(poisson="0.5")),
+    "fixed parameters": ({"fit"}, choice(fixed="")),
+    "kind of curve": ({"fit"}, choice(tests={"pull.csv": box("planar")})),
+    "silicone to cast": ({"mould"}, choice(silicone="as simulated")),
+    "tube": ({"mould"}, choice(settings={"tube": box("3 mm")})),
+    "lengths that may change": ({"design"}, choice(varied=["membrane"])),
+    "by how much": ({"design"}, choice(reach="1.2")),
+    "objective": ({"design"}, choice(objective="least silicone")),
+    "limits": ({"design"}, choice(limits={})),
+    "pressure of the design": ({"design"}, choice(at="50 cm")),
+    "nothing": (set(), lambda project: [(project / name).touch() for name in (CASE, PHOTOS, "photographs/a.jpg")]),
 }
 
 
 @pytest.mark.parametrize("what", CHANGES)
 def test_what_depends_on_a_change_is_out_of_date_and_nothing_else(what, project):
-    known = Jobs(project.folder)
-    bench = SimpleNamespace(project=project, jobs=known)
+    """So say the pages, and the start, which knows what they would start."""
+    bench = SimpleNamespace(project=project, jobs=Jobs(project.folder), commands={})
     before = {command.output: done(project, command) for command in commands(project)}
     assert not any(forms.is_outdated(bench, job) for job in before.values())
     wanted, change = CHANGES[what]
-    change(project)
-    now = {command.output: command for command in commands(project)}
-    outdated = {output for output, job in before.items() if forms.is_outdated(bench, job, now[output])}
-    assert {output.rpartition("/")[2] for output in outdated} == wanted
-
-
-@pytest.mark.parametrize("what", ["length", "material", "pressure"])
-def test_the_start_says_the_same_as_the_pages(what, project):
-    """It does not know the commands that the pages would start."""
-    bench = SimpleNamespace(project=project, jobs=Jobs(project.folder))
-    before = {command.output: done(project, command) for command in commands(project)}
-    wanted, change = CHANGES[what]
-    change(project)
-    assert {output.rpartition("/")[2] for output, job in before.items() if forms.is_outdated(bench, job)} == wanted
+    choices = change(project)
+    now = {command.output: command for command in commands(project, **(choices if isinstance(choices, dict) else {}))}
+    pages = {output for output, job in before.items() if forms.is_outdated(bench, job, now[output])}
+    bench.commands = {output: functools.partial(now.get, output) for output in now}
+    start_page = {output for output, job in before.items() if forms.is_outdated(bench, job)}
+    assert {output.rpartition("/")[2] for output in pages} == wanted and start_page == pages
 
 
 FOREIGN_WORDS = ["softmodels", "fit", "case.toml", "--material", "nosuch", "--poisson", "0.4", "--poisson", "x", "--silicone",
@@ -171,7 +226,7 @@ def test_choices_of_a_foreign_project_do_not_break_the_page(browser, tmp_path):
 
 def test_another_choice_puts_results_out_of_date(project):
     known, command = Jobs(project.folder), commands(project)[2]
-    bench, job = SimpleNamespace(project=project, jobs=known), done(project, command)
+    bench, job = SimpleNamespace(project=project, jobs=known, commands={}), done(project, command)
     other = dataclasses.replace(command, words=["gent" if word == "yeoh,gent" else word for word in command.words])
     assert not forms.is_outdated(bench, job, command) and forms.is_outdated(bench, job, other)
     job.words.append(jobs.RESUME)
@@ -184,8 +239,14 @@ def test_another_choice_puts_results_out_of_date(project):
 def test_samples_fill_a_project_and_are_measured(browser, tmp_path):
     """From one click to the outlines of the sample photographs."""
     with served(tmp_path / "project") as (_, address), tab(browser, address, "Start") as page:
-        page.get_by_role("button", name="Try it with sample photographs").click()
+        samples = page.get_by_role("button", name="Try it with sample photographs")
+        samples.click()
+        page.get_by_text("filling this project").wait_for()
+        with tab(browser, address, "Start") as other:
+            for shown in (page, other):
+                assert shown.get_by_role("button", name="Try it with sample photographs").is_disabled()
         page.wait_for_function("document.querySelector('[data-name=\"start-told\"]')?.textContent.startsWith('filled')")
+        assert samples.is_enabled() and not page.get_by_text("filling this project").is_visible()
         page.get_by_role("tab", name="Photographs").click()
         page.get_by_role("button", name="Measure all outlines").click()
         page.wait_for_function("document.querySelector('[data-name=\"state-outlines\"]')?.textContent == 'done'")

@@ -9,6 +9,7 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image
 
+from measurement import cli
 from measurement.__main__ import main
 from measurement.photographer import Scene, chessboard, dome, photograph, save
 from measurement.screen.setup import Setup
@@ -146,3 +147,13 @@ def test_help_names_all_commands():
     assert done.exit_code == 0
     assert "calibrate" in done.output
     assert "setup" in done.output
+
+
+def test_a_log_gets_the_time_left(monkeypatch, capsys):
+    """Of the steps, not of the start: here 50 s, then 2 s each."""
+    clock = iter([50.0, 52.0, 54.0, 54.1])
+    monkeypatch.setattr(cli.time, "monotonic", lambda: next(clock))
+    with cli.bar("measuring", 10, quiet=False) as advance:
+        for _ in range(4):
+            advance()
+    assert capsys.readouterr().err == "measuring: 2 of 10, about 16 s left\nmeasuring: 3 of 10, about 14 s left\n"

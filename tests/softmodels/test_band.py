@@ -65,9 +65,9 @@ def test_the_limit_point(run):
     row = next(row for row in run.rows if row["limit"])
     expected = half(slopes(lambda other: sm.limit(DISK, other).pressure))
     assert row["pressure_ci95_cm"] * run.case.column.pascal == pytest.approx(expected, rel=1e-3)
-    (note,) = band_notes(run.table)
+    (note,) = band_notes(run.case, run.table)
     low, high = row["pressure_cm"] - row["pressure_ci95_cm"], row["pressure_cm"] + row["pressure_ci95_cm"]
-    assert f"between {low:.4g} and {high:.4g} cm" in note
+    assert f"between {low:.4g} and {high:.4g} cm, 0.97 g/ml" in note
 
 
 @pytest.mark.campaign
@@ -241,7 +241,7 @@ def test_what_the_sources_span_is_told_and_drawn(spanned):
     """At the last pressure that all of them reach; the softest ends at its limit point before the others."""
     (note,) = [note for note in spanned.notes if note.startswith(f"over the 4 sources of {ECOFLEX}")]
     rises = [next(row["apex_mm"] for row in rows if row["pressure_cm"] == 20.0) for rows in spanned.sources.values()]
-    assert f"at 20 cm the apex rises {min(rises):.4g} mm (smooth-on) to {max(rises):.4g} mm (marechal-2021)" in note
+    assert f"at 20 cm, 0.97 g/ml the apex rises {min(rises):.4g} mm (smooth-on) to {max(rises):.4g} mm (marechal-2021)" in note
     (limit,) = [row for row in spanned.sources[f"{ECOFLEX}/marechal-2021"] if row["limit"]]
     assert f"the limit point lies at {limit['pressure_cm']:.4g} cm (marechal-2021) (none met with" in note
     axes = spanned.plot().axes[0]
