@@ -153,7 +153,13 @@ def options(names: Iterable[str]) -> dict[str, str]:
 
 def spelled(name: str) -> str:
     """Return the words of a name in the code: "Hollow disk" of a class, "cavity radius" of a field."""
+    if name in OWN_SPELLINGS:
+        return name
     return re.sub(r"(?<=[a-z])[A-Z]", lambda letter: f" {letter[0].lower()}", name).replace("_", " ")
+
+
+OWN_SPELLINGS = ("PneuNet",)
+"""Names in the code that are words of the field as they are."""
 
 
 UPLOAD = """<div class="row items-center no-wrap q-pa-sm">

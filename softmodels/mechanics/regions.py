@@ -550,7 +550,7 @@ def clamped(body: Body, components: Sequence[Component]) -> Body:
     for seal in sealing:
         held = held.sealed_by(seal.roles, np.asarray(seal.point) / body.actuator.size, seal.normal)
     replaced = {hold.role for hold in body.holds} & released(components)
-    if replaced and all(isinstance(part, HoldingPart | RegionPart) for part in components):  # other parts may refer to it
+    if replaced and not any(part.steadies for part in components):
         _check_place(held, clamps[0].where)
     _check_bodies(held, components)
     return held
