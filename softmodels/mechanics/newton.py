@@ -229,7 +229,7 @@ class Preconditioner(abc.ABC):
 
     exact: ClassVar[bool]
     rounded: bool = False
-    max_solve_iterations: int
+    max_solve_iterations: ClassVar[int]
     max_total_iterations: ClassVar[int]
     max_newton_iterations: ClassVar[int]
     restart: ClassVar[int]
@@ -622,25 +622,18 @@ MAX_SINGLE_PRECISION_ERROR = 3e-2
 """Maximum relative error in them for single precision. From 1 on the sign of an eigenvalue is wrong."""
 
 
-MAX_SOLVE_ITERATIONS, MAX_SMALL_SOLVE_ITERATIONS = 40, 25
-"""Iterations of one solve after which the next one gets a factorisation of its own, above and up to `MAX_CACHED_UNKNOWNS`. A
-factorisation with its tangent costs as much as 34 on a finger of 16,114 unknowns, 44 on a wedge of 17,502, 48 on half of a slab
-of 88,570; in contact it serves one solve well. Times are not measured on the way: results must not depend on the load."""
-
-
 class Factorisation(Preconditioner):
     """LDL^T of K, whose values may change and whose pattern may grow; ``spread`` is how many times stiffer its stiffest
     material is than its softest."""
 
     exact = True
+    max_solve_iterations = 25
     max_total_iterations = 60
     max_newton_iterations = 15
     restart = max_linear_iterations = 60
 
     def __init__(self, K: PETSc.Mat, spread: float = 1.0):
         self.K, self.spread = K, spread
-        small = K.getSize()[0] <= MAX_CACHED_UNKNOWNS
-        self.max_solve_iterations = MAX_SMALL_SOLVE_ITERATIONS if small else MAX_SOLVE_ITERATIONS
         self._make(_roundable(K, spread))
 
     def _make(self, rounded: bool) -> None:
