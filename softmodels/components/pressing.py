@@ -373,10 +373,7 @@ class Near:
 
     def of_points(self, chosen: np.ndarray) -> Near:
         """Return those whose points are chosen, a mask of shape (s,)."""
-        return self.taken(chosen[self.i])
-
-    def taken(self, which: np.ndarray | slice) -> Near:
-        """Return some of the pairs, or all in another order."""
+        which = chosen[self.i]
         return Near(self.i[which], self.j[which], self.image[which], self.r[which], self.m[which], self.K[:, which])
 
 
@@ -464,10 +461,6 @@ def sum_rates(near: Near) -> Array:
 # Energy, forces and stiffness of walls in contact, by node positions.
 
 
-FACET_PAIRS = 500
-"""Number of facet pairs whose blocks are in memory at a time."""
-
-
 @dataclasses.dataclass(eq=False)
 class Pressed:
     """Walls in a deformed shape, by their nodes' places, shape (n, d). Every pair of walls is counted from both sides, with
@@ -540,57 +533,53 @@ class Pressed:
         n, d = self.nodes.shape
         if not self.touching.any():
             return scipy.sparse.csr_array((n * d, n * d))
-        stiffness = self._through_pairs()
+        by_samples, by_sums = self._curvatures()
+        samples = self._sample_rates()
+        sums = by_sums @ samples
+        stiffness = samples.T @ (by_samples @ samples) + sums.T @ (_diagonal(self.points.second[self.touching]) @ sums)
         if d == 3:
-            facets = self.surface.facets[self.surface.owner]
+            facets = self.surface.facets
             pressed = np.unique(self.near.j)
             bent = self.surface.area_curvatures(self._by_samples()[1][pressed], pressed)
-            dofs = components_of(facets[pressed], d)
+            dofs = components_of(facets[self.surface.owner[pressed]], d)
             stiffness = stiffness + scattered(bent.reshape(len(pressed), dofs.shape[1], -1), dofs, dofs, n * d, n * d)
         return scipy.sparse.csr_array((stiffness + stiffness.T) / 2)
 
-    def _pair_places(self, near: Near, rates: Array) -> Array:
-        """Return the derivative of (r, m) of pairs by the places of the nodes of both facets, shape (p, 2d, 2kd)."""
-        shapes, (d, k) = self.surface.shapes, rates.shape[1:3]
-        turn = self.pairs.images[near.image]
-        Z = np.zeros((len(near.i), 2 * d, 2 * k, d))
-        for c in range(d):
-            Z[:, c, :k, c] = shapes[near.i]
-        Z[:, :d, k:] = -shapes[near.j][:, None, :, None] * turn[:, :, None, :]
-        Z[:, d:, k:] = (turn @ rates[near.j].reshape(len(near.i), d, k * d)).reshape(-1, d, k, d)
-        return Z.reshape(len(near.i), 2 * d, 2 * k * d)
+    def _sample_rates(self) -> scipy.sparse.bsr_array:
+        """Return the derivative of the samples' places, then of their area vectors, by the nodes' places, (2 s d, n d)."""
+        surface, (n, d) = self.surface, self.nodes.shape
+        at_places = surface.shapes[:, :, None, None] * np.eye(d)
+        at_areas = surface.area_rates(self.nodes).transpose(0, 2, 1, 3)
+        columns = np.tile(surface.facets[surface.owner], (2, 1))
+        return _blocks(np.concatenate([at_places, at_areas]), columns, n)
 
-    def _through_pairs(self) -> scipy.sparse.csr_array:
-        """Return the second derivative without that of the area vectors. Pairs of the same two facets are added up first."""
-        n, d = self.nodes.shape
-        surface, near, first = self.surface, self.near, self.points.first
-        owner, rates = surface.owner, surface.area_rates(self.nodes)
-        order = np.argsort(owner[near.i] * len(surface.facets) + owner[near.j], kind="stable")
-        near = near.taken(order)
-        key = owner[near.i] * len(surface.facets) + owner[near.j]
-        starts = np.flatnonzero(np.diff(key, prepend=-1))
-        dofs = components_of(
-            np.concatenate([surface.facets[owner[near.i[starts]]], surface.facets[owner[near.j[starts]]]], axis=1), d
-        )
-        touching = np.flatnonzero(self.touching)
-        number = np.empty(len(self.touching), dtype=np.int64)
-        number[touching] = np.arange(len(touching))
-        size, chunks = (1 + d) * len(touching), range(0, len(starts), FACET_PAIRS)
-        K, U = scipy.sparse.csr_array((n * d, n * d)), scipy.sparse.csr_array((size, n * d))
-        for chunk in chunks:
-            chosen = starts[chunk : chunk + FACET_PAIRS]
-            end = starts[chunk + FACET_PAIRS] if chunk + FACET_PAIRS < len(starts) else len(key)
-            part = near.taken(slice(chosen[0], end))
-            Z = self._pair_places(part, rates)
-            blocks = np.add.reduceat(Z.transpose(0, 2, 1) @ pair_curvatures(part, first) @ Z, chosen - chosen[0], axis=0)
-            at = dofs[chunk : chunk + FACET_PAIRS]
-            K = K + scattered(blocks, at, at, n * d, n * d)
-            rows = (1 + d) * number[part.i][:, None] + np.arange(1 + d)
-            columns = np.repeat(at, np.diff(chosen, append=end), axis=0)
-            U = U + scattered(sum_rates(part) @ Z, rows, columns, size, n * d)
-        own = (1 + d) * np.arange(len(touching))[:, None] + np.arange(1 + d)
-        C = scattered(self.points.second[touching], own, own, size, size)
-        return scipy.sparse.csr_array(K + U.T @ C @ U)
+    def _curvatures(self) -> tuple[scipy.sparse.bsr_array, scipy.sparse.bsr_array]:
+        """Return the second derivative of the energy by the samples' places, then area vectors, its derivatives by the sums N
+        and S held, shape (2 s d, 2 s d), and the derivative of the sums of points that touch, shape (t (1 + d), 2 s d)."""
+        near, d, count, pairs = self.near, self.nodes.shape[1], len(self.S), len(self.near.i)
+        turn = self.pairs.images[near.image]
+        # of a pair (r, m): r = x_i - Q y_j, m = Q times the area vector of j
+        by_samples = np.zeros((pairs, 3, 2, d, d))
+        by_samples[:, 0, 0], by_samples[:, 1, 0], by_samples[:, 2, 1] = np.eye(d), -turn, turn
+        columns = np.column_stack([near.i, near.j, count + near.j])
+        own = _blocks(by_samples.reshape(pairs, 3, 2 * d, d), columns, 2 * count)
+        ends = np.searchsorted(near.i, np.flatnonzero(self.touching), side="right")
+        shares = (sum_rates(near), np.arange(pairs), np.append(0, ends))
+        sums = scipy.sparse.bsr_array(shares, shape=(len(ends) * (1 + d), pairs * 2 * d))
+        return own.T @ (_diagonal(pair_curvatures(near, self.points.first)) @ own), sums @ own
+
+
+def _blocks(blocks: Array, columns: Numbers, width: int) -> scipy.sparse.bsr_array:
+    """Return the matrix of rows of k small dense blocks each, shape (rows, k, a, b), by the blocks' ``columns``, shape (rows,
+    k), of which there are ``width``."""
+    rows, k, a, b = blocks.shape
+    entries = (blocks.reshape(-1, a, b), columns.ravel(), k * np.arange(rows + 1))
+    return scipy.sparse.bsr_array(entries, shape=(rows * a, width * b))
+
+
+def _diagonal(blocks: Array) -> scipy.sparse.bsr_array:
+    """Return the matrix with small dense blocks, shape (t, a, a), on its diagonal."""
+    return _blocks(blocks[:, None], np.arange(len(blocks)), len(blocks))
 
 
 def _summed(at: Numbers, rows: Array, count: int) -> Array:

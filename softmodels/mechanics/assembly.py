@@ -180,13 +180,16 @@ class AssembledTerm[P: Pressing](component.EnergyTerm):
 
     def add_to(self, K: PETSc.Mat, w: Array) -> None:
         """Add the second derivative at w to a matrix. Its pattern grows when nodes first meet."""
-        values = self.matrix(w)
-        pattern = self._pattern()
-        if not pattern.nnz:
+        values, coupled = self.matrix(w), self._coupled()
+        if not coupled.nnz:
             return
-        coo, of = values.tocoo(), pattern.tocoo()
-        rows, columns = np.concatenate([coo.row, of.row]), np.concatenate([coo.col, of.col])
-        entries = np.concatenate([coo.data, np.zeros(of.nnz)])
+        coo, same = values.tocoo(), self._in_matrix == coupled.nnz
+        rows, columns, entries = coo.row, coo.col, coo.data
+        if not same:
+            d = self.nodes.dofs.shape[1]
+            of = scipy.sparse.kron(coupled, np.ones((d, d), dtype=np.bool_), format="coo")
+            rows, columns = np.concatenate([rows, of.row]), np.concatenate([columns, of.col])
+            entries = np.concatenate([entries, np.zeros(of.nnz)])
         mine = self.nodes.mine.ravel()[rows]
         dofs = self.nodes.dofs.ravel()
         n, start = K.getLocalSize()[0], self.nodes.owned[0]
@@ -197,20 +200,18 @@ class AssembledTerm[P: Pressing](component.EnergyTerm):
         size = ((n, PETSc.DETERMINE), (n, PETSc.DETERMINE))
         csr = (added.indptr.astype(PETSc.IntType), added.indices.astype(PETSc.IntType), added.data)
         A = PETSc.Mat().createAIJ(size, csr=csr, comm=K.comm)
-        same = self._in_matrix == pattern.nnz
         structure = PETSc.Mat.Structure.SUBSET if same else PETSc.Mat.Structure.DIFFERENT
         K.axpy(1.0, A, structure)  # type: ignore[arg-type]
         mark_symmetric(K)  # a new pattern needs a new matrix
-        self._in_matrix = pattern.nnz
+        self._in_matrix = coupled.nnz
         A.destroy()
 
-    def _pattern(self) -> scipy.sparse.csr_array:
-        """Return the entries that have ever been coupled, shape (n d, n d)."""
+    def _coupled(self) -> scipy.sparse.csr_array:
+        """Return which nodes have ever been coupled, shape (n, n)."""
         new = self.coupled()
         if (new > self._known).nnz:
             self._known = scipy.sparse.csr_array(self._known + new)
-        d = self.nodes.dofs.shape[1]
-        return scipy.sparse.kron(self._known, np.ones((d, d), dtype=np.bool_), format="csr")
+        return self._known
 
 
 class RememberingTerm[P: Pressing, H](AssembledTerm[P]):
