@@ -181,8 +181,7 @@ class DevicePage(forms.TabPage):
         places = np.concatenate([curve.reshape(-1, 2) for curve in both])
         self.box = np.array([places.min(axis=0), places.max(axis=0)])
         self.pressures = [state.row.shown("pressure") for state in answer.states]
-        words = "kPa, von Mises stress; the largest is at an integration point"
-        self.scale.set_content(forms.colour_bar(self.tops, answer.colours, words))
+        self.scale.set_content(forms.colour_bar(self.tops, answer.colours, "kPa, von Mises stress"))
         top = max(self.pressures)
         self.slider.props(f"max={top} step={top / 500}")
         self.slider.set_value(top)

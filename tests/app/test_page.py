@@ -10,7 +10,7 @@ import pytest
 
 import softmodels as sm
 from geometries import ACTUATORS
-from softmodels.app import answers
+from softmodels.app import answers, forms
 from softmodels.case.case import Case
 from softmodels.case.load import steps_of
 from tests.app.conftest import served, tab, value
@@ -69,7 +69,7 @@ TEXTS = """all => all.filter(one => !one.closest("code, textarea, i") && !one.qu
            .concat(one.ariaLabel ?? "", one.value ?? ""))"""
 """What stands on the page, hints and choices too, but for the log and the files as they are."""
 BARE_COLUMN = re.compile(r"[1-9][\d.]* *cm(?!, [\d.]+ g/ml)\b")
-CLASSES = "|".join(name for name in ACTUATORS if re.search("[a-z][A-Z]", name))
+CLASSES = "|".join(name for name in ACTUATORS if re.search("[a-z][A-Z]", name) and name not in forms.OWN_SPELLINGS)
 INTERNAL = re.compile(rf"\b(?:{CLASSES})\b|\b[a-z]+_[a-z_]+|\bof case\.toml|(?<!\S)--[a-z]")
 
 
