@@ -248,8 +248,6 @@ def _number(law: str, key: str, value: object, unit: str) -> float:
 
 MATERIAL = "material"
 """The cause of errors that the parameters of a material have."""
-WIDTH_95 = 2 * 1.959964
-"""Width of a 95 % interval in standard deviations."""
 
 
 def _roots(covariance: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -470,7 +468,7 @@ def _intervals(path: Path, fit: Mapping[str, object]) -> FitErrors:
         raise MaterialError(f"{path}: the intervals of the fit cannot be read") from None
     if not widths or not all(0.0 < width < np.inf for width in widths.values()):
         raise MaterialError(f"{path} has no finite 95 % intervals, so the material's errors are unknown")
-    sigma = np.array(list(widths.values())) / WIDTH_95
+    sigma = np.array(list(widths.values())) / (2 * units.HALF_WIDTH_95)
     return tuple(widths), np.diag(sigma**2), {}, f"95 % intervals of {path}, as if they were independent"
 
 

@@ -18,8 +18,6 @@ PROCESS, GAUGE, COLUMN = "process", "gauge", "water_density"
 """Keys of a table of tolerances beside the device's lengths."""
 READINGS = (GAUGE, COLUMN)
 """Tolerances of the pressure that is read."""
-HALF_WIDTH_95 = 1.959964
-"""Half width of a 95 % interval in standard deviations."""
 PROCESSES: Mapping[str, tuple[float, float]] = MappingProxyType(
     {"resin": (0.1e-3, 0.001), "filament": (0.3e-3, 0.005), "machined": (0.05e-3, 0.0005)}
 )

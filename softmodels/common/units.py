@@ -298,6 +298,10 @@ DENSITY_NOTE = "3 % less than water at 20 degC"
 """What the usual density of a column's liquid is, `WATER_DENSITY`, for texts that ask for another."""
 
 
+HALF_WIDTH_95 = 1.959964
+"""Half width of a 95 % interval in standard deviations."""
+
+
 def with_error(value: float, half: float, unit: str, sign: str = "+-") -> str:
     """Return a value with half its interval, both in a unit, which stands once: ``"3.9132 +- 0.0057 mm"``."""
     return f" {sign} ".join(rounded(value, half)) + f" {unit}".rstrip()

@@ -22,7 +22,7 @@ from geometries import Actuator, Hold, actuator
 from softmodels.case import materials
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
-from softmodels.common import cards, errors
+from softmodels.common import cards, errors, units
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import Expr
 from softmodels.components import loads
@@ -302,8 +302,6 @@ def inverse_left_jacobian(turn: Array) -> Array:
 
 
 RESPONSE_TOLERANCE = 1e-11
-NORMAL_QUANTILE = 1.959963984540054
-"""Half width of a 95 % interval in standard deviations."""
 RATE_STEP = 1e-3
 """Displacement of the tip in sizes by which the rate of the compliance is measured."""
 MIN_TABLE_STATES = 4
@@ -573,7 +571,7 @@ class Responses:
             response = self.solver.linear_response(-force, -state.P * dmu / system.stress_unit, RESPONSE_TOLERANCE)
             pose = rates @ (self.tip.vectors @ response.w[: system.n])
             moves.append(np.append(pose, response.V * system.volume_unit))
-        return NORMAL_QUANTILE * np.linalg.norm(moves, axis=0)
+        return units.HALF_WIDTH_95 * np.linalg.norm(moves, axis=0)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

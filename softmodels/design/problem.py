@@ -744,7 +744,7 @@ def _unread(case: Case) -> str:
 # First-order propagation of fabrication tolerances and material errors to a value.
 
 
-NORMAL_QUANTILE = 1.645
+ONE_SIDED_95 = 1.645
 """One-sided 95 % quantile of the normal distribution."""
 
 
@@ -756,7 +756,7 @@ def spreads_of(case: Case, tolerance: Mapping[str, object] | None, bare: bool) -
     made = case.deviations if tolerance is None else []
     if process is not None:
         made = tolerances.Tolerances.of({tolerances.PROCESS: process}).deviations(case.actuator, case.column.pascal)
-    spreads = {own.name: own.half / tolerances.HALF_WIDTH_95 for own in made if own.name not in tolerances.READINGS}
+    spreads = {own.name: own.half / units.HALF_WIDTH_95 for own in made if own.name not in tolerances.READINGS}
     device, units = case.actuator, variable_names(case)
     for name, value in trials.dotted(table):
         for name_of_list in expanded(case, name):
@@ -771,7 +771,7 @@ def spreads_of(case: Case, tolerance: Mapping[str, object] | None, bare: bool) -
             movable = name_of_list.partition("[")[0] in device.movable or name_of_list in device.movable
             if of_shape(case, name_of_list) and not movable:
                 raise DesignError(f"{what}: {device.why_not_movable(name_of_list)}")
-            spreads[name_of_list] = half / tolerances.HALF_WIDTH_95
+            spreads[name_of_list] = half / units.HALF_WIDTH_95
     return spreads
 
 
@@ -955,7 +955,7 @@ class Formulation:
 
     def allowances(self, trial: Trial) -> Array:
         """Return the 95 % allowances of each limit for tolerances and the material's errors, SI units, shape (rows,)."""
-        return np.array([NORMAL_QUANTILE * self.spread.sigma(trial, row.key) for row in self.rows])
+        return np.array([ONE_SIDED_95 * self.spread.sigma(trial, row.key) for row in self.rows])
 
     def violations(self, trial: Trial, allowances: Array | None = None) -> Array:
         """Return the violation of each limit, in its scale; negative if satisfied. Shape (rows,)."""

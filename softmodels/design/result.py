@@ -15,14 +15,14 @@ import numpy as np
 import tomli_w
 
 from geometries import Actuator
-from softmodels.case import case, entries, tolerances
+from softmodels.case import case, entries
 from softmodels.case.case import Case
-from softmodels.common import cards, commands, names
+from softmodels.common import cards, commands, names, units
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import scipy
 from softmodels.design import extremes, trials
 from softmodels.design.problem import (
-    NORMAL_QUANTILE,
+    ONE_SIDED_95,
     SAFETY_MARGIN,
     ConstraintRow,
     DesignProblem,
@@ -235,7 +235,7 @@ class DesignResult(cards.ResultCard):
         told = []
         for row, taken in zip(self.form.rows, allowances, strict=True):
             asked, value = row.keep.quantity, self.values[row.key]
-            half, end = taken / NORMAL_QUANTILE * tolerances.HALF_WIDTH_95, in_words(asked, value + row.sign * taken)
+            half, end = taken / ONE_SIDED_95 * units.HALF_WIDTH_95, in_words(asked, value + row.sign * taken)
             told.append(
                 f"{row.text}: {in_words(asked, value)} +- {in_words(asked, half, 2)} (95 %), so with 95 % "
                 f"{'below' if row.sign > 0 else 'above'} {end}"

@@ -718,8 +718,6 @@ MIN_SURROGATE_SAMPLES = 8
 BASE_SAMPLES = 2**12
 """Base samples of a surrogate's indices."""
 BOOTSTRAP_SAMPLES = 100
-NORMAL_QUANTILE = 1.96
-"""Half width of a 95 % interval in standard deviations."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -829,5 +827,5 @@ def indices_of(inputs: tuple[Input, ...], response: Callable[[Array], Array] | A
     count, rng = parts.shape[1], np.random.default_rng(0)
     sobol = estimated(np.arange(count))
     again = np.array([estimated(rng.integers(0, count, size=(count,))) for _ in range(BOOTSTRAP_SAMPLES)])
-    first, total, first_half, total_half = map(tuple, np.vstack([sobol, NORMAL_QUANTILE * again.std(axis=0)]).tolist())
+    first, total, first_half, total_half = map(tuple, np.vstack([sobol, units.HALF_WIDTH_95 * again.std(axis=0)]).tolist())
     return Indices(tuple(variable.key for variable in inputs), first, total, first_half, total_half)

@@ -294,7 +294,7 @@ class FittedLaw(cards.ResultCard):
         if not np.isfinite(shares).any():
             return 0.0
         low, high = laws.FORM_RANGE
-        return float(max(np.nanmax(shares) - low, high - np.nanmin(shares))) / least_squares.NORMAL_QUANTILE
+        return float(max(np.nanmax(shares) - low, high - np.nanmin(shares))) / units.HALF_WIDTH_95
 
     @property
     def _curves(self) -> list[residuals.TensileResiduals]:
@@ -322,7 +322,7 @@ class FittedLaw(cards.ResultCard):
         stretch = self._form_shares[0]
         response = specimens.respond(self.material, stretch[-1:], mode, errors.names)
         halves = [
-            least_squares.NORMAL_QUANTILE * float(np.linalg.norm(response.slopes @ roots)) / float(response.stress[0])
+            units.HALF_WIDTH_95 * float(np.linalg.norm(response.slopes @ roots)) / float(response.stress[0])
             for roots in (errors.by_cause[materials.MATERIAL], errors.roots)
         ]
         return (
@@ -785,7 +785,7 @@ def material_toml(law: FittedLaw, report: FitReport) -> str:
     fit = law.fit
     intervals = {p.name: [float(end) for end in law.interval(p.name)] for p in fit.free if not p.hidden}
     if law.form_error:
-        intervals[laws.FORM] = [sign * least_squares.NORMAL_QUANTILE * law.form_error for sign in (-1.0, 1.0)]
+        intervals[laws.FORM] = [sign * units.HALF_WIDTH_95 * law.form_error for sign in (-1.0, 1.0)]
     hidden = {p.name for p in fit.parameters if p.hidden}
     about: dict[str, object] = {
         "range": report.ranges,

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import OptimizeResult
 from scipy.special import ndtri, stdtrit
 
-from softmodels.common import names
+from softmodels.common import names, units
 from softmodels.common.arrays import Array
 from softmodels.fitting.problem import (
     CannotEvaluate,
@@ -537,10 +537,6 @@ def _check(sources: Sequence[Residuals], parameters: Sequence[Parameter], loss: 
 # Acceptance of a fit: general objections, for any law and data.
 
 
-NORMAL_QUANTILE = 1.96
-"""Half a 95 % interval in standard errors."""
-
-
 @dataclasses.dataclass(frozen=True)
 class Judgement:
     """Sentences on a fit from the device, the bench and the silicone: those that forbid its use, warnings that do not, and
@@ -564,7 +560,7 @@ def objections(fit: LeastSquaresFit, modulus: Callable[[Mapping[str, float]], fl
     ]
     objections += [f"the data do not determine {p.words}: {why}" for p in fit.free if (why := _undetermined(fit, p))]
     value, error = modulus(fit.values), _modulus_error(fit, modulus)
-    if not objections and not NORMAL_QUANTILE * error < abs(value):
+    if not objections and not units.HALF_WIDTH_95 * error < abs(value):
         objections.append(
             f"the data do not determine the shear modulus: {value / 1e3:.4g} kPa with a standard error of {error / 1e3:.3g} kPa"
         )
@@ -577,7 +573,7 @@ def _undetermined(fit: LeastSquaresFit, p: Parameter) -> str:
         return ""
     if not math.isfinite(fit.error(p.name)):
         return "another parameter compensates any change of it"
-    low, high = (fit.values[p.name] + sign * NORMAL_QUANTILE * fit.error(p.name) for sign in (-1.0, 1.0))
+    low, high = (fit.values[p.name] + sign * units.HALF_WIDTH_95 * fit.error(p.name) for sign in (-1.0, 1.0))
     whole = math.isfinite(p.upper - p.lower) and low <= p.lower and high >= p.upper
     return "its interval is as wide as its bounds" if whole and not p.answers else ""
 
@@ -663,7 +659,7 @@ def _data_error(fit: LeastSquaresFit, p: Parameter) -> float:
 def _max_half_width(p: Parameter, value: float) -> tuple[float, str]:
     """Return the maximum half width of an interval for a determined parameter, and its reference."""
     if p.prior:
-        return 1.96 * p.prior.error, "its prior"
+        return units.HALF_WIDTH_95 * p.prior.error, "its prior"
     if p.logarithmic or not math.isfinite(p.upper - p.lower):
         return (abs(value) or p.scale) * (1.0 if p.lower >= 0.0 else 10.0), "its own size"
     return (p.upper - p.lower) / 2, "its bounds"

@@ -15,7 +15,6 @@ from scipy.special import chdtri
 
 from geometries import Actuator
 from measurement.outline.outline import Outline
-from softmodels.case import tolerances
 from softmodels.case.case import Case
 from softmodels.case.materials import MaterialErrors
 from softmodels.common import cards, names, units
@@ -257,7 +256,7 @@ def _mean_square(values: Array) -> float:
 
 
 def _covered_shares(sizes: Array) -> float:
-    return float(np.mean(np.abs(sizes) <= tolerances.HALF_WIDTH_95))
+    return float(np.mean(np.abs(sizes) <= units.HALF_WIDTH_95))
 
 
 def write_scores(path: Path, scores: Sequence[Score]) -> None:
@@ -296,7 +295,7 @@ def write_readings(
                 ends = [[""] * len(predicted)] * 2
                 if (known := errors.get(name)) is not None:
                     moves = residuals.slopes_of(material, curve, known.names) @ known.roots
-                    half = tolerances.HALF_WIDTH_95 * np.linalg.norm(moves, axis=1)
+                    half = units.HALF_WIDTH_95 * np.linalg.norm(moves, axis=1)
                     ends = [[f"{v:.9g}" for v in predicted + side * half] for side in (-1, 1)]
                 numbers = np.column_stack([curve.stress, error.of(curve), predicted])
                 for stretch, time, row, low, high in zip(curve.stretch, times, numbers, *ends, strict=True):

@@ -236,7 +236,7 @@ def draw_law(report: comparison.FitReport) -> Figure:
         try:
             errors = law.errors
             response = specimens.respond(law.material, stretch, parameters=errors.names)
-            half = least_squares.NORMAL_QUANTILE * np.linalg.norm(response.slopes @ errors.roots, axis=1)
+            half = units.HALF_WIDTH_95 * np.linalg.norm(response.slopes @ errors.roots, axis=1)
             axes.fill_between(
                 stretch, (response.stress - half) / 1e3, (response.stress + half) / 1e3, color=colour, alpha=0.18, lw=0
             )

@@ -262,7 +262,7 @@ def _halves_held(case: Case, model: Model, pressure: float, held: Callable[[], o
     if not in_time.last:
         return {}
     for (cause, _), name in zip(case.band.directions, roots, strict=True):
-        move = tolerances.HALF_WIDTH_95 * pressure * in_time.last[name].V / in_time.last["all moduli"].V
+        move = units.HALF_WIDTH_95 * pressure * in_time.last[name].V / in_time.last["all moduli"].V
         halves[cause] = math.hypot(halves.get(cause, 0.0), move)
     return halves
 

@@ -337,7 +337,7 @@ class Band:
 
         def half(column: str, cause: str = "") -> float | None:
             own = [move[column] for of, move in moves if not cause or of == cause]
-            width = 0.0 if at_rest else tolerances.HALF_WIDTH_95 * float(np.linalg.norm(own))
+            width = 0.0 if at_rest else units.HALF_WIDTH_95 * float(np.linalg.norm(own))
             return width if math.isfinite(width) else None
 
         return {
@@ -372,9 +372,9 @@ class Band:
         pressure = point.state.P * self.fields.system.stress_unit
         for deviation in self.deviations:
             if deviation.name in tolerances.READINGS:
-                yield Change(deviation.name, reading=deviation.of_pressure(pressure) / tolerances.HALF_WIDTH_95)
+                yield Change(deviation.name, reading=deviation.of_pressure(pressure) / units.HALF_WIDTH_95)
             else:
-                yield Change(deviation.name, deviation.name, deviation.half / tolerances.HALF_WIDTH_95)
+                yield Change(deviation.name, deviation.name, deviation.half / units.HALF_WIDTH_95)
 
     def _move(self, point: stability.Point, change: Change) -> dict[str, float]:
         """Return the changes by column."""

@@ -12,7 +12,7 @@ import softmodels as sm
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.materials import MaterialErrors
-from softmodels.case.tolerances import HALF_WIDTH_95
+from softmodels.common.units import HALF_WIDTH_95
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.fit import fit_curves
 from softmodels.fitting.curves.residuals import predicted, slopes_of

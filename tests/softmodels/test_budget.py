@@ -14,7 +14,8 @@ from softmodels.api.calls import case_of
 from softmodels.case.entries import CaseError
 from softmodels.case.load import steps_of
 from softmodels.case.materials import MaterialErrors
-from softmodels.case.tolerances import HALF_WIDTH_95, Tolerances
+from softmodels.case.tolerances import Tolerances
+from softmodels.common.units import HALF_WIDTH_95
 from softmodels.mechanics import mpi
 from softmodels.pictures import comparison
 from softmodels.runs import budget, mesh_error, simulation

@@ -11,7 +11,7 @@ import pytest
 import softmodels as sm
 from softmodels.api.calls import case_of
 from softmodels.case.materials import MATERIAL, MaterialErrors
-from softmodels.case.tolerances import HALF_WIDTH_95
+from softmodels.common.units import HALF_WIDTH_95
 from softmodels.design.model import DesignModel
 from softmodels.design.quantities import Rise
 from softmodels.fitting.comparison import as_json, material_toml

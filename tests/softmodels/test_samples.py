@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from softmodels.fitting import least_squares
+from softmodels.common import units
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.fit import fit_curves
 from softmodels.fitting.problem import FitOptions
@@ -34,7 +34,7 @@ def test_interval_and_band_are_students_of_the_specimens():
     assert law.fit.values["c10"] == pytest.approx(mean * TRUE[0], rel=2e-3)
     assert law.interval("c10") == pytest.approx(TRUE[0] * (mean + np.array([-half, half])), rel=3e-3)
     response = specimens.respond(law.material, np.array([2.0]), parameters=law.errors.names)
-    band = least_squares.NORMAL_QUANTILE * np.linalg.norm(response.slopes @ law.errors.roots, axis=1)[0]
+    band = units.HALF_WIDTH_95 * np.linalg.norm(response.slopes @ law.errors.roots, axis=1)[0]
     expected = student.ppf(0.975, 3) * error * np.sqrt(1 + 1 / 4) * stress(TRUE, 2.0)
     assert band == pytest.approx(expected, rel=0.02)
 
@@ -111,6 +111,6 @@ def test_intervals_hold_the_mean_and_bands_a_new_specimen():
             means.append(low <= true <= high)
         for stretch in (1.2, 2.0):
             response = specimens.respond(law.material, np.array([stretch]), parameters=law.errors.names)
-            half = least_squares.NORMAL_QUANTILE * np.linalg.norm(response.slopes @ law.errors.roots, axis=1)[0]
+            half = units.HALF_WIDTH_95 * np.linalg.norm(response.slopes @ law.errors.roots, axis=1)[0]
             bands.append(abs(response.stress[0] - stress(drawn(), stretch)) <= half)
     assert 0.93 <= np.mean(means) <= 0.98 and 0.92 <= np.mean(bands) <= 0.98, (np.mean(means), np.mean(bands))

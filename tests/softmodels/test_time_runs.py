@@ -11,7 +11,7 @@ import softmodels as sm
 from softmodels.case.case import Case, CaseError
 from softmodels.case.load import steps_of
 from softmodels.case.materials import MaterialErrors
-from softmodels.case.tolerances import HALF_WIDTH_95
+from softmodels.common.units import HALF_WIDTH_95
 from softmodels.materials.laws import FORM, MaterialError
 from softmodels.path.steps import courses, times_of
 from tests.support import runs

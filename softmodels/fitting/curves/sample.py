@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import stdtr, stdtrit
 
-from softmodels.common import names
+from softmodels.common import names, units
 from softmodels.common.arrays import Array
 from softmodels.fitting import least_squares
 from softmodels.fitting.curves.curve import TensileCurve
@@ -114,7 +114,7 @@ class SampleFit(least_squares.LeastSquaresFit):
     @functools.cached_property
     def band_covariance(self) -> Array:
         """Covariance of the parameters of a further specimen about the fit, so that 1.96 standard errors hold 95 % of them."""
-        widened = (self.quantile / least_squares.NORMAL_QUANTILE) ** 2
+        widened = (self.quantile / units.HALF_WIDTH_95) ** 2
         return names.read_only((self.specimens + 1) * widened * self.between + self.considered)
 
 
