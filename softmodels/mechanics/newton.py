@@ -24,7 +24,8 @@ class Newton:
 
     def __init__(self, system: System, bordered: Bordered, lagged: LaggedPreconditioner):
         self.system, self.bordered, self.lagged = system, bordered, lagged
-        self._first = self._before = math.inf
+        self._first = self._before = self._least = math.inf
+        self._least_at = 1  # the iteration of the least residual after the guess's
         self._of_stress, self._of_motion, self._round = 0.0, 0.0, rounding_of_stress(system)
         self._iterate = np.empty(0)
         self._most = bordered.inverse.max_newton_iterations
@@ -164,7 +165,7 @@ class Newton:
         if not math.isfinite(residual):
             return reasons.DIVERGED_FNORM_NAN
         if iteration == 0:
-            self._first = residual
+            self._first, self._least, self._least_at = residual, math.inf, 1
         unit_load: Any = self.bordered.q.norm()
         tolerance = RESIDUAL_TOLERANCE * max(self._load_size, MIN_PRESSURE_SCALE * unit_load)
         # Forces in a thin wall cancel to 1e-9 of themselves; Newton cannot reduce their rounding error,
@@ -179,6 +180,10 @@ class Newton:
             return reasons.CONVERGED_FNORM_ABS
         if iteration >= self._most:
             return reasons.DIVERGED_MAX_IT
+        if iteration == 1 or residual < MIN_DECREASE * self._least:
+            self._least, self._least_at = residual, iteration
+        if iteration >= self._least_at + MAX_STAGNANT_ITERATIONS:
+            return reasons.DIVERGED_LOCAL_MIN
         loosest = self._loosest()
         if iteration >= 3 and residual > 1e3 * MAX_FORCING_TERM / loosest * self._first:
             return reasons.DIVERGED_DTOL
@@ -202,6 +207,7 @@ _REASONS = {
     -4: "the residual is not a number",
     -5: "no convergence in {most} iterations",
     -6: "the line search found no decrease of the residual",
+    -8: "the residual no longer decreases",
     -9: "the residual diverged (a thousandfold increase)",
 }
 
@@ -589,6 +595,7 @@ RESIDUAL_TOLERANCE = 1e-9  # residual relative to the load of the cavity pressur
 MIN_PRESSURE_SCALE = 1e-3  # pressures below this many shear moduli do not tighten the tolerance
 STAGNATION_TOLERANCE_FACTOR = 1000.0  # tolerances below which a stagnating residual counts as rounding
 ROUNDING_SAFETY_FACTOR = 10.0  # times the predicted rounding error
+MIN_DECREASE, MAX_STAGNANT_ITERATIONS = 0.9, 5  # without that decrease of the least residual Newton's method has failed
 MAX_FORCING_TERM = 1e-2  # of the linear solves: Newton's first steps are not more accurate anyway
 LAST_SOLVE_FACTOR = 0.3  # of Newton's tolerance, left by the last linear solve
 MAX_LAST_TOLERANCE = 0.1  # of that solve

@@ -17,12 +17,13 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import root
 
 import softmodels as sm
-from geometries import Balloon, Cylinder, HollowDisk
+from geometries import Balloon, Bellows, Cylinder, HollowDisk
 from softmodels.case.load import steps_of
 from softmodels.components.contact import Walls
 from softmodels.components.rigid import Rigid
 from softmodels.materials.laws import MooneyRivlin, NeoHookean, Yeoh
 from softmodels.materials.specimens import sphere_pressure
+from softmodels.mechanics import newton
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path import schedule
@@ -231,6 +232,29 @@ def test_a_shell_that_snaps_back_has_its_limit_named(equilibrium, solved, figure
         -end.limit.state.P * equations.system.stress_unit / limit - 1,
         1e-6,
     )
+
+
+@pytest.mark.campaign
+def test_solves_that_do_not_get_nearer_end_early(monkeypatch, figure):
+    """Folds of a bellows that press on each other: steps that are too long are given up after six iterations or a few more, not
+    after fifteen, and the path ends where it ended with all of them."""
+    ends, checked = [], newton.Newton._converged
+
+    def recorded(self, snes, iteration, norms):
+        reason = checked(self, snes, iteration, norms)
+        if reason < 0:
+            ends.append((int(reason), iteration))
+        return reason
+
+    monkeypatch.setattr(newton.Newton, "_converged", recorded)
+    both = [sm.inflate(Bellows(), NeoHookean(30e3), "-25 cm", components=Walls("auto, cavity"))]
+    stagnant = [iteration for reason, iteration in ends if reason == -8]
+    assert len(stagnant) > 5 and np.median(stagnant) < 10
+    monkeypatch.setattr(newton, "MAX_STAGNANT_ITERATIONS", 99)
+    both.append(sm.inflate(Bellows(), NeoHookean(30e3), "-25 cm", components=Walls("auto, cavity")))
+    assert [run.path["pressure_cm"][-1] for run in both] == [-25.0, -25.0]
+    volume, without = (run.path["added_volume_ml"][-1] for run in both)
+    figure("without the rule", "added volume of a bellows whose folds touch", volume / without - 1.0, 1e-9)
 
 
 @pytest.mark.campaign
