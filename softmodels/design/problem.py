@@ -757,13 +757,13 @@ def spreads_of(case: Case, tolerance: Mapping[str, object] | None, bare: bool) -
     if process is not None:
         made = tolerances.Tolerances.of({tolerances.PROCESS: process}).deviations(case.actuator, case.column.pascal)
     spreads = {own.name: own.half / units.HALF_WIDTH_95 for own in made if own.name not in tolerances.READINGS}
-    device, units = case.actuator, variable_names(case)
+    device, names = case.actuator, variable_names(case)
     for name, value in trials.dotted(table):
         for name_of_list in expanded(case, name):
             what = f"tolerance of {name_of_list}"
             share = tolerances.percentage(name_of_list, value) if isinstance(value, str) else None
             if share is None:
-                half = trials.read(what, value, units[name_of_list], bare)
+                half = trials.read(what, value, names[name_of_list], bare)
             else:
                 half = share * abs(value_of(case, name_of_list))
             if half <= 0.0:
