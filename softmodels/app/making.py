@@ -199,7 +199,6 @@ class MouldPage(forms.TabPage):
                     for name in schema.about(settings.Workshop):
                         if name not in FIRST_SETTINGS:
                             self._setting(name)
-                ui.label("Files").classes("font-bold")
                 self.files = forms.tagged(ui.column(), "mould-files", "gap-1", "")
             with ui.column().classes("w-full min-w-0"):
                 self.exploded = forms.tagged(ui.html("", sanitize=False), "exploded", props="")
@@ -238,6 +237,7 @@ class MouldPage(forms.TabPage):
         if not (self.project / MOULD).is_dir():
             return
         with self.files:
+            ui.label("Files").classes("font-bold")
             for file in sorted(self.project.files(MOULD, FILES), key=lambda file: FILES.index(file.suffix)):
                 link = ui.link(file.name, f"/files/{quote(f'{MOULD}/{file.name}')}")
                 forms.with_attribute(link, "download", file.name)
