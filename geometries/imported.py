@@ -1391,7 +1391,7 @@ MIN_EDGE_ANGLE = math.radians(40.0)
 """Angle between triangles of an STL file from which their edge is one of the part."""
 FILL_SIZES = (1.0, 0.9, 0.8)
 """Shares of the cell size to try in turn where Gmsh leaves a cell without volume."""
-FACET_TOLERANCE, MAX_FACETS = 0.02, 30_000
+FACET_TOLERANCE, MAX_FACETS = 0.01, 30_000
 """Distance over the walls' thickness within which facets of an STL part are joined where they cannot be meshed as they are, or
 are more than a number, from which Gmsh takes minutes or does not come back."""
 FILL_CELLS_PER_CIRCLE, MIN_FILL_SHARE = 5.0, 0.35

@@ -390,7 +390,7 @@ def revolved(radii, heights, count):
 
 @pytest.mark.campaign
 def test_a_bellows_of_very_many_facets(tmp_path):
-    """Gmsh does not come back from them as they are; joined within a fiftieth of the wall's thickness it does."""
+    """Gmsh does not come back from them as they are; joined within a hundredth of the wall's thickness it does."""
     z = np.linspace(0.0, 40.0, 171)
     fold, caps = 12.0 + 4.0 * np.cos(2 * np.pi * z / 8.0), [np.linspace(0.0, r, 8) for r in (16.75, 15.25)]
     outside = revolved(
