@@ -364,7 +364,7 @@ def test_a_files_name_stays_one_attribute(tmp_path):
         shown = making.MouldPage.__new__(making.MouldPage)
         shown.project, shown.files, shown.exploded = Project(tmp_path), ui.column(), ui.html("", sanitize=False)
         shown._show()
-    (link,) = shown.files.default_slot.children
+    _, link = shown.files.default_slot.children  # below their heading
     assert link.props["download"] == NAME and "onclick" not in link.props
 
 
