@@ -154,8 +154,7 @@ class ChannelCell(actuator.Actuator):
         meshing.name_group(3, [solid[1]], "solid")
         meshing.name_boundary(role_of)
         anchor = meshing.MM_PER_M * np.array((half, 0.0, -high))
-        points = [tag for _, tag in gmsh.model.getEntities(0) if np.allclose(meshing.place_of(tag), anchor, atol=1e-6)]
-        meshing.name_group(0, points, "anchor")
+        meshing.name_group(0, meshing.points_at(anchor, meshing.MM_PER_M * SAME_PLACE), "anchor")
         meshing.set_sizes(lambda x, y, z: self.edge + CELL_SIZE_GROWTH * max(math.hypot(x, z - self.offset) - self.radius, 0.0))
 
 

@@ -380,9 +380,7 @@ def build_solid(device: Cylinder) -> None:
     meshing.name_groups(3, regions)
     meshing.name_boundary(lambda tag: _role(device, tag))
     for role, place in device.anchors.items():
-        near = 1e-7 * device.outer_radius
-        tags = [tag for _, tag in gmsh.model.getEntities(0) if np.abs(meshing.place_of(tag) - place).max() < near]
-        meshing.name_groups(0, {role: tags})
+        meshing.name_groups(0, {role: meshing.points_at(place, 1e-7 * device.outer_radius)})
     size = _size(device)
     gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: size(math.hypot(x, y), z))
 

@@ -605,5 +605,4 @@ def _name_rim(disk: HollowDisk) -> None:
     meshing.name_group(1, rim, "support")
     places = {"anchor0": np.zeros(3), "anchor1": disk.outer_radius * np.array(disk.radial)}
     for role in {hold.role for hold in disk.holds if hold.point}:
-        tags = [tag for _, tag in gmsh.model.getEntities(0) if np.abs(meshing.place_of(tag) - places[role]).max() < near]
-        meshing.name_group(0, tags, role)
+        meshing.name_group(0, meshing.points_at(places[role], near), role)

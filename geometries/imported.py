@@ -1707,16 +1707,18 @@ def meshed_solid(file: str, surface: Surface, cell_size: float) -> mesh_arrays.T
 def _filled_apart(surface: Surface, cell_size: float) -> tuple[NDArray[np.float64], mesh_arrays.Ints]:
     """Mesh the solid between closed surfaces in processes of their own: as they are unless they have very many facets, then
     simplified, or between their facets."""
-    area, volume = _area_and_volume(surface)
-    for tolerance in (0.0, FACET_TOLERANCE * 2.0 * volume / area):
-        if tolerance:
-            surface = surfaces.simplified(surface, tolerance)
-        elif len(surface[1]) > MAX_FACETS:
-            continue
+    for reading in _readings(surface):
         with contextlib.suppress(MeshingError):  # the mesher crashed at some surfaces, or did not come back from them
-            if made := meshing.apart(_fill, *surface, cell_size):
+            if made := meshing.apart(_fill, *reading, cell_size):
                 return made
-    return meshing.apart(_fill_between_facets, surface, cell_size)
+    return meshing.apart(_fill_between_facets, reading, cell_size)
+
+
+def _readings(surface: Surface) -> Iterator[Surface]:
+    if len(surface[1]) <= MAX_FACETS:
+        yield surface
+    area, volume = _area_and_volume(surface)
+    yield surfaces.simplified(surface, FACET_TOLERANCE * 2.0 * volume / area)
 
 
 def _fill(

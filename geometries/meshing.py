@@ -878,6 +878,11 @@ def place_of(tag: int) -> NDArray[np.float64]:
     return np.array(gmsh.model.getValue(0, tag, []))
 
 
+def points_at(place: Vector | NDArray[np.float64], near: float) -> list[int]:
+    """Return the points of the CAD model whose coordinates all differ by less than a length from a place's."""
+    return [tag for _, tag in gmsh.model.getEntities(0) if np.abs(place_of(tag) - place).max() < near]
+
+
 def corners_of(tag: int, dimension: int = 2) -> NDArray[np.float64]:
     """Return the corner points of a face or a curve of the CAD model, shape (n, 3)."""
     boundary = gmsh.model.getBoundary([(dimension, tag)], combined=False, oriented=False, recursive=True)

@@ -153,4 +153,4 @@ class _Lines:
         elif now - self.told >= LOG_SECONDS:
             self.told = now
             left = (now - self.first) / (self.done - 1) * (self.total - self.done)
-            processes.say(f"{self.words}: {self.done} of {self.total}, about {left:.0f} s left", err=True)
+            processes.say(f"{self.words}: {self.done} of {self.total}{processes.time_left(left)}", err=True)

@@ -222,8 +222,8 @@ def _ellipse(px: Array, share: Array, middle: Array, begin: Array, radius: float
     angle = np.linspace(0.0, 2.0 * np.pi, BOUNDARY_COUNT, endpoint=False)
     boundary = middle + fit.x[:2] * radius + np.column_stack([np.cos(angle), np.sin(angle)]) @ turn.T
     # Pixels next to each other are blurred together, and those of a block of a JPEG file are stored together: what they miss
-    # is not independent (covariance robust to clusters, Liang & Zeger 1986); a small
-    # dot lies in fewer blocks than the fit has parameters.
+    # is not independent (covariance robust to clusters, Liang & Zeger 1986); a small dot lies in fewer blocks than the fit has
+    # parameters.
     low_px = px.min(axis=0)
     image, known = (np.zeros(np.ptp(px, axis=0).astype(int)[::-1] + 1, np.float32) for _ in range(2))
     row, column = (px - low_px).astype(int).T[::-1]

@@ -503,9 +503,10 @@ class Shading:
 SHAPE_STEP, MAX_SHAPE_DISTANCE = 0.05, 9.0
 """Distance of the nodes of a tabulated shape, and the distance of the outermost from the edge, in its widths."""
 
-LAMP_EXPONENTS, BULB_EXPONENT, RING_EXPONENT = (0.5, 0.0, 1.5, -0.5), 6.0, -0.5
-"""Exponents m of the lamps that are tried; that of a frosted bulb, whose outer light is not like blur in a deep penumbra; and
-that of a ring, which is rare."""
+BULB_EXPONENT, RING_EXPONENT = 6.0, -0.5
+"""Exponents m of a frosted bulb, whose outer light is not like blur in a deep penumbra, and of a ring, which is rare."""
+LAMP_EXPONENTS = (0.5, 0.0, 1.5, RING_EXPONENT)
+"""Those of the lamps that are tried."""
 
 PROFILE_BINS, PROFILE_REACH, MIN_SAMPLES_PER_BIN, CORRELATED_SAMPLES = 40, 4.0, 20, 4.0
 """Bins of the mean profile, the widths to which they reach on either side, the least number of samples in one, and how many
@@ -536,7 +537,7 @@ DECISIVE_CHI_SQUARE = 12.0
 CAMERA_DEVIATIONS = (0.015, 0.1, 0.2)
 """Standard errors by which e, the mask's amount and its radius in px differ between two photographs of one camera."""
 
-DEPTH_CORRECTION_ERROR, LAMP_TEMPERATURE = 0.3, 2.0
+DEPTH_CORRECTION_ERROR, LAMP_MISFIT_FACTOR = 0.3, 2.0
 """Error of the correction for a surface that is deep along the light, as a share of it: q is one for all of the edge here; and
 the factor by which the misfits of lamps differ more than what is known of them: neighbouring bins err together."""
 
@@ -740,7 +741,7 @@ def _likely_lamp(fits: list[tuple[float, OptimizeResult]], freedom: int) -> tupl
     if 2.0 * (other[1].cost - best[1].cost) < DECISIVE_CHI_SQUARE * excess:
         fits, best = usual, other
     places, costs = np.array([(fit.x[0], fit.cost) for _, fit in fits]).T
-    weights = np.exp((best[1].cost - costs) / (LAMP_TEMPERATURE * excess))
+    weights = np.exp((best[1].cost - costs) / (LAMP_MISFIT_FACTOR * excess))
     mean = float(np.average(places, weights=weights))
     return best, mean - float(best[1].x[0]), float(np.sqrt(np.average((places - mean) ** 2, weights=weights)))
 

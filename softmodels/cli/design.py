@@ -256,7 +256,7 @@ def _solved(kept: study.StudyFolder, plan: study.StudyPlan, how: StudyOptions, f
     def progress(text: str) -> None:
         done = len(kept.answers) - before
         left = (len(plan.points) - len(kept.answers)) * (time.monotonic() - started) / max(done, 1)
-        processes.say(f"{text}, about {left:.0f} s left", err=True)
+        processes.say(text + processes.time_left(left), err=True)
 
     try:
         return study.solve_into(kept, plan, how.jobs or 0, how.scheduler, None if how.quiet else progress)

@@ -210,6 +210,11 @@ def wrapped(text: str, width: int | None) -> str:
     return "\n".join(lines)
 
 
+def time_left(seconds: float | None) -> str:
+    """Return the end of a line of progress: about how long the work still takes, nothing where that is not known."""
+    return "" if seconds is None else f", about {max(0.0, seconds):.0f} s left"
+
+
 def say(text: str, err: bool = False) -> None:
     """Print a sentence to standard output, or to standard error."""
     name = "stderr" if err else "stdout"

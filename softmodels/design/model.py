@@ -17,7 +17,7 @@ import numpy as np
 from geometries import GeometryError, MeshingError
 from softmodels.case import entries
 from softmodels.case.case import Case, in_equations, of_shape, value_of, varied
-from softmodels.common import errors, folders
+from softmodels.common import errors, folders, processes
 from softmodels.common.arrays import Array
 from softmodels.common.files import read_text, write_bytes, write_text
 from softmodels.common.lazy import MPI
@@ -814,8 +814,7 @@ def line(problem: DesignProblem, trial: Trial, form: Formulation | None, left: f
     limits = "no limits"
     if row is not None:
         limits = f"{'VIOLATED' if worst > LIMIT_TOLERANCE else 'satisfied'}: {row.compared(trial.values[row.key], worst)}"
-    rest = "" if left is None else f", about {max(left, 0.0):.0f} s left"
     return (
         f"{head}  {label(asked, problem.case)} {in_words(asked, form.objective(trial), 5)}  "
-        f"{limits}  {trial.newton} iterations  {trial.seconds:.1f} s{rest}"
+        f"{limits}  {trial.newton} iterations  {trial.seconds:.1f} s{processes.time_left(left)}"
     )

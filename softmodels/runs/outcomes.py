@@ -178,5 +178,4 @@ class Progress(Listener):
             self._first = (now, share)  # the time of meshing and compiling does not predict that of the steps
         since, first = self._first
         left = (now - since) * (1.0 - share) / (share - first) if share > first else None
-        rest = "" if left is None else f", about {max(0.0, left):.0f} s left"
-        self.say(f"{text}  {now - self.started:6.1f} s{rest}")
+        self.say(f"{text}  {now - self.started:6.1f} s{processes.time_left(left)}")
