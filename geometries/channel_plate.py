@@ -837,9 +837,9 @@ def _runs(path: Sequence[tuple[Place, bool, bool]]) -> list[tuple[list[Place], b
     along = np.roll(places, -1, axis=0) - places
     before = np.roll(along, 1, axis=0)
     turn = np.abs(np.arctan2(before[:, 0] * along[:, 1] - before[:, 1] * along[:, 0], (before * along).sum(axis=1)))
-    breaks = {
-        k for k, (_, vertex, held) in enumerate(path) if turn[k] > network.MIN_CORNER_TURN or vertex or held != path[k - 1][2]
-    }
+    uneven = np.abs(np.log(np.linalg.norm(along, axis=1) / np.linalg.norm(before, axis=1)))
+    sharp = (turn > network.MIN_CORNER_TURN) | (uneven > math.log(MAX_UNEVEN_SIDES))
+    breaks = {k for k, (_, vertex, held) in enumerate(path) if sharp[k] or vertex or held != path[k - 1][2]}
     while len(breaks) < 2:
         breaks.add(0 if not breaks else (min(breaks) + len(path) // 2) % len(path))
     ordered = sorted(breaks)
@@ -847,6 +847,10 @@ def _runs(path: Sequence[tuple[Place, bool, bool]]) -> list[tuple[list[Place], b
         ([path[k % len(path)][0] for k in range(start, end + 1)], path[start][2])
         for start, end in itertools.pairwise([*ordered, ordered[0] + len(path)])
     ]
+
+
+MAX_UNEVEN_SIDES = 3.0
+"""Ratio of two sides' lengths up to which a spline passes through both: it swings out where a straight side meets an arc."""
 
 
 def _set_sizes(plate: ChannelPlate) -> None:
