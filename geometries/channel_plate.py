@@ -537,18 +537,11 @@ def carried(plate: ChannelPlate, other: ChannelPlate, points: Array) -> Array:
         raise GeometryError("two plates have other mirrors, so that another part is meshed; give symmetry = none")
     if [(len(c.points), c.cavity) for c in here.channels] != [(len(c.points), c.cavity) for c in there.channels]:
         raise GeometryError("two plates have channels of other lines or cavities; a mesh cannot follow that, make a new one")
-    (low, high), (its_low, its_high) = plate.box, other.box
-    scale, gap = (its_high - its_low) / (high - low), 0.25 * plate.least_wall
-    outlines = [len(path) for path in here.outline], [len(path) for path in there.outline]
-    same = outlines[0] == outlines[1] and all(
-        np.allclose(its_low + scale * (np.array(path) - low), its_path, rtol=0.0, atol=1e-9)
-        for path, its_path in zip(here.outline, there.outline, strict=True)
-    )
-    if not same:
-        raise GeometryError("two plates have outlines that differ by more than factors on x and y; make a new mesh")
-    moved = points.copy()
+    if [len(path) for path in here.outline] != [len(path) for path in there.outline]:
+        raise GeometryError("two plates have outlines of other corners; make a new mesh")
+    moved, gap = points.copy(), 0.25 * plate.least_wall
     inside = (0.5 * plate.thickness - np.abs(points[:, 2]) > gap) & (network.depths(points[:, :2], here.outline) > gap)
-    moved[~inside, :2] += its_low - low + (scale - 1.0) * (points[~inside, :2] - low)
+    moved[~inside, :2] = network.moved_with(points[~inside, :2], here.outline, there.outline)
     moved[~inside, 2] *= other.thickness / plate.thickness
     walls, nearest = points[inside], np.full(int(inside.sum()), np.inf)
     result = walls.copy()

@@ -158,6 +158,32 @@ def depths(points: Array, paths: Sequence[Sequence[Place]]) -> Array:
     return np.where(inside, away, -away)
 
 
+def moved_with(points: Array, paths: Sequence[Sequence[Place]], others: Sequence[Sequence[Place]]) -> Array:
+    """Return where points (m, shape (n, 2)) lie when the corners of closed paths move to those of others: straight sides stay
+    straight, and what is within follows smoothly, by mean value coordinates (Hormann and Floater 2006,
+    doi 10.1145/1183287.1183295)."""
+    total, weighted = np.zeros(len(points)), np.zeros_like(points)
+    extent = float(np.ptp(paths[0], axis=0).max())
+    corners, goals = (np.concatenate([np.array(path) for path in each]) for each in (paths, others))
+    for number, (path, goal) in enumerate(zip(paths, others, strict=True)):
+        sense = math.copysign(1.0, signed_area(path)) * (-1.0 if number else 1.0)
+        off = np.array(path) - points[:, None]
+        away = np.maximum(np.linalg.norm(off, axis=2), ON_CORNER * extent)
+        after, both = np.roll(off, -1, axis=1), away * np.roll(away, -1, axis=1)
+        across, along = off[..., 0] * after[..., 1] - off[..., 1] * after[..., 0], (off * after).sum(axis=2)
+        across = np.copysign(np.maximum(np.abs(across), ON_CORNER * both), across)
+        half = np.where(along < 0.0, (both - along) / across, across / (both + np.maximum(along, 0.0)))
+        weight = sense * (half + np.roll(half, 1, axis=1)) / away
+        total += weight.sum(axis=1)
+        weighted += weight @ np.array(goal)
+    near, corner = scipy.spatial.cKDTree(corners).query(points)
+    return np.where((near < ON_CORNER * extent)[:, None], goals[corner], weighted / total[:, None])
+
+
+ON_CORNER = 1e-12
+"""How near a place is to a corner or a side, in the extent of an outline, to lie on it."""
+
+
 def shown_at(x: float, y: float) -> str:
     """Return a place in the plane (m) for a message."""
     return f"near ({round(1e3 * x, 6) + 0.0:.4g}, {round(1e3 * y, 6) + 0.0:.4g}) mm"

@@ -69,6 +69,32 @@ def test_the_mesh_has_the_air_of_the_walls_and_ends_on_them(tmp_path, symmetry):
     assert np.hypot(own[:, 0] - 2.8e-3, own[:, 2] + 0.5e-3) == pytest.approx(1.3e-3, rel=1e-6)
 
 
+@pytest.mark.parametrize(("radius", "pieces"), [(3.0, 8), (2.5, 40)])
+def test_straight_sides_beside_arcs_stay_straight(tmp_path, radius, pieces):
+    """A rectangle with round corners, as drawn in Inkscape and CAD: its area in closed form, and none of it lies outside."""
+    turns = np.radians(np.linspace(0.0, 90.0, pieces + 1))
+    centres = [(40.0 - radius, 7.5 - radius), (radius, 7.5 - radius), (radius, radius - 7.5), (40.0 - radius, radius - 7.5)]
+    corners = [
+        (x + radius * math.cos(turn + 0.5 * math.pi * k), y + radius * math.sin(turn + 0.5 * math.pi * k))
+        for k, (x, y) in enumerate(centres)
+        for turn in turns
+    ]
+    outline = ", ".join(f"{x:.9f}, {y:.9f}" for x, y in corners) + " mm"
+    plate = ChannelPlate(outline=outline, channels=("10, 0 to 30, 0 mm",), support="bottom", around=6)
+    file = plate.write(tmp_path / "plate.msh")
+    summary, mesh = meshing.summarize(file), mesh_arrays.read_arrays(file)
+    area = (40.0 * 15.0 - (4.0 - math.pi) * radius**2) * 1e-6
+    air = outline_volume(plate) - plate.solid_volume
+    assert summary.quality > 0.05
+    assert plate.copies * summary.measure + air == pytest.approx(area * plate.thickness, rel=1e-4)
+    x, y = mesh.points[np.unique(mesh.triangles("edge"))].T[:2]
+    assert x.min() > -1e-9 and x.max() < 40e-3 + 1e-9 and np.abs(y).max() < 7.5e-3 + 1e-9
+
+
+def outline_volume(plate):
+    return channel_plate.outline_area(plate.paths) * plate.thickness
+
+
 CROSSED = ChannelPlate(network="lattice:4", symmetry="none")
 
 
