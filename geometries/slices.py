@@ -135,8 +135,16 @@ def _in_planes(points: Array, normals: Array, on: NDArray[np.bool_]) -> Array:
     for k, normal in enumerate(normals):
         moved[on[:, k]] -= np.outer(moved[on[:, k]] @ normal, normal)
     both = on.sum(axis=1) > 1
-    moved[both, :2] = 0.0  # mirrors meet in the axis
+    if both.any():
+        moved[both] = _on_line(moved[both], normals)
     return moved
+
+
+def _on_line(points: Array, normals: Array) -> Array:
+    """Return points moved onto the line in which two planes meet."""
+    line = np.cross(*normals)
+    line /= np.linalg.norm(line)
+    return np.outer(points @ line, line)
 
 
 def cut(
@@ -146,7 +154,9 @@ def cut(
     normals: corners near a plane are moved onto it, then edges that cross it, of about a length (m), are divided there."""
     on = np.zeros((len(points), len(normals)), dtype=bool)
     for k, normal in enumerate(normals):
-        away = np.where(on.any(axis=1), np.linalg.norm(points[:, :2], axis=1), np.abs(points @ normal))
+        away = np.abs(points @ normal)
+        if k:
+            away = np.where(on.any(axis=1), np.linalg.norm(points - _on_line(points, normals), axis=1), away)
         on[:, k] = away < SNAP_SHARE * edge
         points = projected(distance, points, normals, on)
         # Two neighbours that are both moved onto the axis become one.

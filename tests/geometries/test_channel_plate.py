@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from click import testing
 
-from geometries import ChannelPlate, actuator, channel_plate, drawings, mesh_arrays, meshing, network
+from geometries import ChannelPlate, actuator, drawings, mesh_arrays, meshing, network, plates
 from softmodels.case.case import Case
 from softmodels.cli import exports
 from softmodels.common.errors import GeometryError, MeshingError
@@ -92,7 +92,7 @@ def test_straight_sides_beside_arcs_stay_straight(tmp_path, radius, pieces):
 
 
 def outline_volume(plate):
-    return channel_plate.outline_area(plate.paths) * plate.thickness
+    return plates.outline_area(plate.paths) * plate.thickness
 
 
 CROSSED = ChannelPlate(network="lattice:4", symmetry="none")
@@ -320,7 +320,7 @@ def test_a_leaf_of_inkscape(tmp_path):
     middle = np.array([(14 + 3 * 18 + 3 * 20 + 26) / 8 - 2, (3 * 4 + 3 * 8 + 10) / 8]) * 1e-3
     assert min(math.dist(middle, place[:2]) for place in drawn.channels[1].points) < 1e-7
     assert ChannelPlate(network=str(file), width=28e-3, thickness=3e-3, offset=0.0).box[1][0] == pytest.approx(28e-3)
-    area = channel_plate.outline_area(plate.paths)
+    area = plates.outline_area(plate.paths)
     assert area == pytest.approx(_area_of_blade(), rel=1e-3)
 
 
