@@ -114,8 +114,7 @@ class ChannelPlate(plates.NetworkPlate):
         self.check_size("outline", *(high - low).tolist())
         if self.fillet > self.least_wall:
             self.reject("fillet", f"it must be at most {self.told('least_wall')}, or it would fill walls")
-        if not 6.0 <= self.around <= 40.0:
-            self.reject("around", "it must be from 6 to 40")
+        self.check_around()
         samples = network.Samples.of(self.drawn.channels)
         network.check_plate(self.drawn.channels, samples, self.thickness, self.least_wall)
         network.check_outline(self.drawn.channels, samples, self.paths, self.least_wall)

@@ -393,15 +393,16 @@ class Distance:
         length = np.sqrt(np.einsum("nmi,nmi->nm", away, away))
         return away, length, share, length - radius - share * growth
 
-    def _blocks(self, points: Array, move: float) -> Iterator[tuple[mesh_arrays.Ints, mesh_arrays.Ints]]:
+    def _blocks(self, points: Array, move: float, spread: float = 0.0) -> Iterator[tuple[mesh_arrays.Ints, mesh_arrays.Ints]]:
         """Yield numbers of points near each other, and of the pieces that can be nearest to one of them, or within the rounding
-        of the nearest, also where either moves by a length (m)."""
+        of the nearest, also where either moves by a length (m); ``spread``: and those farther by a share of the distance."""
         size = 4.0 * float((self.radius + np.maximum(self.growth, 0.0)).max())
         order = np.lexsort(np.round(points / size).T)
         for block in np.array_split(order, math.ceil(len(points) / 200)) if len(points) else ():
             centre = points[block].mean(axis=0)
             wide = 2.0 * float(np.linalg.norm(points[block] - centre, axis=1).max()) + 2.0 * (self.fillet + move)
             *_, distance = self._cones(centre[None], None)
+            wide += spread * max(float(distance.min()), 0.0)
             yield block, np.flatnonzero(distance[0] <= distance.min() + MAX_DISTANCE_SLOPE * wide)
 
     def distances(self, points: Array) -> Array:
@@ -425,8 +426,8 @@ class Distance:
         return moved
 
     def carried(self, other: Distance, points: Array) -> Array:
-        """Return where points near the walls, shape (n, 3), lie on those of other channels with as many pieces: each moves with
-        the pieces that it is near to, and then along their normals to where its distance is what it was."""
+        """Return where points, shape (n, 3), lie beside other channels with as many pieces: each moves with the pieces that it
+        is near to, and near a wall then along their normals to where its distance is what it was."""
         changes = [getattr(other, name) - getattr(self, name) for name in ("start", "along", "radius", "growth")]
         moves, longer, wider, growth = changes
         if not (self.fillet - other.fillet or any(change.any() for change in changes)):
@@ -434,18 +435,20 @@ class Distance:
         far = float(np.linalg.norm(moves, axis=1).max() + np.linalg.norm(longer, axis=1).max() + np.abs(wider).max())
         reach = max(self.fillet, FOLLOWED_SHARE * float(self.radius.min()))
         moved = points.copy()
-        for block, among in self._blocks(points, reach + far):
+        for block, among in self._blocks(points, reach + far, 1.0):
             at = points[block]
             level, _ = self.of(at, among)
             away, length, share, distance = self._cones(at, among)
-            weight = np.clip(1.0 - (distance - distance.min(axis=1)[:, None]) / reach, 0.0, None) ** 2
+            least = distance.min(axis=1)[:, None]
+            weight = np.clip(1.0 - (distance - least) / (reach + np.maximum(least, 0.0)), 0.0, None) ** 2
             weight /= weight.sum(axis=1)[:, None]
             shift = moves[among] + share[..., None] * longer[among]
             shift += ((wider[among] + share * growth[among]) / np.maximum(length, 1e-30))[..., None] * away
             at = at + np.einsum("nm,nmi->ni", weight, shift)
+            fade = np.clip(1.0 - (level / reach) ** 2, 0.0, 1.0) ** 2
             for _ in range(CARRYING_STEPS):  # always as many, so that places are smooth in what the other is made of
                 distance, steps = other.of(at, among)
-                at -= (distance - level)[:, None] * steps
+                at -= (fade * (distance - level))[:, None] * steps
             moved[block] = at
         return moved
 

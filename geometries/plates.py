@@ -72,6 +72,11 @@ class NetworkPlate(actuator.Actuator):
         """Return points of the lower face that hold the plate, by name; the outline meets cut planes at ``ends``."""
         return {}
 
+    def check_around(self) -> None:
+        """Reject numbers of cells around a channel with which its walls are lost, or too many."""
+        if not 6.0 <= self.around <= 40.0:
+            self.reject("around", "it must be from 6 to 40")
+
     @property
     def paths(self) -> tuple[tuple[Place, ...], ...]:
         """Closed paths of the outline in m, holes behind it."""
@@ -136,6 +141,8 @@ class NetworkPlate(actuator.Actuator):
 
     def curve(self) -> None:
         """Move the nodes inside the edges on the channels' walls onto them, and back those that spoil cells in creases."""
+        if self.mesh_order == 1:
+            return
         groups = {gmsh.model.getPhysicalName(*group): group for group in gmsh.model.getPhysicalGroups(2)}
         planes = [gmsh.model.mesh.getNodesForPhysicalGroup(*groups[name])[0] for name in slice_roles(self.normals)]
         normals = np.array(self.normals).reshape(-1, 3)
@@ -196,7 +203,9 @@ def _air(plate: NetworkPlate, digest: str) -> dict[str, tuple[Array, mesh_arrays
         ends = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
         edges, number, count = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
         on = slices.on_mirrors(corners, normals, slices.ON_MIRROR * edge)[edges].all(axis=1) & (count == 1)[:, None]
-        middles = slices.projected(network.Distance(own, plate.fillet), corners[edges].mean(axis=1), normals, on)
+        middles = corners[edges].mean(axis=1)
+        if plate.mesh_order > 1:
+            middles = slices.projected(network.Distance(own, plate.fillet), middles, normals, on)
         walls[role] = np.concatenate([corners, middles]), np.hstack([triangles, len(corners) + number.reshape(-1, 3)])
     return walls
 
@@ -221,23 +230,47 @@ def carried(plate: NetworkPlate, other: NetworkPlate, points: Array) -> Array:
         raise GeometryError("two plates have channels of other lines or cavities; a mesh cannot follow that, make a new one")
     if [len(path) for path in here.outline] != [len(path) for path in there.outline]:
         raise GeometryError("two plates have outlines of other corners; make a new mesh")
-    moved, gap = points.copy(), 0.25 * plate.least_wall
-    inside = (0.5 * plate.thickness - np.abs(points[:, 2]) > gap) & (network.depths(points[:, :2], here.outline) > gap)
-    moved[~inside, :2] = network.moved_with(points[~inside, :2], here.outline, there.outline)
-    moved[~inside, 2] *= other.thickness / plate.thickness
-    walls, nearest = points[inside], np.full(int(inside.sum()), np.inf)
-    result = walls.copy()
-    for name in here.cavities:
-        mine, its = (network.Distance([c for c in d.channels if c.cavity == name], p.fillet)
-                     for d, p in ((here, plate), (there, other)))  # fmt: skip
-        away = np.abs(mine.distances(walls))
-        near = away < nearest
-        nearest[near] = away[near]
-        result[near] = mine.carried(its, walls[near])
-    moved[inside] = result
+    if plate == other:
+        return points.copy()
+    probes, its_probes = (np.array(list(device.probes.values())) for device in (plate, other))
+    moved = _moved(plate, other, np.concatenate([points, probes]))
+    moved, off = moved[: len(points)], its_probes - moved[len(points) :]
+    for probe, missed, deep in zip(probes, off, network.depths(probes[:, :2], here.outline), strict=True):
+        if deep > ON_WALL * plate.thickness:  # within a face, which follows the channels elsewhere
+            near = np.linalg.norm(points - probe, axis=1) / min(plate.thickness, deep)
+            near[np.abs(points[:, 2] - probe[2]) > ON_WALL * plate.thickness] = 1.0
+            moved += np.outer(np.clip(1.0 - near**2, 0.0, None) ** 2, missed)
     for normal, near in zip(normals, slices.on_mirrors(points, normals, 1e-9 * plate.size).T, strict=True):
         moved[near] -= np.outer(moved[near] @ normal, normal)
     return moved
+
+
+def _moved(plate: NetworkPlate, other: NetworkPlate, points: Array) -> Array:
+    """Return where points go by the motion of the outline and of the network: on sides and walls by one of them, on a face and
+    a cut plane by both, more by the nearer one."""
+    here, there, half = plate.drawn, other.drawn, 0.5 * plate.thickness
+    total, by_network, gap = np.zeros(len(points)), np.zeros_like(points), np.full(len(points), np.inf)
+    for name in here.cavities:
+        mine, its = (network.Distance([c for c in d.channels if c.cavity == name], p.fillet)
+                     for d, p in ((here, plate), (there, other)))  # fmt: skip
+        away = np.maximum(np.abs(mine.distances(points)), ON_FACE * plate.thickness)
+        gap = np.minimum(gap, away)
+        total += away**-2
+        by_network += away[:, None] ** -2 * mine.carried(its, points)
+    by_network /= total[:, None]
+    by_outline = np.column_stack(
+        [network.moved_with(points[:, :2], here.outline, there.outline), points[:, 2] * (other.thickness / plate.thickness)]
+    )
+    gap[gap <= ON_WALL * plate.thickness] = 0.0
+    deep = np.maximum(network.depths(points[:, :2], here.outline), ON_FACE * plate.thickness)
+    under = np.maximum(half - np.abs(points[:, 2]), ON_FACE * plate.thickness)
+    shares = [gap / (gap + room) for room in (deep, deep, under)]
+    weight = np.stack([share**2 * (3.0 - 2.0 * share) for share in shares], axis=1)
+    return (1.0 - weight) * by_network + weight * by_outline
+
+
+ON_FACE, ON_WALL = 1e-15, 1e-8
+"""How near a place is to a face, and to a wall, in the thickness, to lie on it."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------

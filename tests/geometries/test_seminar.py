@@ -16,7 +16,7 @@ from geometries.registry import device_options, device_told, from_table, to_tabl
 from geometries.seminar import check_seminar, edge_distance, fan, half_fan, outline_area
 from tests.support.campaigns import sampled
 
-COARSE = {"around": 5.0, "channels": 3, "spread": 60.0}
+COARSE = {"around": 6.0, "channels": 3, "spread": 60.0}
 
 
 @pytest.fixture(scope="module")
@@ -224,7 +224,7 @@ def test_every_channel_has_its_own_shape(mesh):
         away = np.hypot(wall @ [-s, c, 0.0], wall[:, 2] - slab.offset)
         near = (along > line.start + 3 * slab.manifold_bore) & (along < line.end) & (away < 2 * line.cap)
         assert near.sum() > 20
-        assert away[near] == pytest.approx([line.radius(at) for at in along[near]], abs=2e-7)
+        assert away[near] == pytest.approx([line.radius(at) for at in along[near]], abs=5e-7)  # cones meet half way on one ball
         assert along[away < 2 * line.cap].max() == pytest.approx(reach, abs=1e-7)
     cones = [
         math.pi / 3 * (cone.end - cone.start) * (cone.bore**2 + cone.bore * (r := line.radius(cone.end)) + r**2)
@@ -249,9 +249,9 @@ def test_lists_are_read_and_written_with_units():
 
 def test_lists_stand_between_commas_on_the_command_line():
     command = click.command()(device_options(SeminarActuator)(lambda **values: device_told(SeminarActuator, values)))
-    given = "--channels 3 --around 5 --bores 0.8mm,600um --middle-bores 1.1mm,0.8mm"
+    given = "--channels 3 --around 6 --bores 0.8mm,600um --middle-bores 1.1mm,0.8mm"
     given += " --end-bores 0.6mm,1.2mm --angles 0deg,35deg --reaches 4cm,28mm"
-    assert command.main(given.split(), standalone_mode=False) == SeminarActuator(channels=3, around=5.0, **OWN)
+    assert command.main(given.split(), standalone_mode=False) == SeminarActuator(channels=3, around=6.0, **OWN)
     with pytest.raises(click.BadParameter, match="has no unit"):
         command.main(["--bores", "0.8mm,0.6"], standalone_mode=False)
     with pytest.raises(GeometryError, match="channel_bore has no effect with bores"):
