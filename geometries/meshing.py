@@ -771,7 +771,9 @@ class Mirror:
 def mirror_mesh(mirror: Mirror) -> None:
     """Add the image of the current model's mesh and its physical groups; nodes on the plane are shared."""
     tags, places, _ = gmsh.model.mesh.getNodes()
-    places = places.reshape(-1, 3).copy()
+    cells = gmsh.model.mesh.getElements(gmsh.model.getDimension())[2]
+    used = np.isin(tags, np.concatenate(cells))  # others, as of points of a spline, are not saved
+    tags, places = tags[used], places.reshape(-1, 3)[used]
     groups = {gmsh.model.getPhysicalName(*group): group for group in gmsh.model.getPhysicalGroups()}
     on_plane = gmsh.model.mesh.getNodesForPhysicalGroup(*groups[mirror.role])[0]
     image = np.zeros(int(tags.max()) + 1, dtype=np.uint64)

@@ -46,7 +46,7 @@ LAW = sm.Yeoh(14e3, 60.0, 0.0, 0.49)
 DISK = sm.Case("disk", sm.HollowDisk(fillet=0.0, cell_size=0.004), LAW, steps=steps_of(pressure_cm=(40.0, 80.0)))
 SLAB = sm.Case(
     "slab",
-    sm.SeminarActuator(channels=1, spread=20.0, around=4.0, cell_size=0.006),
+    sm.SeminarActuator(channels=1, spread=20.0, around=6.0, cell_size=0.006),
     LAW,
     steps=steps_of(pressure_cm=(20.0, 40.0)),
     components=(

@@ -121,7 +121,7 @@ def _seminar(chance: random.Random) -> SeminarActuator:
     return SeminarActuator(
         **part, channels=chance.choice([1, 2, 3, 5]), spread=chance.uniform(60, 110), manifold_radius=0.012 * scale,
         edge=0.004 * scale, tip_radius=0.004 * scale, fillet=0.0004 * scale, least_wall=0.0005 * scale,
-        tip=chance.choice(["free", "free", "held"]), around=5, cell_size=0.008 * scale,
+        tip=chance.choice(["free", "free", "held"]), around=6, cell_size=0.008 * scale,
     )  # fmt: skip
 
 

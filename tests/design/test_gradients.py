@@ -107,7 +107,7 @@ def test_wedges(designed, second_order, comm, name):
 @pytest.mark.campaign
 @pytest.mark.parametrize("name", ["thickness", "offset", "end_bore", "manifold_bore", "length"])
 def test_slabs(designed, second_order, comm, name):
-    slab = SeminarActuator(channels=1, spread=20.0, around=4.0, cell_size=0.006)
+    slab = SeminarActuator(channels=1, spread=20.0, around=6.0, cell_size=0.006)
     names = ("thickness", "offset", "end_bore", "manifold_bore", "length")
     quantities = (
         Rise(at=6000.0), AddedVolume(at=6000.0), DeviceFigure(of="lift_angle_deg", at=6000.0), Stiffness(at=6000.0),
@@ -118,7 +118,7 @@ def test_slabs(designed, second_order, comm, name):
 @pytest.mark.campaign
 @pytest.mark.parametrize("name", sampled(["thickness", "offset"]))
 def test_blocked_forces(designed, second_order, comm, name):
-    held = SeminarActuator(channels=1, spread=20.0, around=4.0, cell_size=0.006, tip="held")
+    held = SeminarActuator(channels=1, spread=20.0, around=6.0, cell_size=0.006, tip="held")
     model = designed(held, ("thickness", "offset"), (BlockedForce(at=6000.0),), comm)
     second_order(model, name, TAYLOR, "blocked force of a slab")
 

@@ -99,7 +99,7 @@ def test_from_several_starts(shadow):
     assert "given" in result.recovered.source and "least determined" in result.recovered.weakest
 
 
-SLAB = SeminarActuator(channels=1, spread=20.0, around=4.0, cell_size=0.006)
+SLAB = SeminarActuator(channels=1, spread=20.0, around=6.0, cell_size=0.006)
 KNOWN = {"thickness": 1.08 * SLAB.thickness, "end_bore": 1.12 * SLAB.end_bore, "offset": 0.9 * SLAB.offset}
 
 

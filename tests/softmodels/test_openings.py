@@ -35,7 +35,7 @@ COARSE = [
     {"device": "HollowDisk", "section": "axisymmetric", "support": "rim"},
     {"device": "PneuNet", "chambers": 2, "sides": 2},
     {"device": "PneuNet", "chambers": 2, "part": "full", "gap": 0.0},
-    {"device": "SeminarActuator", "channels": 1, "spread": 20.0, "around": 4.0, "cell_size": 0.006},
+    {"device": "SeminarActuator", "channels": 1, "spread": 20.0, "around": 6.0, "cell_size": 0.006},
 ]  # fmt: skip
 
 

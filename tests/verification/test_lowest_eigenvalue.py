@@ -23,7 +23,7 @@ from tests.support import bodies
 DENSE = "lowest eigenvalue by LAPACK, dense matrices"
 COARSE = {"cell_size": 0.01, "refinement": 1.0, "fillet": 0.0, "base_fillet": 0.0}
 DISK = HollowDisk.variant("shadow", section="axisymmetric", **COARSE)
-SLAB = SeminarActuator(channels=1, spread=20.0, around=4.0, cell_size=0.006)
+SLAB = SeminarActuator(channels=1, spread=20.0, around=6.0, cell_size=0.006)
 TWIN = HollowDisk.variant("shadow", section="axisymmetric", base=0.002, wall=0.015, **COARSE)
 HARDENING = Yeoh(10e3, 20.0, 3.0, 0.495)
 SOFT = NeoHookean(30e3, 0.49)

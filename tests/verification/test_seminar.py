@@ -16,7 +16,7 @@ from softmodels.runs.fields import Fields
 MIRRORED = "the slab, by the mirrored one on the mirrored mesh"
 HALVED = "the full slab, by its half"
 LAW = SILICONES["ecoflex-00-30/marechal-2021"].material
-COARSE = {"channels": 1, "spread": 20.0, "around": 4.0, "cell_size": 0.006}
+COARSE = {"channels": 1, "spread": 20.0, "around": 6.0, "cell_size": 0.006}
 PRESSURES = (3e3, 6e3)
 
 

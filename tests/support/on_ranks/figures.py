@@ -11,7 +11,7 @@ from softmodels.case.load import steps_of
 from tests.support.on_ranks import lifting, rubbing, sealing
 
 WEDGE = HollowDisk(angle=15.0, cell_size=0.006, fillet=0.0015)
-SLAB = SeminarActuator(channels=1, spread=20.0, around=4.0, cell_size=0.006)
+SLAB = SeminarActuator(channels=1, spread=20.0, around=6.0, cell_size=0.006)
 FINGER = PneuNet(chambers=2, paper=0.0005, cell_size=0.005)
 SECTION = HollowDisk.variant("shadow", section="axisymmetric", support="base", cell_size=0.003)
 TWIN = HollowDisk.variant("shadow", section="axisymmetric", base=0.002, wall=0.015, cell_size=0.003)
