@@ -771,8 +771,8 @@ class Mirror:
 def mirror_mesh(mirror: Mirror) -> None:
     """Add the image of the current model's mesh and its physical groups; nodes on the plane are shared."""
     tags, places, _ = gmsh.model.mesh.getNodes()
-    cells = gmsh.model.mesh.getElements(gmsh.model.getDimension())[2]
-    used = np.isin(tags, np.concatenate(cells))  # others, as of points of a spline, are not saved
+    members = [own for dimension in (2, 3) for own in gmsh.model.mesh.getElements(dimension)[2]]
+    used = np.isin(tags, np.concatenate(members))  # others, as of points of a spline, are not saved
     tags, places = tags[used], places.reshape(-1, 3)[used]
     groups = {gmsh.model.getPhysicalName(*group): group for group in gmsh.model.getPhysicalGroups()}
     on_plane = gmsh.model.mesh.getNodesForPhysicalGroup(*groups[mirror.role])[0]
