@@ -16,7 +16,8 @@ Begin with `actuator`: a device is a frozen dataclass of it that is registered (
   `channel_plate`, `channel_cell`: one file for each device: its lengths, their checks, its mesh and its outline.
 - `imported`: parts from files: STEP, meshes of Gmsh, Abaqus or CalculiX, STL. `faces`: texts that pick their faces and points.
   `surfaces`: STL files repaired. `inlets`: openings of their air and their plugs. `abaqus`: decks of Abaqus and CalculiX.
-- `network`: networks of channels, their walls and surface. `drawings`: SVG and DXF. `slices`: the part between mirrors.
+- `network`: networks of channels, their walls and surface. `plates`: plates with them, in Gmsh. `drawings`: SVG and DXF.
+  `slices`: the part between mirrors.
 - `revolved`: half sections of bodies of revolution. `meshing`: Gmsh, in a process of its own where it takes long.
 - `mesh_arrays`: meshes as arrays. `registry`: also the command-line options of a device.
 """
