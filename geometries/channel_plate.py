@@ -26,6 +26,9 @@ from softmodels.common import errors, schema, units
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
 
+MAX_CORNERS = 40
+"""Of an outline whose corners are parameters; others are curves."""
+
 
 @registry.register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -54,6 +57,11 @@ class ChannelPlate(plates.NetworkPlate):
     node_offsets: tuple[float, ...] = schema.places_field("height of each node above the middle of the thickness")
     start_radii: tuple[float, ...] = schema.lengths_field("radius of each channel where it begins, in place of the drawn one")
     end_radii: tuple[float, ...] = schema.lengths_field("radius of each channel where it ends")
+    outline_x: tuple[float, ...] = schema.places_field(
+        "x of each corner of the outline in place of the drawn one; a design moves those of outlines of at most "
+        f"{MAX_CORNERS} corners"
+    )
+    outline_y: tuple[float, ...] = schema.places_field("y of each corner of the outline")
     scale_x: float = schema.number_field(1.0, "factor on all x of the outline; the channels stay")
     scale_y: float = schema.number_field(1.0, "factor on all y of the outline")
     width: float = schema.length_field(0.0, "width along x of the drawing's outline; 0: as drawn", zero=True)
@@ -147,6 +155,9 @@ class ChannelPlate(plates.NetworkPlate):
             return tuple(given)
         if field in NODE_LISTS:
             return tuple(self.nodes.places[:, NODE_LISTS.index(field)].tolist())
+        if field in OUTLINE_LISTS:
+            corners = _as_drawn(self, self.digest()).outline[0]
+            return tuple(place[OUTLINE_LISTS.index(field)] for place in corners) if len(corners) <= MAX_CORNERS else ()
         if field in RADIUS_LISTS:
             end = -RADIUS_LISTS.index(field)
             return tuple(each.radii[end] for each in _as_drawn(self, self.digest()).channels)
@@ -173,6 +184,9 @@ class ChannelPlate(plates.NetworkPlate):
             return all(abs(normal["xy".index(field[-1])]) in (0.0, 1.0) for normal in normals)
         if field in NODE_LISTS:
             places, across = self.nodes.places[int(number) - 1], bool(normals[:, NODE_LISTS.index(field)].any())
+        elif field in OUTLINE_LISTS:
+            corner = (*_as_drawn(self, self.digest()).outline[0][int(number) - 1], 0.0)
+            places, across = np.array(corner), bool(normals[:, OUTLINE_LISTS.index(field)].any())
         elif field in RADIUS_LISTS:
             places, across = np.array(self.drawn.channels[int(number) - 1].points), False
         else:
@@ -359,6 +373,7 @@ def outline_paths(text: str) -> tuple[tuple[Place, ...], ...]:
 
 NODE_LISTS = ("node_x", "node_y", "node_offsets")
 RADIUS_LISTS = ("start_radii", "end_radii")
+OUTLINE_LISTS = ("outline_x", "outline_y")
 
 
 @functools.lru_cache(maxsize=64)
@@ -366,7 +381,15 @@ def _drawn(plate: ChannelPlate, digest: str) -> Network:
     """Return the network of a plate, with nodes, radii and the outline where the plate has them."""
     drawn = _as_drawn(plate, digest)
     scale = np.array([plate.scale_x, plate.scale_y])
-    outline = tuple(tuple((x, y) for x, y in (scale * np.array(path)).tolist()) for path in drawn.outline)
+    corners = np.array(drawn.outline[0])
+    for column, name in enumerate(OUTLINE_LISTS):
+        if values := getattr(plate, name):
+            if len(values) != len(corners):
+                raise GeometryError(
+                    f"{name} has {len(values)} entries for {len(corners)} corners of the outline; give one each"
+                )
+            corners[:, column] = values
+    outline = tuple(tuple((x, y) for x, y in (scale * np.array(path)).tolist()) for path in (corners, *drawn.outline[1:]))
     channels = drawn.channels
     if any(getattr(plate, name) for name in (*NODE_LISTS, *RADIUS_LISTS)):
         nodes = Nodes.of(channels)

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+import numpy as np
 
-from geometries import faces, registry
+from geometries import actuator, faces, registry
 from softmodels.api import calls
 from softmodels.case import abaqus
 from softmodels.case.case import Case
@@ -179,13 +180,13 @@ def draw_network_command(file: Path, output: Path, changes: tuple[str, ...], qui
     \b
     Exit status: 0 done; 2 bad input; 130 stopped.
     """
-    from geometries import channel_plate, drawings, network
+    from geometries import drawings, network, plates
 
     if not mpi.speaks():
         return
     plate = asked_of(file, None, changes).device
-    if not isinstance(plate, channel_plate.ChannelPlate):
-        raise GeometryError(f"{file} has a {type(plate).__name__}; only a ChannelPlate has a network that can be drawn")
+    if not isinstance(plate, plates.NetworkPlate):
+        raise GeometryError(f"{file} has a {type(plate).__name__}, which has no network of channels; a ChannelPlate has one")
     with ending.unwritable(output):
         if output.suffix != ".svg":
             raise GeometryError(f"{output} is not the name of an SVG file; end it in .svg")
@@ -198,6 +199,9 @@ def draw_network_command(file: Path, output: Path, changes: tuple[str, ...], qui
         processes.say(f"{output}: {len(drawn.channels)} channels, {len(drawn.cavities)} cavities")
         for text in network.Nodes.of(drawn.channels).texts(drawn.channels):
             processes.say(text)
+        if "outline_x[1]" in actuator.parameter_names(plate):
+            for number, (x, y) in enumerate((1e3 * np.array(drawn.outline[0])).round(6).tolist(), 1):
+                processes.say(f"corner {number} of the outline at ({x:.4g}, {y:.4g}) mm")
 
 
 # ----------------------------------------------------------------------------------------------------------------------

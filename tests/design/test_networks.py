@@ -11,7 +11,10 @@ from tests.support.campaigns import sampled
 TAYLOR = "Taylor's remainder of every quantity by every length, before and past a limit point"
 WORKING = 3000.0
 QUANTITIES = (Rise(at=WORKING), AddedVolume(at=WORKING), StoredEnergy(at=WORKING), Mass())
-NAMES = ("node_x[1]", "node_y[2]", "node_offsets[3]", "start_radii[1]", "end_radii[2]", "thickness", "scale_x", "fillet")
+NAMES = (
+    "node_x[1]", "node_y[2]", "node_offsets[3]", "start_radii[1]", "end_radii[2]", "thickness", "scale_x", "fillet",
+    "outline_y[3]",
+)  # fmt: skip
 
 
 STEPS = {"fillet": 0.05}
@@ -38,7 +41,7 @@ def random_network(seed: int) -> ChannelPlate:
             continue
 
 
-@pytest.mark.parametrize("name", sampled(["node_offsets[3]", "node_x[1]", "fillet"]))
+@pytest.mark.parametrize("name", sampled(["node_offsets[3]", "node_x[1]", "fillet", "outline_y[3]"]))
 def test_a_random_network(designed, second_order, comm, name):
     second_order(designed(random_network(1), NAMES, QUANTITIES, comm), name, TAYLOR, "network", STEPS.get(name, 0.01))
 
