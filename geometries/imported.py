@@ -452,6 +452,8 @@ def length_unit(path: str | Path) -> str:
     text = re.sub(r"/\*.*?\*/", "", _read(path), flags=re.DOTALL)
     used = set(re.findall(r"#(\d+)", " ".join(CONTEXT_UNITS.findall(text))))
     names = {"".join(words).lower() for number, *words in LENGTH_UNIT.findall(text) if number in used}
+    if not re.search(r"\bDATA\b.*#\s*\d+\s*=", text, re.DOTALL):
+        raise GeometryError(f"file {path} has no shape: its DATA section is empty; export the part again from the CAD program")
     if not (used and "LENGTH_UNIT" in text):
         raise GeometryError(f"file {path} states no unit of its lengths; export it again from the CAD program, in mm or inches")
     return " and ".join(sorted(names)) or "an unknown one"
@@ -1211,7 +1213,7 @@ def import_step(file: str, unit: str) -> str:
     low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3) / PER_METRE[unit]
     if not MIN_EXTENT < (extent := float(np.linalg.norm(high - low))) < MAX_EXTENT:
         raise GeometryError(
-            f"file {file} spans {1e3 * extent:.4g} mm, because its unit of length is {own_unit}; parts span "
+            f"file {file} spans {schema.shown(extent, 'm')}, because its unit of length is {own_unit}; parts span "
             f"{1e3 * MIN_EXTENT:g} mm to {MAX_EXTENT:g} m, so export it again in the unit that it was drawn in"
         )
     return own_unit
@@ -2087,8 +2089,8 @@ def _read_mesh(part: ImportedMesh, digest: str) -> tuple[mesh_arrays.Tetrahedra,
             UNITS, key=lambda unit: abs(math.log10(max(extent, 1e-300) / UNITS[part.unit] * UNITS[unit] / USUAL_EXTENT))
         )
         raise GeometryError(
-            f"file {part.file} spans {1e3 * extent:.4g} mm with unit {part.unit!r}; give the unit of its lengths, such as "
-            f"--unit {likely}"
+            f"file {part.file} spans {schema.shown(extent, 'm')} with unit {part.unit!r}; give the unit of its lengths, such "
+            f"as --unit {likely}"
         )
     plugs: list[Inlet] = []
     if surface:

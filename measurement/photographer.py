@@ -446,7 +446,7 @@ class Outline:
         shares = np.concatenate([np.arange(count) / count for count in counts])[:, None]
         self.points = np.repeat(corners, counts, axis=0) * (1 - shares) + np.repeat(ends, counts, axis=0) * shares
         self.sides = np.roll(self.points, -1, axis=0) - self.points
-        self.sides, keep = self.sides, np.linalg.norm(self.sides, axis=1) > 0.0
+        keep = np.linalg.norm(self.sides, axis=1) > 0.0
         self.points, self.sides = self.points[keep], self.sides[keep]
         area = np.sum(corners[:, 0] * ends[:, 1] - corners[:, 1] * ends[:, 0])
         normals = np.column_stack([self.sides[:, 1], -self.sides[:, 0]]) * np.sign(area)

@@ -157,11 +157,16 @@ def check(case: Case) -> None:
         raise CaseError(
             f'the case has an axisymmetric section of {type(device).__name__}; decks need a solid one (section = "wedge")'
         )
-    if any(hold.together for hold in regions.held_with(device.holds, device, case.components)):
-        raise CaseError(
-            f"the air of a {type(device).__name__} pushes a face that travels, which decks do not support; they take whole "
-            "devices, such as ChannelPlate"
-        )
+    for hold in regions.held_with(device.holds, device, case.components):
+        if hold.together:
+            raise CaseError(
+                f"the face {hold.role!r} stays plane and travels (together), which decks do not support; "
+                + (
+                    f"model a whole device in place of a {type(device).__name__}, such as a ChannelPlate"
+                    if hold in device.holds
+                    else "hold it in place, or leave it free"
+                )
+            )
     unpressed = case.timed or any(quantity.quantity != steps.PRESSURE for step in case.steps for quantity in step.prescribed)
     if unpressed or case.load_unload:
         raise CaseError(

@@ -690,8 +690,8 @@ def table_of(source: StoredStates, face: str = "") -> ReducedModel:
     steps, end = usable(rows)
     if len(steps) < MIN_TABLE_STATES:
         raise RunError(
-            f"the run has {len(steps)} states with rising pressure; a reduced model "
-            f"needs {MIN_TABLE_STATES}, so request more pressures"
+            f"the run has {len(steps)} states with rising pressure{f' before its {end}' if end else ''}; a reduced model needs "
+            f"{MIN_TABLE_STATES}, so request more pressures{' below that' if end else ''}"
         )
     comm = mpi.start()
     if comm.size > 1:

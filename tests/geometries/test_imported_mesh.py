@@ -123,7 +123,7 @@ def write(path, text):
         ({"support": "x = 3 mm"}, "no such face"),
         ({"planes": ("y = 20 mm",)}, "cut planes go through the origin"),
         ({"planes": ("normal 1, 1, 0",)}, "no such face"),
-        ({"unit": "m"}, "spans .* mm with unit 'm'; give the unit of its lengths, such as unit=.mm."),
+        ({"unit": "m"}, "spans .* m with unit 'm'; give the unit of its lengths, such as unit=.mm."),
         ({"unit": "km"}, "unit is 'km'"),
         ({"file": "nowhere.msh"}, "cannot be read"),
         ({"file": "part.obj"}, "cannot be read|meshes are read from"),

@@ -144,8 +144,13 @@ def test_a_rigid_plate_cannot_meet_a_plane_that_travels(body_of):
 
 def test_a_cell_is_not_exported_nor_cast(tmp_path):
     cell = sm.ChannelCell()
-    with pytest.raises(CaseError, match="a face that travels, which decks do not support"):
+    with pytest.raises(
+        CaseError, match=r"'wall' stays plane and travels \(together\), which decks do not .* whole device in place"
+    ):
         sm.export(sm.Case("cell", cell, LAW, steps_of(pressure="1 kPa")), tmp_path / "cell.inp")
+    plate, held = sm.ChannelPlate(symmetry="none"), [Clamp("edge", along="x", together=True)]
+    with pytest.raises(CaseError, match=r"the face 'edge' stays plane .* hold it in place, or leave it free"):
+        sm.export(sm.Case("plate", plate, LAW, steps_of(pressure="1 kPa"), components=held), tmp_path / "plate.inp")
     with pytest.raises(MouldError, match="make the mould of a ChannelPlate"):
         sm.mould(cell)
 
