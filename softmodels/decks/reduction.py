@@ -758,6 +758,7 @@ def grid_case(source: StoredStates, count: int) -> Case:
     case, rows = source.case, source.rows
     if case.supply is not None or timed(case.steps) or case.load.driven is not None:
         raise CaseError("a grid of pressures needs a run over pressures at rest; run the case with pressures of its cavities")
+    check_unique(case)
     if count < MIN_GRID:
         raise CaseError(f"grid is {count}; it must be {MIN_GRID} or more pressures of each cavity")
     if (number := len(case.actuator.ratios)) < 2:
@@ -777,10 +778,20 @@ def grid_case(source: StoredStates, count: int) -> Case:
     return dataclasses.replace(case, steps=tuple(steps), name=f"{case.name}-grid")
 
 
+def check_unique(case: Case) -> None:
+    """Raise `CaseError` for friction, with which a state depends on the pressures before it."""
+    if rubs := next((part.where for part in case.components if part.remembers), ""):
+        raise CaseError(
+            f"with the friction of {rubs} the states depend on the order of the pressures, so no grid of them is reduced; "
+            "leave the friction out, or reduce a path over one pressure"
+        )
+
+
 def grid_of(source: StoredStates) -> tuple[dict[int, Array], Array]:
     """Return the states on the largest grid of pressures that a program has reached, by their steps, with the pressures in Pa;
     and the pressures of the program that it has not reached, shape (n, cavities)."""
     case, count = source.case, len(source.case.actuator.ratios)
+    check_unique(case)
     drivers = {driver.of: driver for driver in courses(case.steps)}
     if timed(case.steps) or {*drivers} != {f"cavity{k + 1}" for k in range(count)} or any(
         driver.quantity != PRESSURE for driver in drivers.values()

@@ -7,6 +7,9 @@ import dataclasses
 import io
 import json
 import math
+import re
+import types
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,10 +20,11 @@ import softmodels as sm
 from softmodels.case.load import steps_of
 from softmodels.cli.exports import reduce_command
 from softmodels.decks import chains
-from softmodels.decks.reduction import TipFace, grid_of
+from softmodels.decks.reduction import TipFace, grid_case, grid_of
 from softmodels.path import schedule
 from tests.support.campaigns import sampled
 
+ROOT = Path(__file__).parents[2]
 SILICONE = sm.NeoHookean(30e3)
 LOADS = [*(f"force_{x}_N" for x in "xyz"), *(f"moment_{x}_Nm" for x in "xyz")]
 
@@ -132,6 +136,23 @@ def test_unit_with_a_pressure_for_each_cavity(model, tmp_path):
         fmpy.simulate_fmu(file, stop_time=0.1, start_values=start | {"pressure_cavity2_Pa": 6.1e3})
 
 
+def test_the_controller_of_the_documentation_in_mujoco(model):
+    """The body that the page's program drives comes to the tip's pose, and yields to a load as the compliance says."""
+    mujoco = pytest.importorskip("mujoco", reason="MuJoCo moves the body")
+    page = (ROOT / "docs" / "pages" / "howto" / "reduce.md").read_text(encoding="utf-8")
+    (program,) = (text for text in re.findall(r"```{ .python }\n(.*?)```", page, re.DOTALL) if "def drive" in text)
+    names = {"model": lambda first, _, third: model(first, third)}  # the page's arm has three cavities
+    exec(program, names)
+    data, tip, at = names["data"], names["tip"], model(5e3, 2e3)
+    for load in np.zeros(3), np.array([0.0, 0.0, 1e-3]):
+        data.qfrc_applied[:3] = load
+        for _ in range(4000):
+            names["drive"](5e3, 0, 2e3)
+            mujoco.mj_step(names["scene"], data)
+        assert data.xpos[tip] - at.position == pytest.approx(at.compliance[:3, :3] @ load, abs=1e-7)
+    assert data.xquat[tip] != pytest.approx(at.quaternion, abs=1e-5)
+
+
 def test_a_map_ends_where_the_run_did(part, run):
     """A program that fails in the outermost box leaves the ones within; what it did not reach is named."""
     ended = sm.inflate(part, SILICONE, steps=(*run.grid(3).steps, *program((24e3, 0.0), (24e3, 24e3))), name="pair")
@@ -166,6 +187,9 @@ def test_what_is_no_map(part, run, grid, model, tmp_path):
         run.grid(2)
     with pytest.raises(sm.CaseError, match=r"a MuJoCo chain takes one pressure, not 2; write a table"):
         grid.reduce(tmp_path / "pair.xml")
+    plate = sm.RigidShape("plane", "tip", (0.021, 0.0, 0.0), along=(-1.0, 0.0, 0.0), friction=0.5, name="plate")
+    with pytest.raises(sm.CaseError, match=r"with the friction of .*plate.* the states depend on the order"):
+        grid_case(types.SimpleNamespace(case=dataclasses.replace(run.case, components=(plate,)), rows=run.table), 3)
     with pytest.raises(sm.CaseError, match="leave out the grid"):
         sm.inflate(sm.BendingBellows(folds=1, cell_size=0.006), SILICONE, pressures=[1e3]).grid()
     only = sm.inflate(part, SILICONE, steps=program((1e3, 0.0), (1e3, 1e3)))
