@@ -498,8 +498,8 @@ class Run(cards.ResultCard):
         several = None if fingers == 1 and radius is None else hand.Hand(fingers, radius or 0.0)  # type: ignore[arg-type]
         if several is not None:
             hand.check(path, kind)
-        elif path is not None:
-            chains.kind_of(path, kind)
+        if path is not None and chains.kind_of(path, kind) == "mjcf" and self.case.program:
+            chains.check_chain(self.case.actuator.ratios)
         made = reduction.table_of(self._source, face)
         if path is not None:
             several.write(made, path) if several is not None else chains.write(made, path, kind)
