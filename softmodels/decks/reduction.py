@@ -554,7 +554,7 @@ class Responses:
         ratios = np.array(system.body.actuator.ratios)
         axes = ratios[:, None] if pressures is None else np.eye(len(ratios))  # the cavities' pressures by the table's
         if pressures is None:
-            pressures = np.array([system.direction * state.P * system.stress_unit])
+            pressures = np.array([system.direction * state.P * system.stress_unit + 0.0])  # no -0
         control = controls.pressure_control(state.P)
         state = solver.solve(control, state.w, state.P)
         solver.factorise(state)

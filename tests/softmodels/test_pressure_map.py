@@ -22,7 +22,6 @@ from softmodels.cli.exports import reduce_command
 from softmodels.decks import chains
 from softmodels.decks.reduction import TipFace, grid_case, grid_of
 from softmodels.path import schedule
-from tests.support.campaigns import sampled
 
 ROOT = Path(__file__).parents[2]
 SILICONE = sm.NeoHookean(30e3)
@@ -216,18 +215,16 @@ def arm(step_file, tmp_path_factory):
     file = step_file(tmp_path_factory.mktemp("step") / "arm.step", draw)
     return sm.ImportedActuator(
         file=file, cavities=tuple(f"at {x:.4f}, {y:.4f}, 30 mm" for x, y in middles), support="z = 0 mm",
-        surfaces=("tip = z = 60 mm",), cell_size=0.008,
+        surfaces=("tip = z = 60 mm",), cell_size=0.009,
     )  # fmt: skip
 
 
 @pytest.mark.campaign
-@pytest.mark.parametrize("count", sampled([3, 5], ()))
-def test_an_arm_of_three_chambers(arm, count):
-    """50 random pressures: within 1 % of the length and 1 degree of fresh solves."""
-    model = sm.run(sm.inflate(arm, SILICONE, pressures="0, 12 kPa", name="arm").grid(count)).reduce()
+def test_an_arm_of_three_chambers(arm):
+    """50 random pressures, three of each cavity solved: 1.0e-3 of the length, 0.11 degrees, 1.1 % of the volume, measured."""
+    model = sm.run(sm.inflate(arm, SILICONE, pressures="0, 12 kPa", name="arm").grid(3)).reduce()
     device = sm.Model(arm, SILICONE)
     asked = np.random.default_rng(1).uniform(*model.span, size=(50, 3))
     errors = np.max([off(device, model, pressures) for pressures in asked], axis=0)
     device.release()
-    print(count, errors, model.errors, np.degrees(np.linalg.norm(model.turns, axis=1).max()))
-    assert errors[0] < 0.01 and errors[1] < 1.0
+    assert (errors < [2e-3, 0.2, 0.02]).all(), errors
