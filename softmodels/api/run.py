@@ -473,7 +473,8 @@ class Run(cards.ResultCard):
     ) -> ReducedModel:
         """Reduce the device to its tip: pose, volume, compliance and their derivatives over the pressure.
 
-        Every state of the first rising piece of the path is solved again with exact linear responses, on one process.
+        Every state of the first rising piece of the path, or of the grid of pressures that a program of several cavities has
+        visited (see `grid`), is solved again with exact linear responses, on one process.
 
         Args:
             file: File to write it to: ``.csv``, ``.json``, ``.xml`` (MuJoCo), ``.fmu``; None for no file.
@@ -484,8 +485,8 @@ class Run(cards.ResultCard):
             radius: Of the circle on which several stand, m or a text such as ``"30 mm"``.
 
         Raises:
-            CaseError: A run over something else than one pressure, no such face, kind or ending, or fingers that would stand
-                in each other.
+            CaseError: A run over something else than pressures at rest, no such face, kind or ending, a chain over several
+                pressures, or fingers that would stand in each other.
             RunError: Too few states, or no such model.
         """
         from softmodels.decks import chains, hand, reduction
@@ -497,12 +498,28 @@ class Run(cards.ResultCard):
         several = None if fingers == 1 and radius is None else hand.Hand(fingers, radius or 0.0)  # type: ignore[arg-type]
         if several is not None:
             hand.check(path, kind)
-        elif path is not None:
-            chains.kind_of(path, kind)
+        if path is not None and chains.kind_of(path, kind) == "mjcf" and self.case.program:
+            chains.check_chain(self.case.actuator.ratios)
         made = reduction.table_of(self._source, face)
         if path is not None:
             several.write(made, path) if several is not None else chains.write(made, path, kind)
         return made
+
+    @checked
+    @one_at_a_time
+    def grid(self, count: int = 5) -> Case:
+        """Return the case with a program over a grid of each cavity's pressure, from 0 to this run's; its run is reduced to a
+        model over all of them: ``model = sm.run(run.grid()).reduce()``, ``model(5e3, 0, 2e3)``.
+
+        Args:
+            count: Pressures of each cavity, at least three.
+
+        Raises:
+            CaseError: A run in time or of other loads, a device of one cavity, or a cavity that the run leaves at 0.
+        """
+        from softmodels.decks import reduction
+
+        return reduction.grid_case(self._source, one_of("count", count, int, "a whole number"))
 
     def _save(self, folder: Path) -> None:
         results, _ = recording.begin(self.case, recording.ResultsPlace(folder))

@@ -13,6 +13,7 @@ import numpy as np
 
 from geometries import actuator, faces, registry
 from softmodels.api import calls
+from softmodels.api.run import Run
 from softmodels.case import abaqus
 from softmodels.case.case import Case
 from softmodels.casting.settings import Workshop, asked_of
@@ -20,6 +21,7 @@ from softmodels.cli import ending, options
 from softmodels.common import commands, files, processes, schema
 from softmodels.common.errors import GeometryError
 from softmodels.mechanics import mpi
+from softmodels.runs.outcomes import RunError
 
 if TYPE_CHECKING:
     from softmodels.casting import make
@@ -266,14 +268,17 @@ def import_command(file: Path, output: Path, unit: str, stress: str | None, prog
 @click.option("--fingers", default=1, help="Such devices on a wrist, in NAME.xml, with pressures of their own.",
               show_default=True)  # fmt: skip
 @click.option("--radius", metavar="LENGTH", help="Radius of the circle on which several fingers stand, such as 30mm.")
+@click.option("--grid", type=int, metavar="N", help="Several cavities: solve a grid of N pressures of each, from 0 to the "
+              "run's, into FOLDER-gridN, and reduce that.")  # fmt: skip
 @click.option("--quiet", is_flag=True, help="Print only errors.")
-def reduce_command(folder: Path, output: Path | None, check: Path | None, quiet: bool, **given: Any) -> None:
+def reduce_command(folder: Path, output: Path | None, check: Path | None, grid: int | None, quiet: bool, **given: Any) -> None:
     """Reduce results to the device's tip, for robot simulators.
 
     Over the pressures of the path up to the first limit point: position and rotation of the tip, added volume, their exact
     derivatives by the pressures, the compliance by force and moment on the tip, effective area, arc of constant curvature, and
     95 % bands where the run has them. NAME.xml is a chain of joints for MuJoCo, whose control is the pressure in kPa;
-    NAME.fmu a unit for co-simulation (FMI 2.0). --check compares pose, deflection and first mode of a chain with the device's.
+    NAME.fmu a unit for co-simulation (FMI 2.0). With --grid the table is over the pressure of each cavity; an interrupted grid
+    goes on where it stopped. --check compares pose, deflection and first mode of a chain with the device's.
 
     \b
     Examples:
@@ -282,9 +287,10 @@ def reduce_command(folder: Path, output: Path | None, check: Path | None, quiet:
       softmodels reduce results/pneunet -o finger.fmu
       softmodels reduce results/pneunet --check finger.xml
       softmodels reduce results/pneunet -o hand.xml --fingers 3 --radius 30mm
+      softmodels reduce results/arm -o arm.csv --grid 5
 
     \b
-    Exit status: 0 done; 1 failed; 2 bad input.
+    Exit status: 0 done; 1 failed; 2 bad input; 130 stopped.
     """
     from softmodels.decks import chain_check, chains
 
@@ -297,12 +303,28 @@ def reduce_command(folder: Path, output: Path | None, check: Path | None, quiet:
             commands.check_output_file(output, [], chains.is_own, "a reduced model", "--output")
         if check is not None and check != output:
             chain_check.check_file(check)
-        made = calls.load(folder).reduce(output, **given)
+        run = calls.load(folder)
+        if grid is not None:
+            if check is not None or chains.kind_of(written, given["kind"]) == "mjcf":
+                chains.check_chain(run.case.actuator.ratios)
+            run = grid_run(run, folder.with_name(f"{folder.absolute().name}-grid{grid}"), grid, quiet)
+        made = run.reduce(output, **given)
     if not quiet:
         processes.say(f"{output or folder}: {made._line()}, tip {made.face}")
         for name, text in made._figures():
             processes.say(f"{name}: {text}")
-        for text in made.notes:
+        for text in [*([run.limit.why] if grid is not None and run.limit else []), *made.notes]:
             processes.say(f"note: {text}")
     for text in [] if check is None else chain_check.check(made, check):
         processes.say(text)
+
+
+def grid_run(run: Run, place: Path, count: int, quiet: bool) -> Run:
+    """Return the run of a grid of pressures in a folder; one of other pressures or another device there is replaced."""
+    case = run.grid(count)
+    try:
+        return calls.run(case, folder=place, resume=True, progress=not quiet)
+    except RunError as error:
+        if error.status != commands.EXIT_BAD_INPUT:
+            raise
+        return calls.run(case, folder=place, progress=not quiet)

@@ -71,7 +71,7 @@ SPEED_AT_REST = 1e-5
 
 def _first_mode(model: ReducedModel, chain: ChainInMujoco) -> str:
     device = model.first_mode
-    pressure = sum(model.span) / 2 if device is None else device.pressure
+    pressure = float(sum(model.span) / 2 if device is None else device.pressure)
     frequency, damping = chain.first_mode(pressure, model.case.actuator.dimension == 3 and bool(model.case.actuator.cut_planes))
     text = f"first mode at {pressure / 1e3:.4g} kPa: {frequency:.4g} Hz, damping ratio {damping:.3g}"
     if device is None:

@@ -286,9 +286,19 @@ class TipPath:
         return [kind for kind in JOINTS if told[kind].any()]
 
 
+def check_chain(pressures: Sequence[object]) -> None:
+    """Raise `CaseError` for a chain over several pressures."""
+    if len(pressures) > 1:
+        raise CaseError(
+            f"a MuJoCo chain takes one pressure, not {len(pressures)}; write a table (.csv, .json) or a unit for "
+            "co-simulation (.fmu), or run the case over one pressure in the ratio of its cavities"
+        )
+
+
 def chain_of(model: ReducedModel) -> Chain:
     """Return the chain that follows a reduced model; `RunError` if the tip's stiffness is not known in a direction in which it
     moves."""
+    check_chain(model.names)
     along = (model.states[0].position - model.base) / model.length
     turn = model.turns[-1]
     hinges = float(np.linalg.norm(turn)) > MOST_TURN
@@ -546,7 +556,7 @@ def cubic_springs(model: ReducedModel, chain: Chain) -> tuple[CubicSpring, ...]:
     state = next((state for state in model.states if state.compliance_rate is not None), None)
     if state is None or state.compliance_rate is None:
         return ()
-    linear = LinearChain(chain, state.pressure)
+    linear = LinearChain(chain, float(state.pressure))
     factors = dict(zip(chain.springs.kinds, np.sqrt(linear.stiffness), strict=True))
     stretches = dict(zip(factors, linear.stretches, strict=True))
     both, rate = np.asarray(np.kron(np.eye(2), chain.axes), dtype=float), state.compliance_rate
@@ -630,7 +640,7 @@ def element(model: ReducedModel, chain: Chain) -> ElementTree.Element:
     _springs(root, chain)
     actuator = ElementTree.SubElement(root, "actuator")
     top = chain.top / 1e3
-    ends = sorted((model.states[0].pressure / 1e3, top))
+    ends = sorted((float(model.pressures[0]) / 1e3, top))
     ElementTree.SubElement(
         actuator, "general", name="pressure_kPa", joint="pressure", ctrlrange=words(ends), biastype="affine",
         gainprm=words([1 / TIME_CONSTANT**2 / top]), biasprm=words([0, -1 / TIME_CONSTANT**2, -2 / TIME_CONSTANT]),
@@ -854,7 +864,7 @@ class VibratingChain:
 
     def __init__(self, model: ReducedModel, chain: Chain):
         self._model, self._chain = model, chain
-        self.pressure = sum(model.span) / 2 if model.first_mode is None else model.first_mode.pressure
+        self.pressure = float(sum(model.span) / 2 if model.first_mode is None else model.first_mode.pressure)
         linear, kinds = LinearChain(chain, self.pressure), chain.springs.kinds
         self._posture, self._K = linear.posture, linear.K
         self.stiffest, self.armature_time = chain.stiffest(), 0.0
@@ -907,40 +917,45 @@ LOADS = (*(f"f{axis}" for axis in actuator.AXES), *(f"m{axis}" for axis in actua
 # Tables: units in the heads of the columns, or beside the values.
 
 
-def columns(model: ReducedModel) -> dict[str, Callable[[reduction.TipState], float]]:
-    """Return the columns of the table by their heads, which end in the unit."""
-    columns: dict[str, Callable[[reduction.TipState], float]] = {"pressure_Pa": lambda state: state.pressure}
-    device = model.case.actuator
-    for k, ratio in enumerate(device.ratios, 1):
-        if len(device.ratios) > 1:
-            columns[f"pressure_cavity{k}_Pa"] = lambda state, ratio=ratio: ratio * state.pressure  # type: ignore[misc]
-    columns |= {f"tip_{axis}_m": lambda state, i=i: state.position[i] for i, axis in enumerate(actuator.AXES)}  # type: ignore[misc]
-    for i, axis in enumerate("wxyz"):
-        columns[f"tip_q{axis}_1"] = lambda state, i=i: float(reduction.quaternion(state.rotation)[i])  # type: ignore[misc]
-    columns |= {"added_volume_m3": lambda state: state.volume, "volume_rate_m3_per_Pa": lambda state: state.volume_rate}
-    for i, motion in enumerate(MOTIONS):
-        unit = "m" if i < 3 else "rad"
-        for k in range(len(device.ratios)):
-            head = f"rate_{motion}_by_cavity{k + 1}_{unit}_per_Pa" if len(device.ratios) > 1 else f"rate_{motion}_{unit}_per_Pa"
-            columns[head] = lambda state, i=i, k=k: state.jacobian[i, k]  # type: ignore[misc]
+def columns(model: ReducedModel) -> dict[str, Array]:
+    """Return the columns of the table, each over its states, by their heads, which end in the unit."""
+    states, ratios, m = model.states, model.case.actuator.ratios, len(model.names)
+
+    def of(name: str, *shape: int) -> Array:
+        return np.array([getattr(state, name) for state in states]).reshape(-1, *shape)
+
+    own = [f"_cavity{k + 1}" for k in range(len(ratios))] if m > 1 else [""]
+    by = [f"_by_cavity{k + 1}" for k in range(len(ratios))] if len(ratios) > 1 else [""]
+    by_table = by if m > 1 else [""]
+    columns = {f"{name}_Pa": values for name, values in zip(model.names, of("pressure", m).T, strict=True)}
+    if m < len(ratios):
+        columns |= {f"pressure_cavity{k}_Pa": ratio * of("pressure") for k, ratio in enumerate(ratios, 1)}
+    columns |= {f"tip_{axis}_m": of("position", 3)[:, i] for i, axis in enumerate(actuator.AXES)}
+    turned = np.array([reduction.quaternion(state.rotation) for state in states])
+    columns |= {f"tip_q{axis}_1": turned[:, i] for i, axis in enumerate("wxyz")}
+    columns |= {f"added_volume{cavity}_m3": of("volume", m)[:, i] for i, cavity in enumerate(own)}
+    for (i, cavity), (k, other) in itertools.product(enumerate(own), enumerate(by_table)):
+        columns[f"volume_rate{cavity}{other}_m3_per_Pa"] = of("volume_rate", m, m)[:, i, k]
+    for (i, motion), (k, other) in itertools.product(enumerate(MOTIONS), enumerate(by)):
+        columns[f"rate_{motion}{other}_{'m' if i < 3 else 'rad'}_per_Pa"] = of("jacobian", 6, len(ratios))[:, i, k]
     for i, motion in enumerate(MOTIONS):
         for j, load in enumerate(LOADS[: i + 1]):
             unit = f"{'m' if i < 3 else 'rad'}_per_{'N' if j < 3 else 'Nm'}"
-            columns[f"compliance_{motion}_{load}_{unit}"] = lambda state, i=i, j=j: state.compliance[i, j]  # type: ignore[misc]
-    for i, load in enumerate(LOADS):
-        unit = "N_per_Pa" if i < 3 else "Nm_per_Pa"
-        columns[f"blocked_{load}_{unit}"] = lambda state, i=i: model.blocked(state)[i]  # type: ignore[misc,assignment]
-    columns["effective_area_m2"] = model.effective_area
-    for i, name in enumerate(("curvature_per_m", "arc_length_m", "bending_direction_rad")):
-        columns[name] = lambda state, i=i: model.constant_curvature(state)[i]  # type: ignore[misc]
-    columns["max_stretch_1"] = lambda state: state.stretch
-    if np.isfinite(model.states[-1].spread).all():
-        heads = [
-            *(f"tip_{axis}_ci95_m" for axis in actuator.AXES),
-            *(f"turn_{axis}_ci95_rad" for axis in actuator.AXES),
-            "added_volume_ci95_m3",
-        ]
-        columns |= {head: lambda state, i=i: state.spread[i] for i, head in enumerate(heads)}  # type: ignore[misc]
+            columns[f"compliance_{motion}_{load}_{unit}"] = of("compliance", 6, 6)[:, i, j]
+    blocked = np.array([model.blocked(state) for state in states]).reshape(-1, 6, m)
+    for (i, load), (k, other) in itertools.product(enumerate(LOADS), enumerate(by_table)):
+        columns[f"blocked_{load}{other}_{'N' if i < 3 else 'Nm'}_per_Pa"] = blocked[:, i, k]
+    areas = np.array([model.effective_area(state) for state in states]).reshape(-1, m)
+    columns |= {f"effective_area{cavity}_m2": areas[:, k] for k, cavity in enumerate(own)}
+    arcs = np.array([model.constant_curvature(state) for state in states])
+    arc_heads = ("curvature_per_m", "arc_length_m", "bending_direction_rad")
+    columns |= {head: arcs[:, i] for i, head in enumerate(arc_heads)} | {"max_stretch_1": of("stretch")}
+    if np.isfinite(states[-1].spread).all():
+        heads = (
+            *(f"tip_{axis}_ci95_m" for axis in actuator.AXES), *(f"turn_{axis}_ci95_rad" for axis in actuator.AXES),
+            *(f"added_volume{cavity}_ci95_m3" for cavity in own),
+        )  # fmt: skip
+        columns |= {head: of("spread", 6 + m)[:, i] for i, head in enumerate(heads)}
     return columns
 
 
@@ -950,20 +965,19 @@ def table_csv(model: ReducedModel) -> str:
     writer = csv.writer(out, lineterminator="\n")
     known = columns(model)
     writer.writerow(known)
-    for state in model.states:
-        values = [float(read(state)) for read in known.values()]
-        writer.writerow([f"{value:.12g}" if math.isfinite(value) else "" for value in values])
+    for row in np.column_stack([*known.values()]).tolist():
+        writer.writerow([f"{value:.12g}" if math.isfinite(value) else "" for value in row])
     return out.getvalue()
 
 
 def table_json(model: ReducedModel) -> str:
     """Return the table as JSON, with what it is of, where it ends and its errors in between."""
-    known, low_high = columns(model), model.span
-    rows = {head: [files.json_number(float(read(state))) for state in model.states] for head, read in known.items()}
+    known, (low, high) = columns(model), (np.array(end).tolist() for end in model.span)
+    rows = {head: [files.json_number(value) for value in values.tolist()] for head, values in known.items()}
     about = {
         "written_by": deck.WRITTEN_BY, "case": model.case.name, "device": type(model.case.actuator).__name__, "tip": model.face,
-        "support_m": model.base.tolist(), "length_m": model.length, "from_Pa": low_high[0], "to_Pa": low_high[1],
-        "notes": model.notes,
+        "support_m": model.base.tolist(), "length_m": model.length, "from_Pa": low, "to_Pa": high,
+        "not_reached_Pa": model.not_reached.tolist(), "notes": model.notes,
         "errors_between_states": {
             "position_per_length": model.errors["position"], "angle_deg": model.errors["angle_deg"],
             "volume_relative": model.errors["volume"], "compliance_relative": model.errors["compliance"],
@@ -987,10 +1001,12 @@ def fmu(model: ReducedModel) -> bytes:
     """Return a unit for co-simulation; loads in directions of unknown compliance do not move it."""
     from pythonfmu import FmuBuilder
 
-    low, high = model.span
-    program = PROGRAM.read_bytes()
-    text = f"{deck.WRITTEN_BY}: the tip of {model.case.name}, {low:.6g} to {high:.6g} Pa; SI units"
-    table = {"description": text, **model.knots()}
+    low, high = map(reduction.in_kPa, model.span)
+    program, curves = PROGRAM.read_bytes(), model.curves
+    text = f"{deck.WRITTEN_BY}: the tip of {model.case.name}, {low} to {high} kPa; SI units"
+    # A row for each derivative at each node, the last pressure changing fastest in both; 0 where a compliance is not known.
+    knots = np.nan_to_num(curves.knots).reshape(-1, 2 ** len(curves.axes), curves.knots.shape[-1])
+    table = {"description": text, "pressures": model.names, "axes": [x.tolist() for x in curves.axes], "knots": knots.tolist()}
     # Units of one name in a process would share a module, so the name follows from what the unit holds.
     digest = hashlib.sha256(program + json.dumps(table).encode()).hexdigest()[:12]
     name = re.sub(r"[^A-Za-z0-9_]", "_", f"softmodels_{model.case.name[:40]}_{digest}")
@@ -1037,7 +1053,7 @@ def is_own(file: Path) -> bool:
     if content.startswith(b"PK"):
         return re.search(rb"resources/softmodels_\w+\.py", content) is not None
     head = content[:4000].decode(errors="replace")
-    return deck.WRITTEN_BY in head or head.startswith("pressure_Pa,")
+    return deck.WRITTEN_BY in head or head.startswith(("pressure_Pa,", "pressure_cavity1_Pa,"))
 
 
 def kind_of(file: Path, kind: str = "") -> str:

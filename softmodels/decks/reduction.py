@@ -9,13 +9,15 @@ tangent each. Force and moment on the tip are those that do work on position and
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
+import operator
 import re
 from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicHermiteSpline, CubicSpline
+from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from geometries import Actuator, Hold, actuator
@@ -34,16 +36,20 @@ from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.sensitivity import Sensitivity
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
-from softmodels.runs import notes, recording, table
+from softmodels.path.steps import PRESSURE, Prescribed, Step, begins_at_rest, courses, timed
+from softmodels.runs import columns, notes, recording, table
 from softmodels.runs.outcomes import RunError
 from softmodels.runs.simulation import Equilibrium, Model, Simulation
 from softmodels.runs.states import StoredStates
+
+type PerPressure = float | Array
+"""A number; over several pressures an array with one for each."""
 
 __all__ = ["Curves", "ReducedModel", "TipPose", "TipState", "table_of"]
 
 
 class ReducedModel(cards.ResultCard):
-    """A device reduced to its tip, over one pressure; ``model(5e3)`` is its state at 5 kPa.
+    """A device reduced to its tip, over one pressure or over that of each cavity: ``model(5e3)``, ``model(5e3, 0, 2e3)``.
 
     Position, rotation and volume are cubic in between, with the exact derivatives at the table's states; compliance is a cubic
     spline.
@@ -51,10 +57,11 @@ class ReducedModel(cards.ResultCard):
     Attributes:
         case: What was run.
         face: The tip.
-        states: The table.
+        states: The table; over several pressures a grid of them, the last pressure changing fastest.
         base: Centre of the support, m.
         end: Why the table ends: a limit point, a bifurcation; empty at the last requested value.
-        contact: Pressure in Pa from which surfaces are in contact; None if they never are.
+        not_reached: Pressures in Pa that were requested beside the table and not reached, shape (n, cavities).
+        contact: Pressure in Pa of the first state in which surfaces are in contact; None if they never are.
         mass: Of the whole device with what is on it, kg.
         first_mode: In the middle of the table; None where it is not known.
         points: Of the whole device at rest, m, shape (n, 3).
@@ -63,25 +70,26 @@ class ReducedModel(cards.ResultCard):
 
     def __init__(self, case: Case, face: str, states: tuple[TipState, ...], base: Array, end: str, mass: float | None = None):
         self.case, self.face, self.states, self.base, self.end = case, face, states, base, end
-        self.contact: float | None = None
+        self.not_reached: Array = np.empty((0, 1))
+        self.contact: PerPressure | None = None
         self.first_mode: FirstMode | None = None
         self.points: Array = np.empty((0, 3))
         self.mass = case.actuator.solid_volume * silicones.density_of(case.material) if mass is None else mass
-        self._curves = Curves(states)
+        self.curves = Curves(states)
         self.errors = self._errors()
 
     def _line(self) -> str:
         low, high = self.span
-        return f"of {self.case.name}: {len(self.states)} states from {low / 1e3:.4g} to {high / 1e3:.4g} kPa"
+        return f"of {self.case.name}: {len(self.states)} states from {in_kPa(low)} to {in_kPa(high)} kPa"
 
     def _figures(self) -> cards.Table:
-        last, errors = self(self.states[-1].pressure), self.errors
+        last, errors = self.states[-1], self.errors
         angle = math.degrees(float(np.linalg.norm(self.turns[-1])))
         place = ", ".join(f"{1e3 * x:.4g}" for x in last.position)
         return [
             ("tip at the last state", f"{place} mm"),
             ("angle there", f"{angle:.4g} deg"),
-            ("added volume there", f"{last.volume * 1e6:.4g} ml"),
+            ("added volume there", f"{', '.join(f'{volume * 1e6:.4g}' for volume in np.atleast_1d(last.volume))} ml"),
             ("error of the position between states", f"{100 * errors['position']:.2g} % of the length"),
             ("error of the angle", f"{errors['angle_deg']:.2g} deg"),
             ("error of the compliance", f"{100 * errors['compliance']:.2g} %"),
@@ -94,9 +102,12 @@ class ReducedModel(cards.ResultCard):
     def notes(self) -> list[str]:
         """Where the table ends, and what to know before it is used."""
         notes = []
-        high = self.states[-1].pressure / 1e3
         if self.end:
-            notes.append(f"the table ends at {high:.4g} kPa, before a {self.end}")
+            notes.append(f"the table ends at {in_kPa(self.states[-1].pressure)} kPa, before a {self.end}")
+        if len(self.not_reached):
+            places = [in_kPa(pressures) for pressures in self.not_reached[:MAX_PLACES_TOLD]]
+            more = f" and {len(self.not_reached) - len(places)} more" if len(self.not_reached) > len(places) else ""
+            notes.append(f"the run did not reach {'; '.join(places)}{more} kPa, and the table ends below them")
         stretch = max(state.stretch for state in self.states)
         if text := silicones.extrapolated(self.case.material, stretch):
             notes.append(text)
@@ -113,65 +124,71 @@ class ReducedModel(cards.ResultCard):
         if self.contact is None:
             return []
         return [
-            f"surfaces are in contact from {self.contact / 1e3:.4g} kPa on: there a load that presses them together moves the "
+            f"surfaces are in contact from {in_kPa(self.contact)} kPa on: there a load that presses them together moves the "
             f"device less than its compliance predicts, a PneuNet up to seven times less; their friction is not included"
         ]
 
     @property
-    def span(self) -> tuple[float, float]:
-        """First and last pressure in Pa."""
-        ends = sorted((self.states[0].pressure, self.states[-1].pressure))
-        return ends[0], ends[1]
+    def span(self) -> tuple[PerPressure, PerPressure]:
+        """Lowest and highest pressure in Pa, of each cavity over several."""
+        return plain(np.array([x[0] for x in self.curves.axes])), plain(np.array([x[-1] for x in self.curves.axes]))
 
     @property
     def pressures(self) -> Array:
-        """Pressures of the table in Pa."""
+        """Pressures of the table in Pa, shape (states,), or (states, cavities) over several."""
         return np.array([state.pressure for state in self.states])
+
+    @property
+    def names(self) -> list[str]:
+        """The pressures' names: ``"pressure"``, or ``"pressure_cavity1"`` and so on over several."""
+        count = len(self.curves.axes)
+        return ["pressure"] if count == 1 else [f"pressure_cavity{k + 1}" for k in range(count)]
 
     @property
     def turns(self) -> Array:
         """Rotation vectors of the table, continued past half a turn, shape (states, 3)."""
-        return self._curves.turns
+        return self.curves.turns
 
     @property
     def length(self) -> float:
         """Distance in m of the tip from the support at the first state."""
         return float(np.linalg.norm(self.states[0].position - self.base)) or self.case.actuator.size
 
-    def __call__(self, pressure: float) -> TipPose:
-        """Return the state at a pressure in Pa.
+    def __call__(self, *pressures: float) -> TipPose:
+        """Return the state at a pressure in Pa; over several at that of each cavity, in their order.
 
         Raises:
             RunError: Outside the table.
+            CaseError: Another number of pressures.
         """
-        low, high = self.span
+        axes = self.curves.axes
+        if len(pressures) != len(axes):
+            wanted = "one pressure" if len(axes) == 1 else f"{len(axes)} pressures, one of each cavity"
+            raise CaseError(f"the reduced model takes {wanted}; it got {len(pressures)}")
+        low, high = (np.atleast_1d(end) for end in self.span)
         slack = 1e-9 * (high - low)
-        if not low - slack <= pressure <= high + slack:
+        if not ((low - slack <= pressures) & (pressures <= high + slack)).all():
             raise RunError(
-                f"{pressure / 1e3:.4g} kPa is outside the reduced model; it goes from {low / 1e3:.4g} to {high / 1e3:.4g} kPa"
+                f"{in_kPa(np.array(pressures))} kPa is outside the reduced model; it goes from {in_kPa(low)} to "
+                f"{in_kPa(high)} kPa"
             )
-        return self._curves.at(float(np.clip(pressure, low, high)))
-
-    def knots(self) -> dict[str, list[object]]:
-        """Return ``pressures`` (Pa, rising) and there ``values`` and ``slopes`` of position, rotation vector, volume, rate and
-        compliance, 49 each, SI units; cubic Hermite curves through them are the model. 0 where a compliance is not known."""
-        places = np.sort(self.pressures)
-        values, slopes = (np.array([self._curves.row(x, nu) for x in places]) for nu in (0, 1))
-        return {"pressures": places.tolist(), "values": values.tolist(), "slopes": slopes.tolist()}
+        return self.curves.at(np.clip(pressures, low, high))
 
     def _errors(self) -> dict[str, float]:
-        """Return the largest errors at every second state of curves through the others: a bound of those of all states."""
-        odd = self.states[1:-1:2]
-        kept = [state for k, state in enumerate(self.states) if k % 2 == 0 or k == len(self.states) - 1]
-        curves, errors = Curves(kept), dict.fromkeys(("position", "angle_deg", "volume", "compliance"), 0.0)
-        volume = max(abs(state.volume) for state in self.states) or 1.0
-        for odd_state in odd:
-            at = curves.at(odd_state.pressure)
+        """Return the largest errors, at the states left out, of curves through every second one of each pressure: a bound of
+        those of all states."""
+        kept = [x[sorted({*range(0, len(x), 2), len(x) - 1})] for x in self.curves.axes]
+        stays = [all(map(operator.contains, kept, np.atleast_1d(state.pressure))) for state in self.states]
+        curves = Curves(list(itertools.compress(self.states, stays)))
+        errors = dict.fromkeys(("position", "angle_deg", "volume", "compliance"), 0.0)
+        volume = max(float(np.abs(state.volume).max()) for state in self.states) or 1.0
+        for odd_state in itertools.compress(self.states, map(operator.not_, stays)):
+            at = curves.at(np.atleast_1d(odd_state.pressure))
             turned = float(np.linalg.norm(Rotation.from_matrix(at.rotation.T @ odd_state.rotation).as_rotvec()))
             miss = {
                 "position": float(np.linalg.norm(at.position - odd_state.position)) / self.length,
                 "angle_deg": math.degrees(turned),
-                "volume": abs(at.volume - odd_state.volume) / volume,
+                "volume": float(np.abs(at.volume - odd_state.volume).max()) / volume,
                 "compliance": relative(at.compliance, odd_state.compliance),
             }
             errors = {name: max(errors[name], value) for name, value in miss.items()}
@@ -180,17 +197,17 @@ class ReducedModel(cards.ResultCard):
     # -- derived figures ----------------------------------------------------------------------------------------------
 
     def blocked(self, state: TipState) -> Array:
-        """Return force (N) and moment (N m) per Pa of a held tip on what holds it, shape (6,); nan if unknown."""
+        """Return force (N) and moment (N m) per Pa of a held tip on what holds it, of the shape of its rate; nan if unknown."""
         known = ~np.isnan(np.diag(state.compliance))
-        loads = np.full(6, np.nan)
+        loads = np.full(state.rate.shape, np.nan)
         loads[known] = np.linalg.solve(state.compliance[np.ix_(known, known)], state.rate[known])
         return loads
 
-    def effective_area(self, state: TipState) -> float:
+    def effective_area(self, state: TipState) -> PerPressure:
         """Return the blocked force along the line from the support to the tip per pressure, m2, all other motions free."""
         along = (self.states[0].position - self.base) / self.length
         C = np.nan_to_num(state.compliance[:3, :3])
-        return float(along @ state.rate[:3] / (along @ C @ along))
+        return along @ state.rate[:3] / (along @ C @ along)
 
     def constant_curvature(self, state: TipState) -> tuple[float, float, float]:
         """Return curvature (1/m), arc length (m) and direction of bending (rad, about the axis at rest) of the arc from the
@@ -225,50 +242,87 @@ def relative(values: Array, other: Array) -> float:
 
 
 class Curves:
-    """Smooth functions through the states of a table; ``turns`` are their rotation vectors, continued past half a turn."""
+    """Smooth functions through states on a grid of pressures: within its cells cubic in each pressure. Derivatives at the nodes
+    are exact where they are known; the others, and those by several pressures, are of cubic splines along the grid.
+
+    Attributes:
+        axes: Pressures of the grid in Pa, rising, one array for each pressure.
+        turns: Rotation vectors of the states, continued past half a turn, shape (states, 3).
+        knots: At the nodes position, rotation vector, volumes, rates and compliance, and their derivatives; an array of shape
+            (*grid, 2, ..., 2, 6 + m + 6 m + 36), in which index 1 beside the grid is the derivative by that pressure.
+    """
 
     def __init__(self, states: Sequence[TipState]):
-        p = np.array([state.pressure for state in states])
-        order = np.argsort(p)
-        self.turns = continued([state.rotation for state in states])
-        rates = np.array([inverse_left_jacobian(t) @ state.rate[3:] for t, state in zip(self.turns, states, strict=True)])
-        places, slopes = np.array([state.position for state in states]), np.array([state.rate[:3] for state in states])
-        volumes = np.array([state.volume for state in states])
-        volume_rates = np.array([state.volume_rate for state in states])
-        x = p[order]
-        self._place = CubicHermiteSpline(x, places[order], slopes[order])
-        self._turn = CubicHermiteSpline(x, self.turns[order], rates[order])
-        self._volume = CubicHermiteSpline(x, volumes[order], volume_rates[order])
-        compliances = np.array([state.compliance for state in states])[order].reshape(len(x), 36)
-        # Loads against the symmetry are known up to where walls touch.
-        groups = alike(np.isfinite(compliances))
-        self._compliances = [(entries, CubicSpline(x[known], compliances[known][:, entries])) for known, entries in groups]
-        self._rate = CubicSpline(x, np.array([state.rate for state in states])[order])
+        p = np.array([np.atleast_1d(state.pressure) for state in states])
+        count, m = p.shape
+        self.axes = [np.unique(column) for column in p.T]
+        grid, order = [len(x) for x in self.axes], np.lexsort(p.T[::-1])
+        self.turns = continued([state.rotation for state in states], grid)
+        rates = np.array([np.reshape(state.rate, (6, m)) for state in states])
+        turning = np.array([inverse_left_jacobian(t) @ rate[3:] for t, rate in zip(self.turns, rates, strict=True)])
+        volumes = np.array([np.atleast_1d(state.volume) for state in states])
+        volume_rates = np.array([np.reshape(state.volume_rate, (m, m)) for state in states])
+        exact = np.concatenate([rates[:, :3], turning, volume_rates], axis=1)[order].reshape(*grid, -1, m)
+        positions, compliances = (np.array([getattr(s, name) for s in states]) for name in ("position", "compliance"))
+        parts = [positions, self.turns, volumes, rates.reshape(count, -1), compliances.reshape(count, -1)]
+        values = np.hstack(parts)[order].reshape(*grid, -1)
+        knots = np.empty((*grid, 2**m, values.shape[-1]))
+        knots[..., 0, :] = values
+        for by in range(1, 2**m):  # a bit for each pressure
+            ways = [(axis, 1 << (m - 1 - axis)) for axis in range(m) if by & 1 << (m - 1 - axis)]
+            slopes = [spline_slopes(self.axes[axis], knots[..., by ^ bit, :], axis) for axis, bit in ways]
+            knots[..., by, :] = np.mean(np.array(slopes), axis=0)
+            if len(ways) == 1:
+                knots[..., by, : 6 + m] = exact[..., ways[0][0]]
+        self.knots: Array = knots.reshape(*grid, *[2] * m, -1)
 
-    def _compliance(self, pressure: float, nu: int = 0) -> Array:
-        """Return the compliance, or its derivative, shape (36,); nan where it is not known."""
-        C = np.full(36, np.nan)
-        for entries, spline in self._compliances:
-            if spline.x[0] <= pressure <= spline.x[-1]:
-                C[entries] = spline(pressure, nu)
-        return C
+    def row(self, pressures: Array, by: int | None = None) -> Array:
+        """Return the values at pressures in Pa, or their derivatives by one of these; nan where they are not known."""
+        values, m = self.knots, len(self.axes)
+        for axis, (x, pressure) in enumerate(zip(self.axes, pressures, strict=True)):
+            k = min(max(int(np.searchsorted(x, pressure)), 1), len(x) - 1)
+            weights = hermite(pressure, x[k - 1], x[k], derivative=axis == by)
+            values = np.tensordot(weights, values[k - 1 : k + 1], ((0, 1), (0, m - axis)))
+        return values
 
-    def row(self, pressure: float, nu: int) -> Array:
-        """Return position, rotation vector, volume, rate and compliance, or their derivatives, shape (49,); 0 where unknown."""
-        curves = (self._place, self._turn, self._volume, self._rate)
-        values = [np.atleast_1d(curve(pressure, nu)) for curve in curves]
-        return np.nan_to_num(np.concatenate([*values, self._compliance(pressure, nu)]))
-
-    def at(self, pressure: float) -> TipPose:
-        """Return the state at a pressure in Pa."""
-        turn = self._turn(pressure)
-        omega = np.linalg.solve(inverse_left_jacobian(turn), self._turn(pressure, 1))
-        C = self._compliance(pressure)
-        R = Rotation.from_rotvec(turn).as_matrix()
+    def at(self, pressures: Array) -> TipPose:
+        """Return the state at pressures in Pa."""
+        m, row = len(self.axes), self.row(pressures)
+        rates = np.column_stack([self.row(pressures, axis) for axis in range(m)])
+        omega = np.linalg.solve(inverse_left_jacobian(row[3:6]), rates[3:6])
         return TipPose(
-            pressure, self._place(pressure), R, float(self._volume(pressure)), C.reshape(6, 6),
-            np.concatenate([self._place(pressure, 1), omega]), float(self._volume(pressure, 1)),
+            plain(np.array(pressures)), row[:3], Rotation.from_rotvec(row[3:6]).as_matrix(), plain(row[6 : 6 + m]),
+            row[-36:].reshape(6, 6), np.concatenate([rates[:3], omega]).squeeze(), plain(rates[6 : 6 + m]),
         )  # fmt: skip
+
+
+def hermite(at: float, low: float, high: float, derivative: bool) -> Array:
+    """Return the weights at a place of the values and slopes at the ends of an interval, shape (2, 2), or their derivatives."""
+    h = high - low
+    t = (at - low) / h
+    if derivative:
+        return np.array([[6 * t * (t - 1) / h, (1 - t) * (1 - 3 * t)], [6 * t * (1 - t) / h, t * (3 * t - 2)]])
+    return np.array([[(1 + 2 * t) * (1 - t) ** 2, t * (1 - t) ** 2 * h], [t * t * (3 - 2 * t), t * t * (t - 1) * h]])
+
+
+def spline_slopes(x: Array, values: Array, axis: int) -> Array:
+    """Return the slopes along an axis of cubic splines through the known values; nan where they are not known."""
+    lines = np.moveaxis(values, axis, 0)
+    flat = lines.reshape(len(x), -1)
+    slopes = np.full_like(flat, np.nan)
+    for known, lines_there in alike(np.isfinite(flat)):
+        slopes[np.ix_(known, lines_there)] = CubicSpline(x[known], flat[known][:, lines_there])(x[known], 1)
+    return np.moveaxis(slopes.reshape(lines.shape), 0, axis)
+
+
+def plain(values: Array) -> PerPressure:
+    """Return values over several pressures as they are, those over a single pressure without its dimension."""
+    return values if values.size > 1 else float(values.item())
+
+
+def in_kPa(pressures: PerPressure) -> str:
+    """Return one or several pressures in kPa, without their unit."""
+    return ", ".join(f"{pressure / 1e3:.4g}" for pressure in np.atleast_1d(pressures))
 
 
 def alike(known: npt.NDArray[np.bool_]) -> list[tuple[npt.NDArray[np.bool_], npt.NDArray[np.int64]]]:
@@ -277,15 +331,18 @@ def alike(known: npt.NDArray[np.bool_]) -> list[tuple[npt.NDArray[np.bool_], npt
     return [(row, np.flatnonzero((row == known.T).all(axis=1))) for row in patterns if row.sum() > 1]
 
 
-def continued(rotations: Sequence[npt.NDArray[np.float64]]) -> Array:
-    """Return the rotation vectors of a sequence of matrices, each the closest to the one before."""
+def continued(rotations: Sequence[npt.NDArray[np.float64]], grid: Sequence[int] = ()) -> Array:
+    """Return the rotation vectors of a sequence of matrices, each the closest to the one before; on a grid of several
+    dimensions, of which the last changes fastest, to that of the node before in one of them."""
     vectors = [Rotation.from_matrix(rotations[0]).as_rotvec()]
-    for R in rotations[1:]:
+    for k, R in enumerate(rotations[1:], 1):
+        last = int(np.flatnonzero(np.unravel_index(k, grid or (len(rotations),)))[-1])
+        before = vectors[k - int(np.prod(grid[last + 1 :]))]
         plain = Rotation.from_matrix(R).as_rotvec()
         angle = float(np.linalg.norm(plain))
-        axis = plain / angle if angle > 1e-12 else _axis(vectors[-1])
-        ways = [(angle + 2 * math.pi * k) * axis for k in (-2, -1, 0, 1, 2)]
-        vectors.append(min(ways, key=lambda way: float(np.linalg.norm(way - vectors[-1]))))
+        axis = plain / angle if angle > 1e-12 else _axis(before)
+        ways = [(angle + 2 * math.pi * turns) * axis for turns in (-2, -1, 0, 1, 2)]
+        vectors.append(min(ways, key=lambda way: float(np.linalg.norm(way - before))))
     return np.array(vectors)
 
 
@@ -304,7 +361,9 @@ def inverse_left_jacobian(turn: Array) -> Array:
 RESPONSE_TOLERANCE = 1e-11
 RATE_STEP = 1e-3
 """Displacement of the tip in sizes by which the rate of the compliance is measured."""
-MIN_TABLE_STATES = 4
+MIN_TABLE_STATES, MIN_GRID = 4, 3
+"""Fewest states of a path, and of each pressure on a grid."""
+MAX_PLACES_TOLD = 4
 ZERO_LOAD_TOLERANCE = 1e-9
 """Relative size below which a load by symmetry does nothing."""
 
@@ -488,23 +547,30 @@ class Responses:
         amounts = zip(system.matter, loads.densities(system, parts), strict=True)
         return sum(density * on.volume(matter) for matter, density in amounts) + sum(part.weighs for part in parts)
 
-    def at(self, state: State, row: table.Row, rate: bool = False) -> TipState:
-        """Return a state of the table, from a guess of it, with or without the rate of its compliance."""
+    def at(self, state: State, row: table.Row, pressures: Array | None = None, rate: bool = False) -> TipState:
+        """Return a state of the table over one pressure, or over ``pressures`` in Pa of all cavities, from a guess of it, with
+        or without the rate of its compliance."""
         solver, system = self.solver, self.system
+        ratios = np.array(system.body.actuator.ratios)
+        axes = ratios[:, None] if pressures is None else np.eye(len(ratios))  # the cavities' pressures by the table's
+        if pressures is None:
+            pressures = np.array([system.direction * state.P * system.stress_unit + 0.0])  # no -0
         control = controls.pressure_control(state.P)
         state = solver.solve(control, state.w, state.P)
         solver.factorise(state)
-        along = solver.tangent(state, control, RESPONSE_TOLERANCE)
-        device = system.body.actuator
+        solver.tangent(state, control, RESPONSE_TOLERANCE)
         position, R, rates = self.tip.pose(state)
         stress, n = system.stress_unit, system.n
         compliance = self._compliance(state, rates, touches(row))
-        pushes = [push.copy() for push in system.pressure_loads()[: len(device.ratios)]]
-        jacobian = [self.tip.vectors @ solver.linear_response(push, 0.0, RESPONSE_TOLERANCE).w[:n] for push in pushes]
+        pushes = np.array([push.copy() for push in system.pressure_loads()[: len(axes)]])
+        moved = np.transpose([solver.linear_response(push, 0.0, RESPONSE_TOLERANCE).w[:n] for push in pushes])
+        jacobian = rates @ (self.tip.vectors @ moved) / stress
+        added = [row[name] for name in columns.of_cavities(row, "added_volume")]
+        volume = axes.T @ added if len(added) == len(axes) else added
+        volume_rate = axes.T @ (pushes @ moved) @ axes * system.volume_unit / stress
         return TipState(
-            state.P * stress, row["added_volume"], position, R,
-            along.V * system.volume_unit / stress, rates @ (self.tip.vectors @ along.w[:n]) / stress,
-            rates @ np.transpose(jacobian) / stress, compliance, self._spread(state, rates), row["max_stretch"],
+            plain(pressures), plain(np.array(volume)), position, R, plain(volume_rate), (jacobian @ axes).squeeze(), jacobian,
+            compliance, self._spread(state, rates, axes.T @ pushes), row["max_stretch"],
             self._compliance_rate(state, rates) if rate and not touches(row) else None,
         )  # fmt: skip
 
@@ -557,11 +623,12 @@ class Responses:
                 compliance[k, others] = compliance[others, k] = 0.0
         return compliance
 
-    def _spread(self, state: State, rates: Array) -> Array:
-        """Return the half widths of the 95 % intervals of position, rotation and volume at a fixed pressure."""
+    def _spread(self, state: State, rates: Array, swellings: Array) -> Array:
+        """Return the half widths of the 95 % intervals of position, rotation and volumes at fixed pressures; ``swellings`` are
+        the volumes' derivatives by the displacement, shape (m, n)."""
         errors, known, system = self.case.band, self._sensitivity, self.system
         if known is None or not isinstance(errors, materials.MaterialErrors):
-            return np.full(7, np.nan)
+            return np.full(6 + len(swellings), np.nan)
         moves = []
         for root in errors.roots.T:
             force, dmu = np.zeros(system.n), 0.0
@@ -569,37 +636,38 @@ class Responses:
                 own, slope = known.material_force(name)
                 force, dmu = force + change * own, dmu + change * slope
             response = self.solver.linear_response(-force, -state.P * dmu / system.stress_unit, RESPONSE_TOLERANCE)
-            pose = rates @ (self.tip.vectors @ response.w[: system.n])
-            moves.append(np.append(pose, response.V * system.volume_unit))
+            moved = response.w[: system.n]
+            moves.append(np.append(rates @ (self.tip.vectors @ moved), swellings @ moved * system.volume_unit))
         return units.HALF_WIDTH_95 * np.linalg.norm(moves, axis=0)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class TipState:
-    """A state of the table, SI units, device coordinates.
+    """A state of the table, SI units, device coordinates. Over several pressures, there is a number for each where over one
+    there is a single one.
 
     Attributes:
-        pressure: Pa.
-        volume: Added volume, m3.
+        pressure: Pa; over several shape (m,).
+        volume: Added volume, m3; over several of each cavity, shape (m,).
         position: Of the tip's centre, m.
         rotation: Of the tip, a matrix.
-        volume_rate: By the pressure, m3/Pa.
-        rate: Of position and rotation by the pressure: m/Pa and rad/Pa, shape (6,).
+        volume_rate: By the pressure, m3/Pa; shape (m, m).
+        rate: Of position and rotation by the pressure: m/Pa and rad/Pa, shape (6,), or (6, m).
         jacobian: The same by the pressure of each cavity, shape (6, cavities).
         compliance: Of position and rotation by force and moment on the tip at constant pressure, shape (6, 6); nan for loads
             against the symmetry of the slice.
-        spread: Half widths of the 95 % intervals of position, rotation and volume, shape (7,); nan without errors of the
+        spread: Half widths of the 95 % intervals of position, rotation and volume, shape (6 + m,); nan without errors of the
             material.
         stretch: Largest stretch.
         compliance_rate: Derivative of the compliance by a dead force on the tip, shape (6, 6, 3), nan where it is not known;
             only in the middle of the table, and without contact, else None.
     """
 
-    pressure: float
-    volume: float
+    pressure: PerPressure
+    volume: PerPressure
     position: Array
     rotation: Array
-    volume_rate: float
+    volume_rate: PerPressure
     rate: Array
     jacobian: Array
     compliance: Array
@@ -629,7 +697,8 @@ def first_mode(model: Model, state: State) -> FirstMode | None:
         mode = model.modes(Equilibrium(model, state), 1)[0]
     except (CaseError, RunError):
         return None
-    return FirstMode(state.P * model.system.stress_unit, mode.frequency, mode.damping) if mode.frequency > 0.0 else None
+    pressure = model.system.direction * state.P * model.system.stress_unit
+    return FirstMode(pressure, mode.frequency, mode.damping) if mode.frequency > 0.0 else None
 
 
 def whole_points(device: Actuator, points: Array) -> Array:
@@ -677,17 +746,99 @@ def tip_of(case: Case, face: str, roles: Sequence[str]) -> str:
     return chosen
 
 
+# ----------------------------------------------------------------------------------------------------------------------
+# Over the pressure of each cavity: a program that visits a grid of them.
+
+
+def grid_case(source: StoredStates, count: int) -> Case:
+    """Return a run's case with a program over a grid of each cavity's pressure, from 0 to the run's highest, ``count`` of each.
+
+    Boxes that grow from rest are visited one after the other, so a run that ends has reached all smaller pressures.
+    """
+    case, rows = source.case, source.rows
+    if case.supply is not None or timed(case.steps) or case.load.driven is not None:
+        raise CaseError("a grid of pressures needs a run over pressures at rest; run the case with pressures of its cavities")
+    check_unique(case)
+    if count < MIN_GRID:
+        raise CaseError(f"grid is {count}; it must be {MIN_GRID} or more pressures of each cavity")
+    if (number := len(case.actuator.ratios)) < 2:
+        raise CaseError(f"the device has {number} cavit{'y' if number == 1 else 'ies'}; leave out the grid")
+    stable = rows if case.program else [rows[step] for step in usable(rows)[0]]
+    known = np.array([[row[name] for name in columns.of_cavities(row, "pressure")] for row in stable])
+    reached = known if known.shape[1] == number else known * np.array(case.actuator.ratios)
+    ends = reached[np.abs(reached).argmax(axis=0), range(number)]
+    if not ends.all():
+        raise CaseError(f"the run leaves cavity{int(np.argmin(np.abs(ends))) + 1} at 0; a grid needs its highest pressure")
+    places = sorted(itertools.product(range(count), repeat=number), key=lambda place: (max(place), place))
+    steps = [
+        Step(tuple(Prescribed(PRESSURE, (share * end / (count - 1),), f"cavity{k + 1}")
+                   for k, (share, end) in enumerate(zip(place, ends.tolist(), strict=True))))
+        for place in places
+    ]  # fmt: skip
+    return dataclasses.replace(case, steps=tuple(steps), name=f"{case.name}-grid")
+
+
+def check_unique(case: Case) -> None:
+    """Raise `CaseError` for friction, with which a state depends on the pressures before it."""
+    if rubs := next((part.where for part in case.components if part.remembers), ""):
+        raise CaseError(
+            f"with the friction of {rubs} the states depend on the order of the pressures, so no grid of them is reduced; "
+            "leave the friction out, or reduce a path over one pressure"
+        )
+
+
+def grid_of(source: StoredStates) -> tuple[dict[int, Array], Array]:
+    """Return the states on the largest grid of pressures that a program has reached, by their steps, with the pressures in Pa;
+    and the pressures of the program that it has not reached, shape (n, cavities)."""
+    case, count = source.case, len(source.case.actuator.ratios)
+    check_unique(case)
+    drivers = {driver.of: driver for driver in courses(case.steps)}
+    if timed(case.steps) or {*drivers} != {f"cavity{k + 1}" for k in range(count)} or any(
+        driver.quantity != PRESSURE for driver in drivers.values()
+    ):  # fmt: skip
+        raise CaseError("a reduced model needs a path over one pressure, or a program of the pressures of all cavities at rest")
+    program = [(0.0,) * count, *zip(*(drivers[f"cavity{k + 1}"].values for k in range(count)), strict=True)]
+    first, reached = int(begins_at_rest(case.steps)), dict[tuple[float, ...], int]()
+    for step, row in enumerate(source.rows):
+        number = round(row["load_step"])
+        if number == row["load_step"] and not (row["limit"] or row["bifurcation"] or row.get("jump")):
+            reached.setdefault(program[number + first if number else 0], step)
+    axes = [sorted({place[k] for place in reached}) for k in range(count)]
+    while missing := [place for place in itertools.product(*axes) if place not in reached]:
+        ends = [(k, end) for k, x in enumerate(axes) for end in {x[0], x[-1]} if end]
+        k, end = max(ends, key=lambda at: len(axes[at[0]]) * sum(place[at[0]] == at[1] for place in missing))
+        axes[k].remove(end)
+    sizes = [len(x) for x in axes]
+    if min(sizes) < (MIN_GRID if count > 1 else MIN_TABLE_STATES):
+        raise RunError(
+            f"the run has reached a grid of {' x '.join(map(str, sizes))} pressures of its cavities; a reduced model needs at "
+            f"least {MIN_GRID} of each, so make the grid finer (--grid), or its highest pressures lower"
+        )
+    left = [place for place in dict.fromkeys(program) if place not in reached]
+    return {reached[place]: np.array(place) for place in itertools.product(*axes)}, np.reshape(left, (len(left), count))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# From the states of a run to its reduced model.
+
+
 def table_of(source: StoredStates, face: str = "") -> ReducedModel:
-    """Return the reduced model of a run's first rising piece, of the given tip face or the device's own.
+    """Return the reduced model of a run's first rising piece, or of the grid that its program has visited, of the given tip
+    face or the device's own.
 
     Raises:
-        CaseError: A run of a program or in time, or no such face.
+        CaseError: A run of another program or in time, or no such face.
         RunError: Too few states, or one cannot be solved again.
     """
     case, rows = source.case, source.rows
-    if case.program or case.load.driven is not None or case.supply is not None:
+    if case.load.driven is not None or case.supply is not None:
         raise CaseError("a reduced model needs a path over one pressure; run the case with pressures or added volumes")
-    steps, end = usable(rows)
+    if case.program:
+        (grid, not_reached), end = grid_of(source), ""
+        steps = list(grid)
+    else:
+        grid, not_reached = {}, np.empty((0, 1))
+        steps, end = usable(rows)
     if len(steps) < MIN_TABLE_STATES:
         raise RunError(
             f"the run has {len(steps)} states with rising pressure{f' before its {end}' if end else ''}; a reduced model needs "
@@ -696,7 +847,7 @@ def table_of(source: StoredStates, face: str = "") -> ReducedModel:
     comm = mpi.start()
     if comm.size > 1:
         raise RunError("a reduced model is made on one process only; start it without mpirun")
-    simulation = Simulation(case, comm)
+    simulation, mode = Simulation(case, comm), None
     try:
         simulation.prepare_on(source.mesh)
         with notes.sentences():
@@ -705,13 +856,12 @@ def table_of(source: StoredStates, face: str = "") -> ReducedModel:
             responses = Responses(simulation, role)
             states = []
             for step in steps:
-                restart = source.restart(step)
-                state = recording.stored_state(source, simulation.fields, comm, step, restart["P"], restart["V"])
-                half_way = step == steps[len(steps) // 2]
-                states.append(responses.at(state, rows[step], rate=half_way))
+                half_way = not grid and step == steps[len(steps) // 2]
+                state, pressures = restored(simulation, source, step, grid.get(step)), grid.get(step)
+                states.append(responses.at(state, rows[step], pressures, rate=half_way))
                 if half_way:
-                    middle = state
-            base, mass, mode = responses.base(), responses.mass(), first_mode(simulation.model, middle)
+                    mode = first_mode(simulation.model, state)
+            base, mass = responses.base(), responses.mass()
             points = whole_points(simulation.body.actuator, simulation.fields.grid.points)
             responses.release()
     except newton.NoConvergence as failure:
@@ -719,10 +869,21 @@ def table_of(source: StoredStates, face: str = "") -> ReducedModel:
     finally:
         simulation.release()
     model = ReducedModel(case, role, tuple(states), base, end, mass)
-    model.first_mode, model.points = mode, points
-    touching = (rows[step]["pressure"] for step in steps if touches(rows[step]))
+    model.first_mode, model.points, model.not_reached = mode, points, not_reached
+    touching = (state.pressure for state, step in zip(states, steps, strict=True) if touches(rows[step]))
     model.contact = next(touching, None)
     return model
+
+
+def restored(simulation: Simulation, source: StoredStates, step: int, pressures: Array | None) -> State:
+    """Return a stored state, its P that of a path, or of cavities that are coupled in the ratio of pressures in Pa."""
+    P = source.restart(step)["P"]
+    if pressures is not None:
+        system, top = simulation.solver.system, float(np.abs(pressures).max())
+        dead = system.coupling.fixed_pressures[len(pressures) :]
+        system.coupling = controls.Coupling.proportional(list(pressures / top if top else system.ratios), dead)
+        P = top / system.stress_unit
+    return recording.stored_state(source, simulation.fields, simulation.comm, step, P, 0.0)
 
 
 def touches(row: table.Row) -> bool:
@@ -737,7 +898,7 @@ def touches(row: table.Row) -> bool:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class TipPose:
-    """What a reduced model gives for a pressure; SI units.
+    """What a reduced model gives for a pressure, or for several; SI units, shapes as in `TipState`.
 
     Attributes:
         pressure: Pa.
@@ -745,17 +906,17 @@ class TipPose:
         rotation: Matrix of the tip's rotation from rest.
         volume: Added volume, m3.
         compliance: See `TipState`.
-        rate: Of position and rotation (in space) by the pressure, shape (6,).
+        rate: Of position and rotation (in space) by the pressure.
         volume_rate: m3/Pa.
     """
 
-    pressure: float
+    pressure: PerPressure
     position: Array
     rotation: Array
-    volume: float
+    volume: PerPressure
     compliance: Array
     rate: Array
-    volume_rate: float
+    volume_rate: PerPressure
 
     @property
     def quaternion(self) -> Array:

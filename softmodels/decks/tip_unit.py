@@ -20,12 +20,17 @@ class Tip(Fmi2Slave):
         super().__init__(**kwargs)
         table = json.loads((pathlib.Path(self.resources) / "table.json").read_text(encoding="utf-8"))
         self.modelName, self.description = table["identifier"], table["description"]
-        self.pressures, self.values, self.slopes = table["pressures"], table["values"], table["slopes"]
-        for names, causality in ((INPUTS, Fmi2Causality.input), (OUTPUTS, Fmi2Causality.output)):
-            for name, (_, text) in names.items():
+        self.axes, self.knots, names = table["axes"], table["knots"], table["pressures"]
+        air = "gauge pressure in the cavity" + ("; of several, the run's ratios of it" if len(names) == 1 else "")
+        self.pressures = {f"{name}_Pa": ("Pa", air) for name in names}
+        volumes = {f"{name.replace('pressure', 'added_volume')}_m3": ("m3", VOLUME) for name in names}
+        self.inputs, self.outputs = {**self.pressures, **LOADS}, {**POSE, **volumes}
+        for variables, causality in ((self.inputs, Fmi2Causality.input), (self.outputs, Fmi2Causality.output)):
+            for name, (_, text) in variables.items():
                 setattr(self, name, 0.0)
                 self.register_variable(Real(name, causality=causality, description=text))
-        self.pressure_Pa = min(max(0.0, self.pressures[0]), self.pressures[-1])  # pythonfmu takes starts from here
+        for name, x in zip(self.pressures, self.axes, strict=True):
+            setattr(self, name, min(max(0.0, x[0]), x[-1]))  # pythonfmu takes starts from here
         self.update()
 
     def to_xml(self, *options: object) -> ElementTree.Element:
@@ -36,7 +41,7 @@ class Tip(Fmi2Slave):
             ElementTree.SubElement(ElementTree.SubElement(units, "Unit", name=name), "BaseUnit", base)
         root.insert([child.tag for child in root].index("CoSimulation") + 1, units)
         for variable in root.find("ModelVariables"):
-            variable.find("Real").set("unit", {**INPUTS, **OUTPUTS}[variable.get("name")][0])
+            variable.find("Real").set("unit", {**self.inputs, **self.outputs}[variable.get("name")][0])
         structure = root.find("ModelStructure")
         ElementTree.SubElement(structure, "InitialUnknowns").extend(structure.find("Outputs"))
         return root
@@ -48,27 +53,34 @@ class Tip(Fmi2Slave):
                 raise ValueError(f"{self.vars[vr].name} is {value}; give a finite number")
         super().set_real(vrs, values)
 
-    def at(self, pressure: float) -> list[float]:
-        """Return the row at a pressure: cubic Hermite curves through the table."""
-        x, k = self.pressures, min(max(bisect.bisect(self.pressures, pressure), 1), len(self.pressures) - 1)
-        h = x[k] - x[k - 1]
-        t = (pressure - x[k - 1]) / h
-        a, b, c, d = (1 + 2 * t) * (1 - t) ** 2, t * (1 - t) ** 2 * h, t * t * (3 - 2 * t), t * t * (t - 1) * h
-        rows = zip(self.values[k - 1], self.slopes[k - 1], self.values[k], self.slopes[k], strict=True)
-        return [a * y + b * dy + c * z + d * dz for y, dy, z, dz in rows]
+    def at(self, pressures: list[float]) -> list[float]:
+        """Return the row at pressures: cubic Hermite curves through the table, along one pressure after the other."""
+        terms = [(0, 0, 1.0)]
+        for x, pressure in zip(self.axes, pressures, strict=True):
+            k = min(max(bisect.bisect(x, pressure), 1), len(x) - 1)
+            h = x[k] - x[k - 1]
+            t = (pressure - x[k - 1]) / h
+            weights = [
+                (k - 1, 0, (1 + 2 * t) * (1 - t) ** 2), (k - 1, 1, t * (1 - t) ** 2 * h),
+                (k, 0, t * t * (3 - 2 * t)), (k, 1, t * t * (t - 1) * h),
+            ]  # fmt: skip
+            terms = [(node * len(x) + j, 2 * by + d, a * b) for node, by, a in terms for j, d, b in weights]
+        rows = [(weight, self.knots[node][by]) for node, by, weight in terms if weight]
+        return [sum(weight * row[k] for weight, row in rows) for k in range(len(self.knots[0][0]))]
 
     def update(self) -> None:
         """Compute the outputs; a ValueError, which ends the simulation, for a pressure outside the table, but for rounding."""
-        low, high = self.pressures[0], self.pressures[-1]
-        slack = 1e-9 * (high - low)
-        if not low - slack <= self.pressure_Pa <= high + slack:
-            raise ValueError(f"pressure_Pa is {self.pressure_Pa:.6g}; the table goes from {low:.6g} to {high:.6g} Pa")
-        row, loads = self.at(self.pressure_Pa), [getattr(self, name) for name in list(INPUTS)[1:]]
-        place, turn, volume, rate, C = row[:3], row[3:6], row[6], row[7:13], row[13:]
+        pressures, m = [getattr(self, name) for name in self.pressures], len(self.axes)
+        for name, pressure, x in zip(self.pressures, pressures, self.axes, strict=True):
+            slack = 1e-9 * (x[-1] - x[0])
+            if not x[0] - slack <= pressure <= x[-1] + slack:
+                raise ValueError(f"{name} is {pressure:.6g}; the table goes from {x[0]:.6g} to {x[-1]:.6g} Pa")
+        row, loads = self.at(pressures), [getattr(self, name) for name in LOADS]
+        place, turn, volumes, rates, C = row[:3], row[3:6], row[6 : 6 + m], row[6 + m : -36], row[-36:]
         moved = [sum(C[6 * i + j] * loads[j] for j in range(6)) for i in range(6)]
         pose = [place[i] + moved[i] for i in range(3)] + product(quaternion(moved[3:]), quaternion(turn))
-        volume += sum(r * load for r, load in zip(rate, loads, strict=True))
-        for name, value in zip(OUTPUTS, [*pose, volume], strict=True):
+        volumes = [volume + sum(rates[m * j + k] * loads[j] for j in range(6)) for k, volume in enumerate(volumes)]
+        for name, value in zip(self.outputs, [*pose, *volumes], strict=True):
             setattr(self, name, value)
 
     def exit_initialization_mode(self) -> None:
@@ -90,16 +102,15 @@ UNITS = {
     "1": {},
 }
 """The units of the variables, by their exponents of base units."""
-INPUTS = {
-    "pressure_Pa": ("Pa", "gauge pressure in the cavity; of several, the run's ratios of it"),
+LOADS = {
     **{f"force_{axis}_N": ("N", f"force on the tip along {axis}") for axis in "xyz"},
     **{f"moment_{axis}_Nm": ("N.m", f"moment on the tip about {axis}") for axis in "xyz"},
 }
-OUTPUTS = {
+POSE = {
     **{f"tip_{axis}_m": ("m", f"position of the tip's centre, {axis}") for axis in "xyz"},
     **{f"tip_q{axis}_1": ("1", f"rotation of the tip from rest, {axis} of the unit quaternion") for axis in "wxyz"},
-    "added_volume_m3": ("m3", "volume of the cavity beyond that at rest"),
 }
+VOLUME = "volume of the cavity beyond that at rest"
 
 
 def product(a: list[float], b: list[float]) -> list[float]:

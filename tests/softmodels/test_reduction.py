@@ -509,6 +509,15 @@ def test_check_of_a_chain(run, tmp_path, monkeypatch):
         assert float(re.search(r"kPa: (\S+) Hz", mode)[1]) == pytest.approx(factor * frequency, rel=0.02)
 
 
+def test_pressures_under_vacuum_are_negative():
+    """A table over a vacuum has its signs: pressures, rates, and the pressure of the first mode."""
+    model = sm.inflate(FINGER, SILICONE, pressures="-1:-3:1 kPa").reduce()
+    assert model.span == pytest.approx((-3e3, 0.0)) and model.first_mode.pressure < 0.0
+    assert model.states[-1].volume < 0.0 < model.states[-1].volume_rate
+    assert all(state.rate == pytest.approx(state.jacobian[:, 0], rel=1e-9, abs=1e-16) for state in model.states)
+    assert (model(-1.4e3).position - model(-1.6e3).position) / 200.0 == pytest.approx(model(-1.5e3).rate[:3], rel=1e-2)
+
+
 def test_wrong_input(run, tmp_path):
     run.save(tmp_path / "results")
     for words, sentence in [
