@@ -15,6 +15,7 @@ from __future__ import annotations
 import contextlib
 import csv
 import dataclasses
+import functools
 import io
 import itertools
 from collections.abc import Callable, Iterator, Sequence
@@ -24,27 +25,33 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 import numpy.typing as npt
 
-from geometries import ChannelPlate, GeometryError, actuator, drawings, network
+from geometries import ChannelPlate, GeometryError, MeshingError, actuator, drawings, network
 from softmodels.case import entries
 from softmodels.case.case import Case
-from softmodels.common import files
+from softmodels.common import commands, files
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import MPI, fem, ufl
 from softmodels.design import states, targets
-from softmodels.design.model import DesignModel, MeshedDesign
-from softmodels.design.problem import DesignProblem, Growth, shown, shown_factor
+from softmodels.design.model import DesignFolder, DesignModel, MeshedDesign
+from softmodels.design.problem import GROW, DesignProblem, Growth, in_words, label, shown, shown_factor
 from softmodels.design.result import Variant
-from softmodels.design.trials import DesignError
+from softmodels.design.trials import DesignError, DesignFailure
 from softmodels.materials import laws
 from softmodels.mechanics import compiling, mpi
 from softmodels.runs import state_values
+from softmodels.runs.outcomes import RunError
 
 if TYPE_CHECKING:
     from softmodels.mechanics.system import System
 
 
 def stages(
-    problem: DesignProblem, ended: Sequence[Variant], folder: Path | None, comm: MPI.Comm, resume: bool
+    problem: DesignProblem,
+    ended: Sequence[Variant],
+    folder: Path | None,
+    comm: MPI.Comm,
+    resume: bool,
+    tell: Callable[[str], object],
 ) -> Iterator[tuple[str, DesignProblem]]:
     """Yield the problem of the network as it is, with its words, then with the channel that promises most, and so on, as long
     as the search of each gains. Each has to be in ``ended`` before the next is asked for."""
@@ -54,20 +61,22 @@ def stages(
     best = ended[-1]
     while best.result is not None and (count := len(_plate(best.result.case).drawn.channels)) < growth.most_channels:
         before, now = best, dataclasses.replace(base, case=best.result.case)
-        path = None if folder is None else folder / map_name(count)
-        candidates = _candidates(now, growth, comm, path, resume)
-        for attempt, candidate in enumerate(candidates, 1):
+        kept = None if folder is None or not resume else _map_file(folder, count)
+        table = mpi.on_root(comm, functools.partial(_read, kept, now)) or make_map(now, growth, folder, comm)
+        for attempt, candidate in enumerate(_promising(_plate(now.case), growth, table), 1):
             plate = _plate(now.case).with_channels(candidate.channels)
             words = stage_name(len(plate.drawn.channels), attempt)
             try:
                 grown = dataclasses.replace(now, case=dataclasses.replace(now.case, actuator=plate))
             except entries.INPUT_ERRORS as error:
                 raise DesignError(f"{words}: {error}") from None
+            tell(candidate.sentence(now))
             yield words, grown
             if gained(ended[-1], before):
                 best = ended[-1]
                 break
         if best is before:
+            tell(f"no channel more gains; the network stays at {count} channels")
             return
 
 
@@ -82,16 +91,17 @@ def stage_name(channels: int, attempt: int = 1) -> str:
     return f"{channels} channels" + (f", try {attempt}" if attempt > 1 else "")
 
 
-def map_name(channels: int) -> str:
-    """Return the name, without its ending, of the files with what a channel more would do."""
-    return f"more-than-{channels}"
+def _map_file(folder: Path, channels: int) -> Path:
+    """Return the table of what a channel more would do; a drawing lies beside it."""
+    return folder / f"more-than-{channels}.csv"
 
 
 def file_names(problem: DesignProblem, folder_name: Callable[[str], str]) -> list[str]:
     """Return the files and folders that the stages of a problem may write."""
     assert problem.growth is not None
     counts = range(len(_plate(problem.case).drawn.channels), problem.growth.most_channels + 1)
-    maps = [map_name(count) + ending for count in counts for ending in (".csv", ".svg")]
+    tables = [_map_file(Path(), count) for count in counts]
+    maps = [str(file.with_suffix(ending)) for file in tables for ending in (".csv", ".svg")]
     return maps + [f"{folder_name(stage_name(count, k))}/" for count in counts for k in range(1, MAX_TRIES + 1)]
 
 
@@ -121,6 +131,15 @@ class Candidate:
     cavity: str
     channels: tuple[str, ...]
     gain: float = 0.0
+
+    def sentence(self, problem: DesignProblem) -> str:
+        """Return what it is predicted to do."""
+        asked = problem.terms[0].quantity
+        where = " to ".join(f"({1e3 * x:.4g}, {1e3 * y:.4g})" for x, y in (self.start, self.end))
+        both = "" if len(self.channels) == 1 else f" and its mirror image{'s' if len(self.channels) > 2 else ''}"
+        does = "improve" if self.gain >= 0.0 else "worsen"
+        by = in_words(asked, abs(self.gain), 3)
+        return f"a channel from {where} mm{both} is predicted to {does} {label(asked, problem.case)} by {by}"
 
 
 def candidates(problem: DesignProblem, growth: Growth, comm: MPI.Comm) -> list[Candidate]:
@@ -195,32 +214,50 @@ def _text(line: Array, radius: float, cavity: str) -> str:
     return f"{places} mm" + (f" radius {1e3 * radius:.9g} mm" if radius else "") + (f" in {cavity}" if cavity else "")
 
 
-def _candidates(problem: DesignProblem, growth: Growth, comm: MPI.Comm, path: Path | None, resume: bool) -> list[Candidate]:
-    """Return the best channels that leave walls and gain, at most `MAX_TRIES`; the map is written as a table and a drawing, at
-    a path without ending, and read from there by a resumed search."""
-    plate, table = _plate(problem.case), None
-    if path is not None and resume:
-        table = mpi.on_root(comm, lambda: _read(path.with_suffix(".csv")))
-    if table is None:
-        table = candidates(problem, growth, comm)
-        if path is not None:
-            mpi.on_root(comm, lambda: _write(path, problem, table))
-    best = list[Candidate]()
+def _promising(plate: ChannelPlate, growth: Growth, table: Sequence[Candidate]) -> Iterator[Candidate]:
+    """Yield the best channels that leave walls and gain, at most `MAX_TRIES`."""
+    tries = 0
     for candidate in table:
-        if candidate.gain <= 0.0 or len(best) == MAX_TRIES:
-            break
-        if len(plate.drawn.channels) + len(candidate.channels) > growth.most_channels:
-            continue
-        with contextlib.suppress(GeometryError):
-            plate.with_channels(candidate.channels)
-            best.append(candidate)
-    return best
+        if candidate.gain <= 0.0 or tries == MAX_TRIES:
+            return
+        if len(plate.drawn.channels) + len(candidate.channels) <= growth.most_channels:
+            with contextlib.suppress(GeometryError):
+                plate.with_channels(candidate.channels)
+                tries += 1
+                yield candidate
+
+
+def map_alone(problem: DesignProblem, folder: DesignFolder | None, comm: MPI.Comm) -> list[str]:
+    """Write what a channel more would do in the problem's plate as it is, and return the best of them and the worst in
+    sentences; RunError if the plate cannot be solved."""
+    if problem.growth is None:
+        raise DesignError(f"--map needs to know which channels may be added; add [grow] with {', '.join(GROW)} to the problem")
+    if folder is not None:
+        count = len(_plate(problem.case).drawn.channels)
+        folder.own.claim([str(_map_file(Path(), count).with_suffix(ending)) for ending in (".csv", ".svg")])
+    table = make_map(problem, problem.growth, mpi.on_root(comm, lambda: None if folder is None else folder.path), comm)
+    return [candidate.sentence(problem) for candidate in dict.fromkeys([*table[:BEST_SHOWN], *table[-1:]])]
+
+
+BEST_SHOWN = 5
+
+
+def make_map(problem: DesignProblem, growth: Growth, folder: Path | None, comm: MPI.Comm) -> list[Candidate]:
+    """Return `candidates`, written as a table and a drawing into a folder if there is one; RunError if the plate cannot be
+    solved."""
+    try:
+        table = candidates(problem, growth, comm)
+    except (DesignFailure, MeshingError) as error:
+        raise RunError(f"what a channel more would do is unknown: {error}", commands.EXIT_NO_EQUILIBRIUM) from error
+    if folder is not None:
+        mpi.on_root(comm, lambda: _write(_map_file(folder, len(_plate(problem.case).drawn.channels)), problem, table))
+    return table
 
 
 HEADS = ("x1 (mm)", "y1 (mm)", "x2 (mm)", "y2 (mm)", "cavity", "channels")
 
 
-def _write(path: Path, problem: DesignProblem, table: Sequence[Candidate]) -> None:
+def _write(file: Path, problem: DesignProblem, table: Sequence[Candidate]) -> None:
     """Write the table and the drawing of channels that may be added."""
     asked, out = problem.terms[0].quantity, io.StringIO()
     rows = csv.writer(out, lineterminator="\n")
@@ -237,20 +274,20 @@ def _write(path: Path, problem: DesignProblem, table: Sequence[Candidate]) -> No
             f'stroke="{"#1b7837" if each.gain > 0.0 else "#b2182b"}" stroke-width="{0.05 + 0.5 * share:.3f}" '
             f'stroke-opacity="{0.15 + 0.85 * share:.3f}"/>'
         )
-    files.write_text(path.with_suffix(".csv"), out.getvalue())
+    files.write_text(file, out.getvalue())
     picture = drawings.svg_text(drawn).replace("</svg>", "\n".join([*reversed(lines), "</svg>"]))
-    files.write_text(path.with_suffix(".svg"), picture)
+    files.write_text(file.with_suffix(".svg"), picture)
 
 
-def _read(file: Path) -> list[Candidate] | None:
-    """Return the channels of a table that `_write` wrote, in its order, with gains in the unit shown; None without one."""
-    if not file.is_file():
+def _read(file: Path | None, problem: DesignProblem) -> list[Candidate] | None:
+    """Return the channels of a table that `_write` wrote; None without one."""
+    if file is None or not file.is_file():
         return None
     _, *rows = csv.reader(io.StringIO(files.read_text(file)))
     return [
         Candidate(
             (1e-3 * float(x1), 1e-3 * float(y1)), (1e-3 * float(x2), 1e-3 * float(y2)), cavity, tuple(texts.split("; ")),
-            float(gain),
+            float(gain) * shown_factor(problem.terms[0].quantity),
         )
         for x1, y1, x2, y2, cavity, texts, gain in rows
     ]  # fmt: skip

@@ -524,11 +524,12 @@ def evaluator(problem: DesignProblem, comm: MPI.Comm, how: SearchOptions) -> Des
     errors = problem.errors
     return DesignModel(
         problem.case, problem.names, problem.quantities, comm, highest=problem.highest,
-        materials=() if errors is None else errors.names, report=functools.partial(_report, comm, how),
+        materials=() if errors is None else errors.names, report=functools.partial(report, comm, how),
     )  # fmt: skip
 
 
-def _report(comm: MPI.Comm, how: SearchOptions, text: str) -> None:
+def report(comm: MPI.Comm, how: SearchOptions, text: str) -> None:
+    """Report a line from rank 0 to who listens."""
     if mpi.is_root(comm) and (listener := how.get("progress")) is not None:
         listener(text)
 
@@ -604,7 +605,7 @@ class Evaluator:
 
     def tell(self, text: str) -> None:
         """Report a line from rank 0."""
-        _report(self.comm, self.how, text)
+        report(self.comm, self.how, text)
 
     def _evaluated(self, theta: Array) -> Trial:
         begun, number = time.monotonic(), len(self.trials.all) + 1

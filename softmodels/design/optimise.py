@@ -614,14 +614,14 @@ def run_variants(
 ) -> DesignResult:
     """Optimise for each choice of the whole numbers, or each stage of a network that grows, each in a folder of its own; return
     the result of the best, with all in its `DesignResult.variants`. RunError if none of them has a state where it is asked."""
-    tell, variants = how.get("progress"), list[Variant]()
+    tell, variants = functools.partial(model.report, comm, how), list[Variant]()
     mpi.on_root(comm, lambda: _begin(problem, folder, how))
-    where = mpi.on_root(comm, lambda: None if folder is None else folder.path)
-    resume = how.get("resume", False)
-    choices = grow.stages(problem, variants, where, comm, resume) if problem.growth else problem.variants()
+    choices = problem.variants()
+    if problem.growth:
+        where = mpi.on_root(comm, lambda: None if folder is None else folder.path)
+        choices = grow.stages(problem, variants, where, comm, how.get("resume", False), tell)
     for words, choice in choices:
-        if tell is not None:
-            mpi.on_root(comm, lambda words=words: tell(f"{words}:"))  # type: ignore[misc]
+        tell(f"{words}:")
         own = mpi.kept_on_root(comm, functools.partial(_choice_folder, choice, words, folder, how))
         try:
             variants.append(Variant(words, choice, run_in(choice, own, comm, **how)))
@@ -640,8 +640,8 @@ def run_variants(
         of = f"choice of {', '.join(problem.counts)}" if problem.counts else "stage"
         raise RunError(f"no {of} can be evaluated: {variants[0].sentence}")
     made = dataclasses.replace(best.result, variants=tuple(choice.sentence for choice in variants))
-    where = mpi.on_root(comm, lambda: None if folder is None else _write_best(folder, best, variants))
-    return dataclasses.replace(made, folder=where)
+    place = mpi.on_root(comm, lambda: None if folder is None else _write_best(folder, best, variants))
+    return dataclasses.replace(made, folder=place)
 
 
 def _name(words: str) -> str:

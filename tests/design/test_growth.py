@@ -141,6 +141,19 @@ def test_a_strip_grows_by_the_best_channel_and_is_resumed(tmp_path, comm):
     assert not [text for text in told if text.startswith("design ")]
 
 
+def test_the_map_alone_is_written_and_told_in_sentences(tmp_path, comm):
+    asked = problem(around="around = 6", cell_size='cell_size = "3 mm"')
+    folder = optimise.open_folder(asked, tmp_path / "map", comm, {})
+    told = grow.map_alone(asked, folder, comm)
+    folder.leave()
+    assert told[0].startswith("a channel from (") and "is predicted to improve rise at 4 kPa by 0.0" in told[0]
+    assert "is predicted to worsen rise at 4 kPa by" in told[-1]
+    drawing = (tmp_path / "map/more-than-1.svg").read_text()
+    assert drawing.count("<polyline") == 1 and drawing.count("<line") > len(told)
+    with pytest.raises(DesignError, match=r"add \[grow\] with candidates, radius, most_channels to the problem"):
+        grow.map_alone(dataclasses.replace(asked, grow=None), None, comm)
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
