@@ -69,7 +69,8 @@ def stages(
             try:
                 grown = dataclasses.replace(now, case=dataclasses.replace(now.case, actuator=plate))
             except entries.INPUT_ERRORS as error:
-                raise DesignError(f"{words}: {error}") from None
+                tell(f"{candidate.sentence(now)}, but is not tried: {error}")
+                continue
             tell(candidate.sentence(now))
             yield words, grown
             if gained(ended[-1], before):
@@ -262,21 +263,19 @@ def _write(file: Path, problem: DesignProblem, table: Sequence[Candidate]) -> No
     asked, out = problem.terms[0].quantity, io.StringIO()
     rows = csv.writer(out, lineterminator="\n")
     rows.writerow([*HEADS, f"predicted gain ({shown(asked)})"])
-    drawn, most = _plate(problem.case).drawn, max((abs(each.gain) for each in table), default=0.0) or 1.0
-    lines = []
+    plate, most, lines = _plate(problem.case), max((abs(each.gain) for each in table), default=0.0) or 1.0, []
     for each in table:
-        (x1, y1), (x2, y2) = each.start, each.end
-        places = [f"{1e3 * value:.9g}" for value in (x1, y1, x2, y2)]
+        places = [f"{1e3 * value:.9g}" for value in (*each.start, *each.end)]
         rows.writerow([*places, each.cavity, "; ".join(each.channels), f"{each.gain / shown_factor(asked):.9g}"])
-        share = abs(each.gain) / most
-        lines.append(
-            f'<line x1="{1e3 * x1:.4f}" y1="{-1e3 * y1:.4f}" x2="{1e3 * x2:.4f}" y2="{-1e3 * y2:.4f}" '
-            f'stroke="{"#1b7837" if each.gain > 0.0 else "#b2182b"}" stroke-width="{0.05 + 0.5 * share:.3f}" '
-            f'stroke-opacity="{0.15 + 0.85 * share:.3f}"/>'
-        )
+        share, colour = abs(each.gain) / most, "#1b7837" if each.gain > 0.0 else "#b2182b"
+        for (x1, y1), (x2, y2) in (1e3 * np.array(_images(plate, np.array(each.start), np.array(each.end)))).tolist():
+            lines.append(
+                f'<line x1="{x1:.4f}" y1="{-y1:.4f}" x2="{x2:.4f}" y2="{-y2:.4f}" stroke="{colour}" '
+                f'stroke-width="{0.05 + 0.5 * share:.3f}" stroke-opacity="{0.15 + 0.85 * share:.3f}"/>'
+            )
     files.write_text(file, out.getvalue())
-    picture = drawings.svg_text(drawn).replace("</svg>", "\n".join([*reversed(lines), "</svg>"]))
-    files.write_text(file.with_suffix(".svg"), picture)
+    picture = drawings.svg_text(plate.drawn).replace("<polyline", '<polyline opacity="0.3"')
+    files.write_text(file.with_suffix(".svg"), picture.replace("</svg>", "\n".join([*reversed(lines), "</svg>"])))
 
 
 def _read(file: Path | None, problem: DesignProblem) -> list[Candidate] | None:

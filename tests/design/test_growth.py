@@ -160,6 +160,7 @@ def test_the_map_alone_is_written_and_told_in_sentences(tmp_path, comm):
         ({"most_channels": "most_channels = 1"}, "the plate has 1 channels, so give a whole number from 2"),
         ({"candidates": 'candidates = "many"'}, "write the places along x and y"),
         ({"radius": 'radius = "3 mm"'}, "below half the thickness"),
+        ({"radius": 'radius = "0.5 mm"'}, "outside the bounds of start_radii.1., 0.6 mm to 1.3 mm; give grow a radius"),
         ({"radius": "most = 3"}, "unknown entry 'most'"),
         ({"quantity": 'quantity = "added_volume"'}, "grow needs an objective that is a motion at a pressure"),
     ],
