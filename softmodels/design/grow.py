@@ -60,19 +60,18 @@ def stages(
     yield stage_name(len(_plate(base.case).drawn.channels)), base
     best = ended[-1]
     while best.result is not None and (count := len(_plate(best.result.case).drawn.channels)) < growth.most_channels:
-        before, now = best, dataclasses.replace(base, case=best.result.case)
+        before, case = best, best.result.case
         kept = None if folder is None or not resume else _map_file(folder, count)
-        table = mpi.on_root(comm, functools.partial(_read, kept, now)) or make_map(now, growth, folder, comm)
-        for attempt, candidate in enumerate(_promising(_plate(now.case), growth, table), 1):
-            plate = _plate(now.case).with_channels(candidate.channels)
-            words = stage_name(len(plate.drawn.channels), attempt)
+        table = mpi.on_root(comm, functools.partial(_read, kept, base)) or make_map(base, case, growth, folder, comm)
+        for attempt, candidate in enumerate(_promising(_plate(case), growth, table), 1):
+            plate = _plate(case).with_channels(candidate.channels)
             try:
-                grown = dataclasses.replace(now, case=dataclasses.replace(now.case, actuator=plate))
-            except entries.INPUT_ERRORS as error:
-                tell(f"{candidate.sentence(now)}, but is not tried: {error}")
+                grown = dataclasses.replace(base, case=dataclasses.replace(case, actuator=plate))
+            except (DesignError, *entries.INPUT_ERRORS) as error:
+                tell(f"{candidate.sentence(base)}, but is not tried: {error}")
                 continue
-            tell(candidate.sentence(now))
-            yield words, grown
+            tell(candidate.sentence(base))
+            yield stage_name(len(plate.drawn.channels), attempt), grown
             if gained(ended[-1], before):
                 best = ended[-1]
                 break
@@ -143,10 +142,10 @@ class Candidate:
         return f"a channel from {where} mm{both} is predicted to {does} {label(asked, problem.case)} by {by}"
 
 
-def candidates(problem: DesignProblem, growth: Growth, comm: MPI.Comm) -> list[Candidate]:
-    """Return the channels that join the network of a problem's plate, with their gains, the best first; walls are not
-    checked."""
-    plate = _plate(problem.case)
+def candidates(problem: DesignProblem, case: Case, growth: Growth, comm: MPI.Comm) -> list[Candidate]:
+    """Return the channels that join the network of a case's plate, with what a problem's objective gains, the best first;
+    walls are not checked."""
+    plate = _plate(case)
     radius = growth.radius or plate.radius
     ends = np.array(list(itertools.combinations(_places(plate, growth, radius), 2)))
     shares = np.linspace(0.0, 1.0, 2 * PLACES_ALONG + 1)[:, None]
@@ -157,7 +156,7 @@ def candidates(problem: DesignProblem, growth: Growth, comm: MPI.Comm) -> list[C
     kept = joined.sum(axis=0) == 1
     cavity = joined.argmax(axis=0)[kept]
     silicone = np.min(away, axis=0)[kept, 1::2] > radius  # nearer to other walls it is no thin channel in a large block
-    gains = ThinChannels(problem, comm).gains(points[kept, 1::2], silicone, cavity, radius)
+    gains = ThinChannels(problem, case, comm).gains(points[kept, 1::2], silicone, cavity, radius)
     made, known = [], list[Array]()
     for (a, b), number, gain in zip(ends[kept], cavity.tolist(), gains.tolist(), strict=True):
         if any(_same(np.array([a, b]), line) for line in known):
@@ -236,34 +235,36 @@ def map_alone(problem: DesignProblem, folder: DesignFolder | None, comm: MPI.Com
     if folder is not None:
         count = len(_plate(problem.case).drawn.channels)
         folder.own.claim([str(_map_file(Path(), count).with_suffix(ending)) for ending in (".csv", ".svg")])
-    table = make_map(problem, problem.growth, mpi.on_root(comm, lambda: None if folder is None else folder.path), comm)
+    table = make_map(
+        problem, problem.case, problem.growth, mpi.on_root(comm, lambda: None if folder is None else folder.path), comm
+    )
     return [candidate.sentence(problem) for candidate in dict.fromkeys([*table[:BEST_SHOWN], *table[-1:]])]
 
 
 BEST_SHOWN = 5
 
 
-def make_map(problem: DesignProblem, growth: Growth, folder: Path | None, comm: MPI.Comm) -> list[Candidate]:
+def make_map(problem: DesignProblem, case: Case, growth: Growth, folder: Path | None, comm: MPI.Comm) -> list[Candidate]:
     """Return `candidates`, written as a table and a drawing into a folder if there is one; RunError if the plate cannot be
     solved."""
     try:
-        table = candidates(problem, growth, comm)
+        table = candidates(problem, case, growth, comm)
     except (DesignFailure, MeshingError) as error:
         raise RunError(f"what a channel more would do is unknown: {error}", commands.EXIT_NO_EQUILIBRIUM) from error
     if folder is not None:
-        mpi.on_root(comm, lambda: _write(_map_file(folder, len(_plate(problem.case).drawn.channels)), problem, table))
+        mpi.on_root(comm, lambda: _write(_map_file(folder, len(_plate(case).drawn.channels)), problem, _plate(case), table))
     return table
 
 
 HEADS = ("x1 (mm)", "y1 (mm)", "x2 (mm)", "y2 (mm)", "cavity", "channels")
 
 
-def _write(file: Path, problem: DesignProblem, table: Sequence[Candidate]) -> None:
+def _write(file: Path, problem: DesignProblem, plate: ChannelPlate, table: Sequence[Candidate]) -> None:
     """Write the table and the drawing of channels that may be added."""
     asked, out = problem.terms[0].quantity, io.StringIO()
     rows = csv.writer(out, lineterminator="\n")
     rows.writerow([*HEADS, f"predicted gain ({shown(asked)})"])
-    plate, most, lines = _plate(problem.case), max((abs(each.gain) for each in table), default=0.0) or 1.0, []
+    most, lines = max((abs(each.gain) for each in table), default=0.0) or 1.0, []
     for each in table:
         places = [f"{1e3 * value:.9g}" for value in (*each.start, *each.end)]
         rows.writerow([*places, each.cavity, "; ".join(each.channels), f"{each.gain / shown_factor(asked):.9g}"])
@@ -297,14 +298,15 @@ def _read(file: Path | None, problem: DesignProblem) -> list[Candidate] | None:
 
 
 class ThinChannels:
-    """The states and adjoints of a problem's objective on a mesh of its plate as it is, for the gains of thin channels."""
+    """The states and adjoints of a problem's objective on a mesh of a case's plate as it is, for the gains of thin
+    channels."""
 
-    def __init__(self, problem: DesignProblem, comm: MPI.Comm):
-        self.problem, self.comm = problem, comm
+    def __init__(self, problem: DesignProblem, case: Case, comm: MPI.Comm):
+        self.problem, self.case, self.comm = problem, case, comm
         self._weights: list[float] = []
         self._states: list[tuple[Array, Array | None]] = []
         """Pressures of the cavities and `_tensors` of each part of the objective."""
-        model = DesignModel(problem.case, (), [term.quantity for term in problem.terms], comm)
+        model = DesignModel(case, (), [term.quantity for term in problem.terms], comm)
         try:
             model.evaluate(np.zeros(0))
             assert model.meshed is not None
@@ -342,7 +344,7 @@ class ThinChannels:
         return mpi.on_root(self.comm, lambda: self._gains(points, silicone, cavity, radius))
 
     def _gains(self, points: Array, silicone: npt.NDArray[np.bool_], cavity: npt.NDArray[np.int64], radius: float) -> Array:
-        plate, count = _plate(self.problem.case), points.shape[1]
+        plate, count = _plate(self.case), points.shape[1]
         along = points[:, -1] - points[:, 0]
         length = np.linalg.norm(along, axis=1)
         volume = np.pi * radius**2 * length / (count - 1) / self._unit**3

@@ -287,17 +287,17 @@ class Growth:
                 f"grow: most_channels is {units.brief(most)}; the plate has {count} channels, so give a whole number from "
                 f"{count + 1} to {MOST_CHANNELS}"
             )
-        for free in problem.free:
-            own = radius or plate.radius
-            if free.name.startswith(("start_radii", "end_radii")) and not free.low <= own <= free.high:
-                raise DesignError(
-                    f"new channels have a radius of {free.text(own)}, outside the bounds of {free.name}, {free.text(free.low)} to "
-                    f"{free.text(free.high)}; give grow a radius within them"
-                )
         if "radius" in table and not 0.0 < 2.0 * radius < plate.thickness:
             raise DesignError(
                 f"grow: radius is {units.brief(table['radius'])}; it must be above 0 and below half the thickness"
             )
+        own = radius or plate.radius
+        for free in problem.free:
+            if free.name.startswith(("start_radii", "end_radii")) and not free.low <= own <= free.high:
+                raise DesignError(
+                    f"new channels have a radius of {free.text(own)}, outside the bounds of {free.name}, {free.text(free.low)} "
+                    f"to {free.text(free.high)}; give grow a radius within them"
+                )
         return cls(grid, radius, most)
 
 

@@ -3,6 +3,7 @@
 import csv
 import dataclasses
 import io
+import types
 
 import numpy as np
 import pytest
@@ -92,7 +93,7 @@ def test_the_gain_of_a_thin_channel_is_its_exact_slope(comm, line):
     shares = (np.arange(40) + 0.5)[:, None] / 40
     points = np.concatenate([first + shares * (last - first), np.full((40, 1), -0.5e-3)], axis=1)[None]
     silicone, cavity = np.ones((1, 40), dtype=bool), np.zeros(1, dtype=np.int64)
-    (gain,) = grow.ThinChannels(base, comm).gains(points, silicone, cavity, 1.0)
+    (gain,) = grow.ThinChannels(base, base.case, comm).gains(points, silicone, cavity, 1.0)
     plate = base.case.actuator
     both = plate.replaced(channels=(*plate.channels, f"{line} mm radius 0.4 mm in thin"))
     case = dataclasses.replace(base.case, actuator=both)
@@ -109,8 +110,8 @@ def ends(*places):
 def test_half_a_plate_predicts_what_the_whole_does(comm):
     whole, half = problem(), problem(symmetry='symmetry = "auto"', start_radii='thickness = { from = "4.5 mm", to = "5.5 mm" }')
     assert half.case.actuator.copies == 2
-    across = grow.candidates(half, half.growth, comm)
-    same = {ends(each.start, each.end): each.gain for each in grow.candidates(whole, whole.growth, comm)}
+    across = grow.candidates(half, half.case, half.growth, comm)
+    same = {ends(each.start, each.end): each.gain for each in grow.candidates(whole, whole.case, whole.growth, comm)}
     assert {len(each.channels) for each in across} == {1, 2} and len(across) < len(same)
     best = max(same.values())
     for each in across:
@@ -139,6 +140,21 @@ def test_a_strip_grows_by_the_best_channel_and_is_resumed(tmp_path, comm):
     again = optimise.optimise(coarse, **how, resume=True, progress=told.append)
     assert again.end.objective == pytest.approx(result.end.objective, rel=1e-9)
     assert not [text for text in told if text.startswith("design ")]
+
+
+def test_a_channel_that_cannot_be_searched_is_skipped_by_name(comm):
+    """A bound of a parameter at which the plate with it is invalid, as the parts of a joint part there."""
+    base, told = problem(), []
+    ended = [types.SimpleNamespace(result=types.SimpleNamespace(case=base.case))]
+    line = "4, 0 to 16, 0 mm radius 1.4 mm"  # valid as it is, and above the bounds
+    table = [grow.Candidate((4e-3, 0.0), (16e-3, 0.0), "", (line,), 1e-4)]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(grow, "make_map", lambda *_: table)
+        stages = grow.stages(base, ended, None, comm, False, told.append)
+        next(stages)
+        assert list(stages) == []
+    assert "but is not tried: start_radii[2] starts at 1.4 mm, outside 0.6 mm to 1.3 mm" in told[0]
+    assert told[-1] == "no channel more gains; the network stays at 1 channels"
 
 
 def test_the_map_alone_is_written_and_told_in_sentences(tmp_path, comm):
