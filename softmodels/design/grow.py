@@ -268,7 +268,7 @@ def _write(file: Path, problem: DesignProblem, plate: ChannelPlate, table: Seque
     for each in table:
         places = [f"{1e3 * value:.9g}" for value in (*each.start, *each.end)]
         rows.writerow([*places, each.cavity, "; ".join(each.channels), f"{each.gain / shown_factor(asked):.9g}"])
-        share, colour = abs(each.gain) / most, "#1b7837" if each.gain > 0.0 else "#b2182b"
+        share, colour = (each.gain / most) ** 2, "#1b7837" if each.gain > 0.0 else "#b2182b"
         for (x1, y1), (x2, y2) in (1e3 * np.array(_images(plate, np.array(each.start), np.array(each.end)))).tolist():
             lines.append(
                 f'<line x1="{x1:.4f}" y1="{-y1:.4f}" x2="{x2:.4f}" y2="{-y2:.4f}" stroke="{colour}" '
