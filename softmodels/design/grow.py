@@ -76,7 +76,7 @@ def stages(
                 best = ended[-1]
                 break
         if best is before:
-            tell(f"no channel more gains; the network stays at {count} channels")
+            tell(f"no channel more gains; the network stays at {stage_name(count)}")
             return
 
 
@@ -88,7 +88,7 @@ MIN_RELATIVE_GAIN = 1e-3
 
 def stage_name(channels: int, attempt: int = 1) -> str:
     """Return the words of a stage."""
-    return f"{channels} channels" + (f", try {attempt}" if attempt > 1 else "")
+    return f"{channels} channel" + "s" * (channels > 1) + (f", try {attempt}" if attempt > 1 else "")
 
 
 def _map_file(folder: Path, channels: int) -> Path:

@@ -284,7 +284,7 @@ class Growth:
         count, most = len(plate.drawn.channels), table.get("most_channels")
         if isinstance(most, bool) or not isinstance(most, int) or not count < most <= MOST_CHANNELS:
             raise DesignError(
-                f"grow: most_channels is {units.brief(most)}; the plate has {count} channels, so give a whole number from "
+                f"grow: most_channels is {units.brief(most)}; the plate has {count} already, so give a whole number from "
                 f"{count + 1} to {MOST_CHANNELS}"
             )
         if "radius" in table and not 0.0 < 2.0 * radius < plate.thickness:

@@ -103,6 +103,24 @@ def test_the_gain_of_a_thin_channel_is_its_exact_slope(comm, line):
     assert gain == pytest.approx(slopes.sum() / (2.0 * 0.4e-3), rel=LINES[line])
 
 
+def test_the_gain_of_a_pose_is_that_of_its_place(comm):
+    """A target above: what raises the face brings it nearer, by as much in tolerances; and so do two pressures in the mean."""
+    coarse = problem(around="around = 6", cell_size='cell_size = "3 mm"')
+    place = {"quantity": "face_place", "of": "top", "at": "4 kPa"}
+    pose = {"quantity": "pose", "of": "top", "position": {"z": "5 mm"}, "tolerance": "0.5 mm", "at": "4 kPa"}
+    made = {}
+    for name, goal in (
+        ("place", {"maximise": place}),
+        ("mean", {"maximise": {**place, "at": ["2 kPa", "4 kPa"], "weights": [0, 1]}}),
+        ("pose", {"maximise": None, "follow": pose}),
+    ):
+        asked = dataclasses.replace(coarse, **goal)
+        made[name] = np.array([each.gain for each in grow.candidates(asked, asked.case, asked.growth, comm)])
+    assert np.ptp(made["place"]) > 0.0
+    assert made["mean"] == pytest.approx(made["place"], rel=1e-6)
+    assert made["pose"] == pytest.approx(made["place"] / 0.5e-3, rel=1e-6)
+
+
 def ends(*places):
     return frozenset((round(1e6 * x), round(1e6 * y)) for x, y in places)
 
@@ -125,13 +143,15 @@ def test_a_strip_grows_by_the_best_channel_and_is_resumed(tmp_path, comm):
     how = {"evaluations": 2, "folder": tmp_path / "grown"}
     result = optimise.optimise(coarse, **how)
     assert len(result.device.drawn.channels) == 2 and len(result.variants) == 2
-    assert {"1-channels", "2-channels", "more-than-1.csv", "more-than-1.svg", "design.toml"} <= {
+    assert {"1-channel", "2-channels", "more-than-1.csv", "more-than-1.svg", "design.toml"} <= {
         each.name for each in (tmp_path / "grown").iterdir()
     }
     rows = list(csv.DictReader(io.StringIO((tmp_path / "grown/more-than-1.csv").read_text())))
     gained = [float(row["predicted gain (mm)"]) for row in rows]
     assert gained == sorted(gained, reverse=True)
-    rises = [list(csv.reader(io.StringIO((tmp_path / f"grown/{n}-channels/iterates.csv").read_text()))) for n in (1, 2)]
+    rises = [
+        list(csv.reader(io.StringIO((tmp_path / f"grown/{n}/iterates.csv").read_text()))) for n in ("1-channel", "2-channels")
+    ]
     column = next(k for k, head in enumerate(rises[0][0]) if head.startswith("rise"))
     alone = float(rises[0][-1][column])
     column = next(k for k, head in enumerate(rises[1][0]) if head.startswith("rise"))
@@ -154,7 +174,7 @@ def test_a_channel_that_cannot_be_searched_is_skipped_by_name(comm):
         next(stages)
         assert list(stages) == []
     assert "but is not tried: start_radii[2] starts at 1.4 mm, outside 0.6 mm to 1.3 mm" in told[0]
-    assert told[-1] == "no channel more gains; the network stays at 1 channels"
+    assert told[-1] == "no channel more gains; the network stays at 1 channel"
 
 
 def test_the_map_alone_is_written_and_told_in_sentences(tmp_path, comm):
@@ -173,7 +193,7 @@ def test_the_map_alone_is_written_and_told_in_sentences(tmp_path, comm):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"most_channels": "most_channels = 1"}, "the plate has 1 channels, so give a whole number from 2"),
+        ({"most_channels": "most_channels = 1"}, "the plate has 1 already, so give a whole number from 2"),
         ({"candidates": 'candidates = "many"'}, "write the places along x and y"),
         ({"radius": 'radius = "3 mm"'}, "below half the thickness"),
         ({"radius": 'radius = "0.5 mm"'}, "outside the bounds of start_radii.1., 0.6 mm to 1.3 mm; give grow a radius"),
