@@ -102,7 +102,7 @@ def _map(problem: DesignProblem, folder: model.DesignFolder | None, comm: MPI.Co
     except DesignError as error:
         ending.fail(str(error))
     if folder is not None:
-        for text in [*sentences, f"{folder.path}: more-than-*.csv has all of them, the .svg shows them"]:
+        for text in [*sentences, f"{folder.path}: map.csv has all of them, map.svg shows them"]:
             processes.say(text)
     return commands.EXIT_DONE
 

@@ -61,8 +61,9 @@ def stages(
     best = ended[-1]
     while best.result is not None and (count := len(_plate(best.result.case).drawn.channels)) < growth.most_channels:
         before, case = best, best.result.case
-        kept = None if folder is None or not resume else _map_file(folder, count)
-        table = mpi.on_root(comm, functools.partial(_read, kept, base)) or make_map(base, case, growth, folder, comm)
+        file = None if folder is None else _map_file(folder, count)
+        known = mpi.on_root(comm, functools.partial(_read, file, base)) if resume else None
+        table = known or make_map(base, case, growth, file, comm)
         for attempt, candidate in enumerate(_promising(_plate(case), growth, table), 1):
             plate = _plate(case).with_channels(candidate.channels)
             try:
@@ -233,26 +234,26 @@ def map_alone(problem: DesignProblem, folder: DesignFolder | None, comm: MPI.Com
     if problem.growth is None:
         raise DesignError(f"--map needs to know which channels may be added; add [grow] with {', '.join(GROW)} to the problem")
     if folder is not None:
-        count = len(_plate(problem.case).drawn.channels)
-        folder.own.claim([str(_map_file(Path(), count).with_suffix(ending)) for ending in (".csv", ".svg")])
-    table = make_map(
-        problem, problem.case, problem.growth, mpi.on_root(comm, lambda: None if folder is None else folder.path), comm
-    )
+        folder.own.claim([MAP, str(Path(MAP).with_suffix(".svg"))])
+    file = mpi.on_root(comm, lambda: None if folder is None else folder.path / MAP)
+    table = make_map(problem, problem.case, problem.growth, file, comm)
     return [candidate.sentence(problem) for candidate in dict.fromkeys([*table[:BEST_SHOWN], *table[-1:]])]
 
 
 BEST_SHOWN = 5
+MAP = "map.csv"
+"""The table of the plate as it is; stages have theirs of their designs."""
 
 
-def make_map(problem: DesignProblem, case: Case, growth: Growth, folder: Path | None, comm: MPI.Comm) -> list[Candidate]:
-    """Return `candidates`, written as a table and a drawing into a folder if there is one; RunError if the plate cannot be
+def make_map(problem: DesignProblem, case: Case, growth: Growth, file: Path | None, comm: MPI.Comm) -> list[Candidate]:
+    """Return `candidates`, written as a table, with a drawing beside it, if there is a file; RunError if the plate cannot be
     solved."""
     try:
         table = candidates(problem, case, growth, comm)
     except (DesignFailure, MeshingError) as error:
         raise RunError(f"what a channel more would do is unknown: {error}", commands.EXIT_NO_EQUILIBRIUM) from error
-    if folder is not None:
-        mpi.on_root(comm, lambda: _write(_map_file(folder, len(_plate(case).drawn.channels)), problem, _plate(case), table))
+    if file is not None:
+        mpi.on_root(comm, lambda: _write(file, problem, _plate(case), table))
     return table
 
 

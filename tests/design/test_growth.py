@@ -184,7 +184,7 @@ def test_the_map_alone_is_written_and_told_in_sentences(tmp_path, comm):
     folder.leave()
     assert told[0].startswith("a channel from (") and "is predicted to improve rise at 4 kPa by 0.0" in told[0]
     assert "is predicted to worsen rise at 4 kPa by" in told[-1]
-    drawing = (tmp_path / "map/more-than-1.svg").read_text()
+    drawing = (tmp_path / "map/map.svg").read_text()
     assert drawing.count("<polyline") == 1 and drawing.count("<line") > len(told)
     with pytest.raises(DesignError, match=r"add \[grow\] with candidates, radius, most_channels to the problem"):
         grow.map_alone(dataclasses.replace(asked, grow=None), None, comm)
