@@ -163,6 +163,13 @@ class ChannelPlate(plates.NetworkPlate):
             return tuple(each.radii[end] for each in _as_drawn(self, self.digest()).channels)
         return ()
 
+    def with_channels(self, texts: Sequence[str]) -> Self:
+        """Return the plate with further channels behind its own, whose nodes and radii stay where they are."""
+        lists = {name: getattr(self, name) for name in (*NODE_LISTS, *RADIUS_LISTS) if getattr(self, name)}
+        family = self.network or ("" if self.channels else DEFAULT_NETWORK)
+        more = self.replaced(network=family, channels=(*self.channels, *texts), **dict.fromkeys(lists, ()))
+        return more.replaced(**{name: (*own, *more.entries(name)[len(own) :]) for name, own in lists.items()})
+
     @property
     def movable(self) -> tuple[str, ...]:
         fixed = {name for name in ("fillet", "width") if not getattr(self, name)}

@@ -198,7 +198,7 @@ PLACE = rf"{NUMBER}\s*,\s*{NUMBER}"
 CHANNEL = re.compile(
     rf"\s*(?P<curve>curve\s+)?(?P<places>{PLACE}(?:\s*to\s*{PLACE})+)\s*(?P<unit>[a-z]+)"
     rf"(?:\s+radius\s+(?P<start>{NUMBER})(?:\s*to\s*(?P<end>{NUMBER}))?\s*(?P<radius_unit>[a-z]+))?"
-    rf"(?:\s+offset\s+(?P<offset>{NUMBER}\s*[a-z]+))?(?:\s+in\s+(?P<cavity>\w+))?\s*"
+    rf"(?:\s+offset\s+(?P<offset>{NUMBER}\s*[a-z]+))?(?:\s+in\s+(?P<cavity>[\w#]+))?\s*"
 )
 CURVE_PIECES = 12
 """Straight pieces between two points that a curve passes through."""

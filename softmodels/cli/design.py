@@ -43,6 +43,7 @@ class DesignOptions:
                               help="Maximum number of designs per start.")  # fmt: skip
     seed: int = commands.option(type=click.IntRange(0), default=1, show_default=True, help="Seed of the further starts.")
     confirm_finer: bool = commands.flag_option("Confirm the design on a finer mesh, with cells half as large.")
+    map: bool = commands.flag_option("Only predict what one more channel of the plate would do, at each place of [grow].")
     no_pictures: bool = commands.flag_option("Skip the runs before and after, the pictures and the report.")
     colormap: str = commands.option(**commands.COLORMAP_OPTION)
     quiet: bool = commands.quiet_option()
@@ -64,6 +65,7 @@ def design(file: Path, how: DesignOptions) -> None:
       softmodels design more-lift.toml
       softmodels design more-lift.toml --starts 3 --confirm-finer --output results/lift
       mpirun -n 2 softmodels design more-lift.toml --resume
+      softmodels design network.toml --map
       softmodels run results/lift/design.toml
 
     \b
@@ -84,11 +86,25 @@ def design(file: Path, how: DesignOptions) -> None:
     except DesignError as error:
         ending.fail(str(error))
     try:
-        status = _design(problem, folder, comm, search, how)
+        status = _map(problem, folder, comm) if how.map else _design(problem, folder, comm, search, how)
     finally:
         if folder is not None:
             folder.leave()
     sys.exit(status)
+
+
+def _map(problem: DesignProblem, folder: model.DesignFolder | None, comm: MPI.Comm) -> int:
+    """Write and print what one more channel would do; return the exit status."""
+    from softmodels.design import grow
+
+    try:
+        sentences = grow.map_alone(problem, folder, comm)
+    except DesignError as error:
+        ending.fail(str(error))
+    if folder is not None:
+        for text in [*sentences, f"{folder.path}: map.csv has all of them, map.svg shows them"]:
+            processes.say(text)
+    return commands.EXIT_DONE
 
 
 REFINEMENT_FACTOR = 2.0

@@ -261,6 +261,14 @@ class MeshedDesign:
                 raise UnstableState(f"the state at {load} is unstable: its tangent has {negative} negative {values}")
         return state
 
+    def solve_adjoint(self, part: DesignQuantity) -> float:
+        """Load the state of a part and set `Adjoint.multiplier` to its multipliers: a small change of the residual changes the
+        part by minus their product. Return its value."""
+        assert part.load is not None
+        slopes = self.measures[part].slopes(self._settled(part.load))
+        self.adjoint.set_multiplier(self.adjoint.multipliers(slopes, part.load.kind)[0])
+        return slopes.value
+
     def _squares(self, measure: TargetMeasure, state: State, load: EvaluatedLoad, velocities: dict[str, Array]) -> Squares:
         """Return the distances from a target with their derivatives at the settled state."""
         columns = []
@@ -516,11 +524,12 @@ def evaluator(problem: DesignProblem, comm: MPI.Comm, how: SearchOptions) -> Des
     errors = problem.errors
     return DesignModel(
         problem.case, problem.names, problem.quantities, comm, highest=problem.highest,
-        materials=() if errors is None else errors.names, report=functools.partial(_report, comm, how),
+        materials=() if errors is None else errors.names, report=functools.partial(report, comm, how),
     )  # fmt: skip
 
 
-def _report(comm: MPI.Comm, how: SearchOptions, text: str) -> None:
+def report(comm: MPI.Comm, how: SearchOptions, text: str) -> None:
+    """Report a line from rank 0 to who listens."""
     if mpi.is_root(comm) and (listener := how.get("progress")) is not None:
         listener(text)
 
@@ -596,7 +605,7 @@ class Evaluator:
 
     def tell(self, text: str) -> None:
         """Report a line from rank 0."""
-        _report(self.comm, self.how, text)
+        report(self.comm, self.how, text)
 
     def _evaluated(self, theta: Array) -> Trial:
         begun, number = time.monotonic(), len(self.trials.all) + 1
@@ -658,6 +667,7 @@ def identity(problem: DesignProblem) -> dict[str, str]:
             (problem.objective, [(_identity(term.quantity), term.weight) for term in problem.terms])
         ),
         "the limits": repr(keeps),
+        **({"how it grows": repr(problem.growth)} if problem.growth else {}),
         "the tolerances": repr(sorted(problem.spreads.items())),
         "the material's errors": repr(None if errors is None else (errors.names, errors.matrix.tolist())),
     }

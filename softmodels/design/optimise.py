@@ -19,7 +19,7 @@ from softmodels.common import commands, files, names, units
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import MPI, scipy
 from softmodels.common.processes import one_at_a_time
-from softmodels.design import model, trials
+from softmodels.design import grow, model, trials
 from softmodels.design.problem import (
     CLEARANCES,
     MAX_EVALUATIONS,
@@ -31,7 +31,7 @@ from softmodels.design.problem import (
     in_words,
     label,
 )
-from softmodels.design.result import ACTIVE_TOLERANCE, DesignResult, StartEnd, case_text, holding
+from softmodels.design.result import ACTIVE_TOLERANCE, DesignResult, StartEnd, Variant, case_text, holding
 from softmodels.mechanics import mpi
 from softmodels.runs.outcomes import RunError
 
@@ -143,7 +143,7 @@ def run_in(
     problem: DesignProblem, folder: model.DesignFolder | None, comm: MPI.Comm, **how: Unpack[SearchOptions]
 ) -> DesignResult:
     """Optimise into a folder that is already open, and stays open; see `open_folder`."""
-    if problem.counts:
+    if problem.counts or problem.growth:
         return run_variants(problem, folder, comm, **how)
     under_way = model.Evaluator(problem, model.evaluator(problem, comm, how), folder, comm, how)
     try:
@@ -602,51 +602,26 @@ def _is_device(problem: DesignProblem, x: Array) -> bool:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Whole numbers in a design, such as the number of chambers: every value is searched by itself, and the best is reported.
+# Whole numbers in a design, such as the number of chambers, and stages of a network that grows: each is searched by itself, and
+# the best is reported.
 
 
 VARIANTS = "variants.csv"
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Variant:
-    """One choice of the whole numbers, in words as in ``chambers 4``: the problem in which only continuous parameters are
-    free, and its result, or the trouble why there is none."""
-
-    words: str
-    problem: DesignProblem
-    result: DesignResult | None
-    trouble: str = ""
-
-    @property
-    def order(self) -> tuple[float, ...]:
-        """Sorts the best first."""
-        if self.result is None:
-            return True, True, 0.0
-        end = self.result.end
-        return (False, *end.order()) if end.best is not None else (True, True, 0.0)
-
-    @property
-    def sentence(self) -> str:
-        """What was found, in a sentence."""
-        if self.result is None:
-            return f"{self.words}: {self.trouble}"
-        asked = self.problem.terms[0].quantity
-        limits = "" if self.result.feasible else " (limits violated)"
-        value = in_words(asked, self.result.end.objective, 5)
-        return f"{self.words}: {label(asked, self.problem.case)} {value}{limits}, {len(self.result.trials)} designs"
-
-
 def run_variants(
     problem: DesignProblem, folder: model.DesignFolder | None, comm: MPI.Comm, **how: Unpack[SearchOptions]
 ) -> DesignResult:
-    """Optimise for each choice of the whole numbers, each in a folder of its own; return the result of the best, with all in
-    its `DesignResult.variants`. RunError if none of them has a state where it is asked."""
-    tell, variants = how.get("progress"), list[Variant]()
+    """Optimise for each choice of the whole numbers, or each stage of a network that grows, each in a folder of its own; return
+    the result of the best, with all in its `DesignResult.variants`. RunError if none of them has a state where it is asked."""
+    tell, variants = functools.partial(model.report, comm, how), list[Variant]()
     mpi.on_root(comm, lambda: _begin(problem, folder, how))
-    for words, choice in problem.variants():
-        if tell is not None:
-            mpi.on_root(comm, lambda words=words: tell(f"{words}:"))  # type: ignore[misc]
+    choices = problem.variants()
+    if problem.growth:
+        where = mpi.on_root(comm, lambda: None if folder is None else folder.path)
+        choices = grow.stages(problem, variants, where, comm, how.get("resume", False), tell)
+    for words, choice in choices:
+        tell(f"{words}:")
         own = mpi.kept_on_root(comm, functools.partial(_choice_folder, choice, words, folder, how))
         try:
             variants.append(Variant(words, choice, run_in(choice, own, comm, **how)))
@@ -662,10 +637,11 @@ def run_variants(
             break
     best = min(variants, key=lambda variant: variant.order)
     if best.result is None:
-        raise RunError(f"no choice of {', '.join(problem.counts)} can be evaluated: {variants[0].sentence}")
+        of = f"choice of {', '.join(problem.counts)}" if problem.counts else "stage"
+        raise RunError(f"no {of} can be evaluated: {variants[0].sentence}")
     made = dataclasses.replace(best.result, variants=tuple(choice.sentence for choice in variants))
-    where = mpi.on_root(comm, lambda: None if folder is None else _write_best(folder, best, variants))
-    return dataclasses.replace(made, folder=where)
+    place = mpi.on_root(comm, lambda: None if folder is None else _write_best(folder, best, variants))
+    return dataclasses.replace(made, folder=place)
 
 
 def _name(words: str) -> str:
@@ -678,7 +654,7 @@ def _begin(problem: DesignProblem, folder: model.DesignFolder | None, how: Searc
         return
     if not how.get("resume", False):
         folder.own.remove(folder.own.files)
-    names = [f"{_name(words)}/" for words, _ in problem.variants()]
+    names = [f"{_name(words)}/" for words, _ in problem.variants()] if problem.counts else grow.file_names(problem, _name)
     folder.own.claim([model.TABLE, model.DESIGN, model.START, VARIANTS, *names], {"inputs": folder.identity})
 
 

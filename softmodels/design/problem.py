@@ -12,7 +12,7 @@ from typing import Protocol, TypedDict
 import numpy as np
 import numpy.typing as npt
 
-from geometries import Actuator
+from geometries import Actuator, ChannelPlate
 from softmodels.case import entries, materials, tolerances
 from softmodels.case.case import Case, of_shape, value_of, variable_names, varied, with_changes
 from softmodels.common import errors, names, schema, tables, units
@@ -27,7 +27,7 @@ from softmodels.mechanics import controls
 
 OBJECTIVES = {"maximise": -1.0, "minimise": 1.0, "follow": 1.0}
 """Kinds of objectives, with the sign for minimisation."""
-TABLES = ("name", "case", "parameters", *OBJECTIVES, "keep", "tolerance", "material_errors")
+TABLES = ("name", "case", "parameters", *OBJECTIVES, "keep", "grow", "tolerance", "material_errors")
 LIMIT_SEARCH_FACTOR = 1.15
 """Factor above the required limit pressure up to which a limit point is searched; beyond it, it does not matter."""
 
@@ -48,6 +48,7 @@ class DesignProblem:
             (`softmodels.case.tolerances`); with them limits hold with 95 %. Those of the case's lengths unless given.
         material_errors: A fitted material (``fitted.toml`` of `softmodels fit`), whose errors count likewise. Those of the
             case's band unless given.
+        grow: How channels are added to a network, see `Growth`; None to keep those that it has.
         name: Of the results; the case's if empty.
         folder: From which files are counted; None for the current one.
 
@@ -63,6 +64,7 @@ class DesignProblem:
     keep: Sequence[Keep | Mapping[str, object]] = ()
     tolerance: Mapping[str, object] | None = None
     material_errors: object = None
+    grow: Mapping[str, object] | None = None
     name: str = ""
     folder: Path | None = dataclasses.field(default=None, repr=False)
     bare: bool = dataclasses.field(default=True, repr=False)
@@ -79,6 +81,7 @@ class DesignProblem:
     spreads: Mapping[str, float] = dataclasses.field(init=False, default_factory=dict)
     errors: materials.MaterialErrors | None = dataclasses.field(init=False, default=None)
     notes: tuple[str, ...] = dataclasses.field(init=False, default=())
+    growth: Growth | None = dataclasses.field(init=False, default=None)
 
     def __post_init__(self) -> None:
         try:
@@ -115,6 +118,7 @@ class DesignProblem:
         for name, value in settled.items():
             object.__setattr__(self, name, value)
         dataclasses.replace(case, name=self.name)  # a valid file name
+        object.__setattr__(self, "growth", None if self.grow is None else Growth.of(self, _table(self.grow, "grow")))
         for keep in self.limits:
             _check_walls(case, keep)
         _check_path(case, self.quantities)
@@ -237,6 +241,70 @@ class DesignProblem:
         except entries.INPUT_ERRORS as error:
             raise DesignError(str(error)) from None
 
+
+@dataclasses.dataclass(frozen=True)
+class Growth:
+    """How channels are added to a `ChannelPlate`: straight ones between the places of a grid and the network's nodes, with a
+    radius in m, 0 for the plate's own, until there are ``most_channels``."""
+
+    grid: tuple[int, int]
+    radius: float
+    most_channels: int
+
+    @classmethod
+    def of(cls, problem: DesignProblem, table: Mapping[str, object]) -> Growth:
+        """Read the table ``grow`` of a problem; DesignError for invalid entries, or a device that cannot grow."""
+        for key in table:
+            if key not in GROW:
+                raise DesignError(f"grow has an unknown entry {key!r}; {errors.known_are(key, GROW)}")
+        case, plate = problem.case, problem.case.actuator
+        if not isinstance(plate, ChannelPlate):
+            raise DesignError(f"grow adds channels to a ChannelPlate, and the device is a {type(plate).__name__}; leave it out")
+        if problem.counts:
+            raise DesignError(f"grow and the whole numbers {', '.join(problem.counts)} cannot vary together; leave out one")
+        for part in case.components:
+            if part.inside(plate) or part.remembers:
+                raise DesignError(f"grow takes plates of one silicone without friction; leave out the {part.where}")
+        for term in problem.terms:
+            for asked in getattr(term.quantity, "parts", (term.quantity,)):
+                if asked.name not in MOTIONS or (asked.load and asked.load.kind != trials.PRESSURE):
+                    raise DesignError(
+                        f"grow needs an objective that is a motion at a pressure, and {asked.title} is none; use one of "
+                        f"{', '.join(MOTIONS)}, and a limit (keep) for the rest"
+                    )
+        written = table.get("candidates", "6 x 3")
+        match = re.fullmatch(r"\s*(\d+)\s*x\s*(\d+)\s*", written) if isinstance(written, str) else None
+        grid = (int(match[1]), int(match[2])) if match else (0, 0)
+        if not 2 <= grid[0] * grid[1] <= MOST_PLACES:
+            raise DesignError(
+                f"grow: candidates is {units.brief(written)}; write the places along x and y between which channels are tried, "
+                f"such as '6 x 3', from 2 to {MOST_PLACES} in all"
+            )
+        radius = trials.read("grow: radius", table["radius"], "m", problem.bare) if "radius" in table else 0.0
+        count, most = len(plate.drawn.channels), table.get("most_channels")
+        if isinstance(most, bool) or not isinstance(most, int) or not count < most <= MOST_CHANNELS:
+            raise DesignError(
+                f"grow: most_channels is {units.brief(most)}; the plate has {count} already, so give a whole number from "
+                f"{count + 1} to {MOST_CHANNELS}"
+            )
+        if "radius" in table and not 0.0 < 2.0 * radius < plate.thickness:
+            raise DesignError(
+                f"grow: radius is {units.brief(table['radius'])}; it must be above 0 and below half the thickness"
+            )
+        own = radius or plate.radius
+        for free in problem.free:
+            if free.name.startswith(("start_radii", "end_radii")) and not free.low <= own <= free.high:
+                raise DesignError(
+                    f"new channels have a radius of {free.text(own)}, outside the bounds of {free.name}, {free.text(free.low)} "
+                    f"to {free.text(free.high)}; give grow a radius within them"
+                )
+        return cls(grid, radius, most)
+
+
+GROW = ("candidates", "radius", "most_channels")
+MOTIONS = ("rise", "height", "place", "top_height", "face_place", "turn", "outline")
+"""Quantities that a thin channel changes through the state alone."""
+MOST_PLACES, MOST_CHANNELS = 100, 200
 
 LIMITS = ("at_least", "at_most")
 

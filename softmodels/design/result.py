@@ -243,6 +243,35 @@ class DesignResult(cards.ResultCard):
         return told
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class Variant:
+    """One choice of the whole numbers, in words as in ``chambers 4``, or one stage of a network: the problem in which only
+    continuous parameters are free, and its result, or the trouble why there is none."""
+
+    words: str
+    problem: DesignProblem
+    result: DesignResult | None
+    trouble: str = ""
+
+    @property
+    def order(self) -> tuple[float, ...]:
+        """Sorts the best first."""
+        if self.result is None:
+            return True, True, 0.0
+        end = self.result.end
+        return (False, *end.order()) if end.best is not None else (True, True, 0.0)
+
+    @property
+    def sentence(self) -> str:
+        """What was found, in a sentence."""
+        if self.result is None:
+            return f"{self.words}: {self.trouble}"
+        asked = self.problem.terms[0].quantity
+        limits = "" if self.result.feasible else " (limits violated)"
+        value = in_words(asked, self.result.end.objective, 5)
+        return f"{self.words}: {label(asked, self.problem.case)} {value}{limits}, {len(self.result.trials)} designs"
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # Identifiability of parameters from a target: standard errors, intervals, and weakly determined combinations.
 #

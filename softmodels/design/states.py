@@ -427,9 +427,9 @@ class Adjoint:
     def __init__(self, design: quantities.DesignedBody):
         self.design, self.system, self.solver = design, design.system, design.solver
         system, potential, compiled = self.system, self.system.potential, design.motion.compiled
-        self._lambda = fem.Function(system.space)
-        self._forces = [compiled(ufl.action(force, self._lambda)) for force in potential.forces]
-        self._loads = [[compiled(ufl.action(form, self._lambda)) for form in forms] for forms in system.dead.integrals]
+        self.multiplier = fem.Function(system.space)
+        self._forces = [compiled(ufl.action(force, self.multiplier)) for force in potential.forces]
+        self._loads = [[compiled(ufl.action(form, self.multiplier)) for form in forms] for forms in system.dead.integrals]
         self._volume = compiled(potential.cavity_volume - design.rest_volume)
         self.sensitivity = sensitivity.Sensitivity(self.solver, design.motion)
 
@@ -462,7 +462,7 @@ class Adjoint:
 
     def covector(self, lam: Array) -> Array:
         """Return lambda . dR/dX over the mesh's nodes at the loaded state."""
-        self._set(lam)
+        self.set_multiplier(lam)
         system, motion = self.system, self.design.motion
         covector = sum((motion.assembled(form) for form in self._forces), np.zeros(motion.entries))
         drives = system.pressures[len(system.pressures) - len(self._loads) :]
@@ -473,15 +473,16 @@ class Adjoint:
                 covector -= drive * part.covector(self._works)
         if system.assembled.slack:
             nodes = len(system.body.mesh.geometry.x)
-            covector += motion.by_nodes(system.assembled.by_places(system.w.x.array, self._lambda.x.array, nodes))
+            covector += motion.by_nodes(system.assembled.by_places(system.w.x.array, self.multiplier.x.array, nodes))
         return covector
 
     def _works(self, forms: list[ufl.Form]) -> list[fem.Form]:
         """Return the compiled work of linear forms on lambda."""
-        return [self.system.form(ufl.action(form, self._lambda)) for form in forms]
+        return [self.system.form(ufl.action(form, self.multiplier)) for form in forms]
 
-    def _set(self, lam: Array) -> None:
-        x = self._lambda.x
+    def set_multiplier(self, lam: Array) -> None:
+        """Set the function `multiplier` to owned entries."""
+        x = self.multiplier.x
         self.system.unknowns.to_dofs(lam, x.array)
         x.scatter_forward()
 
@@ -528,8 +529,8 @@ class Adjoint:
         if kind == trials.VOLUME:
             short = opened + mpi.total(comm, float(q @ w))
             w = w - short / mpi.total(comm, float(q @ self._opened)) * self._opened
-        self._set(w)
-        return self._lambda.x.array.copy(), nodes
+        self.set_multiplier(w)
+        return self.multiplier.x.array.copy(), nodes
 
     def along_path(self, measure: quantities.Measure, slopes: quantities.Slopes, followed: PathDependence, name: str) -> float:
         """Return the whole derivative of a quantity at the prepared state by a parameter, without the partial one at fixed

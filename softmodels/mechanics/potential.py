@@ -143,10 +143,13 @@ class Potential:
         before, fixed = (self._vector_part(w) for w in (self.before, self._fixed))
         return [memory.History(self.body, region, self.displacement, before, fixed, self.step) for region in regions]
 
-    def density(self, law: Material, parameters: types.SimpleNamespace, bulk: Expr, shape: Expr | None = None) -> Expr:
+    def density(
+        self, law: Material, parameters: types.SimpleNamespace, bulk: Expr, shape: Expr | None = None,
+        strain: laws.Strain | None = None,
+    ) -> Expr:  # fmt: skip
         """Return a law's energy per reference volume, of anything that carries its parameters by name; or with another energy
-        of the change of shape."""
-        strain = laws.Strain(self.body.deformation_gradient(self.displacement))
+        of the change of shape; of a given strain if it is to be derived by that."""
+        strain = strain or laws.Strain(self.body.deformation_gradient(self.displacement))
         shape = law.shape(strain, parameters) if shape is None else shape
         if not self.mixed:
             return shape + bulk / 2 * (strain.J - 1) ** 2
