@@ -531,6 +531,7 @@ class NaturalFrequencies(cards.ResultCard):
         cell_name: XDMF's name of the cells.
         notes: Assumptions and limits of these numbers, sentences.
         ended: Why the path ended before the last requested value; its status is 0 if it did not.
+        convergent: Whether they converge with smaller cells; not of a device that is held along edges or at points.
     """
 
     pressure: Array
@@ -546,6 +547,7 @@ class NaturalFrequencies(cards.ResultCard):
     cell_name: str
     notes: tuple[str, ...]
     ended: outcomes.Ended
+    convergent: bool
 
     def _line(self) -> str:
         lowest = " to ".join(f"{value:.4g}" for value in dict.fromkeys(self.frequency[[0, -1], 0].tolist()))
@@ -603,7 +605,7 @@ def find_frequencies(case: Case, count: int, sealed: bool, comm: MPI.Comm) -> Na
     `Model.modes`. CaseError, MeshingError and RunError as for a run."""
     _check_accuracy(case)
     modes = _frequencies(case, count, sealed, simulation.meshed(case.actuator, comm))
-    if not case.mesh_error:
+    if not case.mesh_error or not modes.convergent:
         return modes
     finer = mesh_error.FINER[case.actuator.dimension]
     others = _frequencies(case, count, sealed, simulation.meshed(case.actuator.refined(finer), comm))
@@ -630,6 +632,7 @@ def _frequencies(case: Case, count: int, sealed: bool, body: Body) -> NaturalFre
                 raise
             ended = outcomes.Ended.by(error)
         modes = tuple(tuple(model.modes(state, count, sealed=sealed)[:count]) for state in states)
+        edge = notes.held_on_edge(model.system.body)
         grid, shape = model.fields.grid, model.fields.shape
         shapes = [shape(state.state.w) for state in states]
         points, cells, moved = mpi.on_root(body.mesh.comm, lambda: (grid.points, grid.cells, np.array(shapes)))
@@ -645,8 +648,9 @@ def _frequencies(case: Case, count: int, sealed: bool, body: Body) -> NaturalFre
             read_only(moved),
             cells,
             grid.cell_name,
-            (*_notes(case, modes[0][0].density, sealed), *model.notes),
+            (*_notes(case, modes[0][0].density, sealed), *filter(None, [edge]), *model.notes),
             ended,
+            not edge,
         )
     finally:
         model.release()
