@@ -130,16 +130,18 @@ class TensileResiduals:
         return np.asarray(factor * law.slopes[:, 0] / self.errors)
 
     def misfit(self, residuals: Array) -> float:
-        """Return the mean square of a law's misfit as a share of the stress, for standardised residuals, shape (n,): without
-        the noise of the readings, and without the toe (`TOE_STRETCH`), or small stresses of a history, which pass through 0."""
+        """Return the mean square of a law's misfit as a share of the stress, for standardised residuals, shape (n,): beyond the
+        noise of the readings (in 95 % of its draws), and without the toe (`TOE_STRETCH`) and the small stresses of a history,
+        which passes through 0."""
         kept = (np.abs(self.curve.stretch - 1.0) > TOE_STRETCH) & (self.curve.stress != 0.0)
         if self.spectrum is not None:
             kept &= np.abs(self.curve.stress) > LEAST_SHARE_OF_STRESS * np.abs(self.curve.stress).max()
         if not kept.any():
             return 0.0
-        away = noise(self.curve) / np.sqrt(self.curve.readings)
-        squares = ((residuals * self.errors) ** 2 - away**2)[kept] / self.curve.stress[kept] ** 2
-        return max(float(np.mean(squares)), 0.0)
+        away = np.broadcast_to(noise(self.curve) / np.sqrt(self.curve.readings), kept.shape)
+        squares, by_noise = (errors[kept] ** 2 / self.curve.stress[kept] ** 2 for errors in (residuals * self.errors, away))
+        likely = float(np.mean(by_noise) + 2.0 * np.linalg.norm(by_noise) * math.sqrt(2.0) / len(by_noise))
+        return max(float(np.mean(squares)) - likely, 0.0)
 
     def _stress(
         self, material: Material, curve: TensileCurve, names: Sequence[str], times: tuple[float, ...]
