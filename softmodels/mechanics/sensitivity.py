@@ -174,6 +174,8 @@ class Sensitivity:
         force = self._load_force(moved)
         if part.label in eq.potential.terms:
             force = force + self._terms(part).force(part.nudged(own, 1j * _COMPLEX_STEP))
+        if len(self.histories) > len(self._frictions):
+            force = force + self.material_force("")[0]  # what the silicone remembers changes with the part
         return Force(force, 0.0, 0.0)
 
     def _load_force(self, moved: Sequence[Component]) -> Array:
@@ -379,8 +381,8 @@ class MeasuredSlope:
 
 class InTime:
     """Derivatives of a device's states through steps that remember those before, from rest on: of silicone with a memory by
-    ``names`` of `known_parameters` or `memory_parameters`, or by name along changes of several, of friction by lengths and all
-    parameters of `Sensitivity.force`; and by ``loads``, by which only the control's values change.
+    ``names`` of `known_parameters` or `memory_parameters`, or by name along changes of several, and by numbers of loads, of
+    friction by lengths and all parameters of `Sensitivity.force`; and by ``loads``, by which only the control's values change.
 
     Viscosity that depends on stress has none at rest where its exponent is below 1.
     """
