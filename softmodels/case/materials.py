@@ -280,12 +280,13 @@ class MaterialErrors:
     @property
     def by_cause(self) -> dict[str, npt.NDArray[np.float64]]:
         """The same by cause, ``"material"`` and `laws.FORM`, shape (n, m) each; what changes with the law's form is its."""
-        if laws.FORM not in self.names:
+        form = next((name for name in self.names if name in laws.FORM_ENERGIES), "")
+        if not form:
             return {MATERIAL: self.roots}
-        k = self.names.index(laws.FORM)
-        form = self.matrix[:, k : k + 1] / np.sqrt(self.matrix[k, k])
-        rest = np.delete(np.delete(self.matrix - form @ form.T, k, 0), k, 1)
-        return {MATERIAL: names.read_only(np.insert(_roots(rest), k, 0.0, axis=0)), laws.FORM: names.read_only(form)}
+        k = self.names.index(form)
+        along = self.matrix[:, k : k + 1] / np.sqrt(self.matrix[k, k])
+        rest = np.delete(np.delete(self.matrix - along @ along.T, k, 0), k, 1)
+        return {MATERIAL: names.read_only(np.insert(_roots(rest), k, 0.0, axis=0)), laws.FORM: names.read_only(along)}
 
     @property
     def directions(self) -> list[tuple[str, tuple[tuple[str, float], ...]]]:
@@ -333,11 +334,11 @@ class MaterialErrors:
         from softmodels.mechanics import sensitivity
 
         law, memory = sensitivity.known_parameters(material), _memory_names(material, values)
-        known = {**memory, **{name: name for name in (*law, laws.FORM)}}
+        known = {**memory, **{name: name for name in (*law, *laws.FORM_ENERGIES)}}
         at_bound = {name for k, name in enumerate(free) if name in memory and not np.isfinite(covariance[k, k])}
         kept = [k for k, name in enumerate(free) if name in known and name not in at_bound]
         rows = covariance[np.ix_(kept, kept)]
-        if not {free[k] for k in kept} - {laws.FORM} or not np.isfinite(rows).all():
+        if not {free[k] for k in kept} - {*laws.FORM_ENERGIES} or not np.isfinite(rows).all():
             return None
         return cls(tuple(known[free[k]] for k in kept), tuple(map(tuple, rows.tolist())), how, material)
 
@@ -350,7 +351,7 @@ class MaterialErrors:
             )
         from softmodels.mechanics import sensitivity
 
-        known = (*sensitivity.known_parameters(material), *sensitivity.memory_parameters(material), laws.FORM)
+        known = (*sensitivity.known_parameters(material), *sensitivity.memory_parameters(material), *laws.FORM_ENERGIES)
         if unknown := [name for name in self.names if name not in known]:
             raise MaterialError(f"errors of {unknown[0]} are given, but {material.name} has no such parameter")
         square = len(self.names) > 0 and all(len(row) == len(self.names) for row in self.covariance)

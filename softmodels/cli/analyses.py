@@ -376,7 +376,7 @@ def _modes_page(case: Case, modes: NaturalFrequencies, figure: Figure, place: Pa
             ("Pictures", [pages.Charts([("frequencies.svg", curves.drawing(figure, case.column))]),
                           pages.Picture(files.image_uri(shapes), "The modes of the last state") if shapes.exists() else None]),
             ("Frequencies", [pages.Table(rows, head)]),
-            ("Notes", [pages.Bullets([*modes.notes, _mesh_text(modes)])]),
+            ("Notes", [pages.Bullets([*modes.notes, *([_mesh_text(modes)] if modes.convergent else [])])]),
             ("The case", [pages.Folded("case.toml", [pages.Listing(case.to_toml())])]),
         ],
         commands.Provenance.now(), facts, modes.unstable, silicones.publications(case.material),

@@ -554,9 +554,9 @@ class Adjoint:
 
     def by_material(self, measure: quantities.Measure, names: Sequence[str]) -> dict[str, float]:
         """Return the partial derivatives of a quantity by parameters that are no lengths at the loaded unknowns, by
-        central differences; 0 by `laws.FORM`, of which only the state is followed."""
+        central differences; 0 by `laws.FORM_ENERGIES`, of which only the state is followed."""
         by_material = dict.fromkeys(names, 0.0)
-        for name in (name for name in names if name != laws.FORM):
+        for name in (name for name in names if name not in laws.FORM_ENERGIES):
             own, step = name.rpartition(".")[2], DIFFERENCE_STEP * self.sensitivity.scale(name)
             weights = BACKWARD if own == "poisson" else CENTRAL  # which must not exceed 0.5
             for shift, weight in weights.items():

@@ -218,6 +218,7 @@ class FittedLaw(cards.ResultCard):
         judgement: What speaks against it by what is known of the device and the bench.
         devices: Its misfit of each device; empty but for outlines.
         form_slopes: `Problem.form_slopes`, which all ranks have to ask for.
+        form: Which of `laws.FORM_ENERGIES` they are by: `laws.SHARE` where no pull was fitted.
     """
 
     choice: problem.LawChoice
@@ -228,6 +229,7 @@ class FittedLaw(cards.ResultCard):
     judgement: least_squares.Judgement = least_squares.NO_JUDGEMENT
     devices: tuple[DeviceMisfit, ...] = ()
     form_slopes: Array | None = None
+    form: str = laws.FORM
 
     def _line(self) -> str:
         law = (row for row in parameter_rows(self) if row[0] in self.choice.names)
@@ -271,20 +273,27 @@ class FittedLaw(cards.ResultCard):
 
     @functools.cached_property
     def covariance(self) -> tuple[list[str], Array]:
-        """Names of the free parameters, and `laws.FORM`, with their covariance for bands.
+        """Names of the free parameters, and `form`, with their covariance for bands.
 
         Pulls do not depend on that factor, so it is uncertain as it is without them (`laws.FORM_RANGE`); other tests and the
-        states of devices narrow it. What the law misses in its own curves is an error of all its moduli.
+        states of devices narrow it. What the law misses in its own curves is an error of all its moduli, and so is how far
+        it moves the factors of tests beyond their 95 % intervals.
         """
         fit = self.fit
         free, labels = [p.name for p in fit.free], np.array(fit.rows.groups)
         if self.form_slopes is None or not self.form_error:
             return free, fit.band_covariance
-        misfits = [source.misfit(fit.unexplained[labels == source.label]) for source in self._curves]
+        beyond = {
+            p.name: max((fit.values[p.name] - p.prior.mean) ** 2 - (units.HALF_WIDTH_95 * p.prior.error) ** 2, 0.0)
+            for p in fit.free
+            if p.prior
+        }
+        curves = self._curves
+        misfits = [s.misfit(fit.unexplained[labels == s.label]) + beyond.get(s.gauge, 0.0) for s in curves]
         misfit = np.mean(misfits) if misfits else 0.0
         moduli = np.array([fit.values[p.name] * (p.unit == "Pa" and p.name in self.choice.names) for p in fit.free] + [0.0])
         covariance = fit.covariance_with(self.form_slopes, self.form_error) + misfit * np.outer(moduli, moduli)
-        return [*free, laws.FORM], names.read_only(covariance)
+        return [*free, self.form], names.read_only(covariance)
 
     @functools.cached_property
     def form_error(self) -> float:
@@ -316,7 +325,7 @@ class FittedLaw(cards.ResultCard):
             errors = self.errors
         except materials.MaterialError:
             return ""
-        if laws.FORM not in errors.names or 0 < len(self._curves) < len(self.fit.problem.sources):
+        if self.form not in errors.names or 0 < len(self._curves) < len(self.fit.problem.sources):
             return ""
         mode, narrows = ("equibiaxial", "only an equibiaxial or planar test") if self._curves else ("uniaxial", "a pull")
         stretch = self._form_shares[0]
@@ -785,7 +794,7 @@ def material_toml(law: FittedLaw, report: FitReport) -> str:
     fit = law.fit
     intervals = {p.name: [float(end) for end in law.interval(p.name)] for p in fit.free if not p.hidden}
     if law.form_error:
-        intervals[laws.FORM] = [sign * units.HALF_WIDTH_95 * law.form_error for sign in (-1.0, 1.0)]
+        intervals[law.form] = [sign * units.HALF_WIDTH_95 * law.form_error for sign in (-1.0, 1.0)]
     hidden = {p.name for p in fit.parameters if p.hidden}
     about: dict[str, object] = {
         "range": report.ranges,

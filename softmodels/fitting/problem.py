@@ -200,7 +200,7 @@ class Residuals(Protocol):
     """A source of residuals. It may also carry ``unit`` (str) and ``errors`` (scalar or one per residual, in that unit):
     what a residual of 1 stands for. A fit then reports its residuals in that unit. Where only the ratios of ``errors`` are
     known, or they are weights too, it may carry ``usual_errors``, by which a fit tells whether its model follows the data.
-    Sources of a law have ``form_slopes(values)``, the derivatives by the factor of `laws.form_energy`, shape (n,)."""
+    Sources of a law have ``form_slopes(values, name)``, the derivatives by a factor of `laws.FORM_ENERGIES`, shape (n,)."""
 
     @property
     def label(self) -> str:
@@ -295,10 +295,11 @@ class Problem:
             block[row, column[p.name]] = 1 / p.prior.error
         return np.vstack([*blocks, block]), rows
 
-    def form_slopes(self, values: Mapping[str, float]) -> Array | None:
-        """Return the derivatives of the residuals of a law's sources by `laws.FORM`, shape (n,); None where there are none."""
+    def form_slopes(self, values: Mapping[str, float], name: str) -> Array | None:
+        """Return the derivatives of the residuals of a law's sources by a factor of `laws.FORM_ENERGIES`, shape (n,); None if
+        there are none."""
         try:
-            slopes = [source.form_slopes(values) for source in self.sources]  # type: ignore[attr-defined]
+            slopes = [source.form_slopes(values, name) for source in self.sources]  # type: ignore[attr-defined]
             return names.read_only(np.concatenate(slopes))
         except CannotEvaluate:
             return None

@@ -34,7 +34,7 @@ from softmodels.fitting.outlines.residuals import READINGS, OutlineResiduals
 from softmodels.fitting.outlines.views import SideView
 from softmodels.fitting.problem import FitError
 from softmodels.materials import silicones, specimens
-from softmodels.materials.laws import FORM, Material
+from softmodels.materials.laws import FORM_ENERGIES, Material
 from softmodels.mechanics import mpi
 
 COLUMNS = [
@@ -242,8 +242,7 @@ def _slopes(
 ) -> Array:
     """Return the columns of a Jacobian by the parameters of a material's errors; 0 of a memory's, at equilibrium."""
     columns = dict(zip(source.parameters, J.T, strict=True))
-    if FORM in errors.names:
-        columns[FORM] = source.form_slopes(values)
+    columns |= {name: source.form_slopes(values, name) for name in errors.names if name in FORM_ENERGIES}
     return np.column_stack([columns.get(name, np.zeros(len(J))) for name in errors.names])
 
 

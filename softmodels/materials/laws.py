@@ -251,6 +251,8 @@ MAX_SHEAR_MODULUS = 5e6
 
 FORM = "law_form"
 """Name of the factor of `form_energy` beside the parameters of a law, where only derivatives by it are meant."""
+SHARE = "law_share"
+"""The same of `share_energy`."""
 FORM_RANGE = 0.0, 0.5
 """Factors of `form_energy` that rubbers have beside a law of I1: shares of I2 in the small-strain modulus, as in plots of
 Mooney from swollen to dry rubber (Gumbrell, Mullins & Rivlin 1953, doi 10.1039/TF9534901495)."""
@@ -264,6 +266,21 @@ def form_energy(strain: StrainMeasures) -> Expression:
     uniaxial curve.
     """
     return math.sqrt(3.0) * (strain.I2_bar**0.5 - strain.uniaxial_I2**0.5)
+
+
+def share_energy(strain: StrainMeasures) -> Expression:
+    """Return the energy in small-strain shear moduli by which laws with one small-strain modulus may differ, whatever their
+    curves in uniaxial tension: that of I2 in `form_energy`, minus one of I1.
+
+    A law of I1 with this energy is a rubber with a share of I2; with `form_energy` it is not quite: in small tension I1 - 3
+    goes as the square of the strain, I2 - I1 as its cube, and no rubber's energy has a power of 3/2 of I1 - 3. Where no pull
+    says what the law's own curve is, data would see that power long before they see the share.
+    """
+    return math.sqrt(3.0) * strain.I2_bar**0.5 - 0.5 * strain.I1_bar
+
+
+FORM_ENERGIES = {FORM: form_energy, SHARE: share_energy}
+"""Energies beside a law by the name of their factor."""
 
 
 class MaterialError(errors.OptionMessage, ValueError):
@@ -339,7 +356,7 @@ class Material:
         isochoric: Whether `shape` depends only on the isochoric strain.
         conventions: Ways in which the same parameters are written, the law's own first; empty if there is only one.
         convention_help: What the conventions are.
-        form: Factor of `form_energy`, of copies nudged for a derivative by `FORM`.
+        forms: Factors of `FORM_ENERGIES` by name, of copies nudged for a derivative by them.
         fitted_stretch: Range of stretch that the parameters were fitted over; None where that is not known. It is no part of
             the law: two materials that differ only in it are equal.
         memory: Relaxation and softening, where loads have times; the law itself is that of equilibrium. See `with_memory`.
@@ -356,7 +373,7 @@ class Material:
     isochoric: ClassVar[bool] = True
     conventions: ClassVar[tuple[str, ...]] = ()
     convention_help: ClassVar[str] = ""
-    form: ClassVar[complex] = 0.0
+    forms: ClassVar[Mapping[str, complex]] = {}
     fitted_stretch: tuple[float, float] | None = dataclasses.field(default=None, kw_only=True, compare=False, repr=False)
     memory: Memory | None = dataclasses.field(default=None, kw_only=True, repr=False)
 
@@ -435,7 +452,9 @@ class Material:
         a, b, c = map(Dual, stretches, change)
         strain = HomogeneousStrain((a, b, c))
         energy = self.energy(strain) if compressible else self.shape(strain, self)
-        return energy + self.form * self.shear_modulus_0 * form_energy(strain) if self.form else energy
+        for name, factor in self.forms.items():
+            energy += factor * self.shear_modulus_0 * FORM_ENERGIES[name](strain)
+        return energy
 
     @property
     def strain_limit(self) -> float:

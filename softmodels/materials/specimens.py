@@ -207,7 +207,8 @@ def respond(material: Material, stretch: npt.ArrayLike, mode: str = "uniaxial", 
 def nudged(material: Material, name: str, by: complex) -> Material:
     """Return an unchecked copy with one parameter changed, possibly to a complex value; only for evaluating its energy.
 
-    Parameters of its memory are ``share1``, ``time1`` and so on of the branches, and `SOFTENING`; `laws.FORM` is one too.
+    Parameters of its memory are ``share1``, ``time1`` and so on of the branches, and `SOFTENING`; `laws.FORM_ENERGIES` have
+    one too.
     """
     copy = object.__new__(type(material))
     for field in dataclasses.fields(material):
@@ -219,8 +220,8 @@ def nudged(material: Material, name: str, by: complex) -> Material:
         elif name == field.name:
             value = value + by
         object.__setattr__(copy, field.name, value)
-    if name == laws.FORM:
-        object.__setattr__(copy, "form", material.form + by)
+    if name in laws.FORM_ENERGIES:
+        object.__setattr__(copy, "forms", {**material.forms, name: material.forms.get(name, 0.0) + by})
     return copy
 
 

@@ -45,7 +45,7 @@ from softmodels.mechanics.system import State, System
 
 type Along = str | tuple[tuple[str, float], ...]
 """What a derivative is by: a parameter's name, or changes of several of `known_parameters`, `memory_parameters` and
-`laws.FORM`."""
+`laws.FORM_ENERGIES`."""
 
 
 class Sensitivity:
@@ -61,12 +61,12 @@ class Sensitivity:
         test = ufl.TestFunction(eq.space)
         self._material = [eq.form(ufl.derivative(energy, eq.w, test)) for energy in self._along.energies]
         self._of_terms: dict[str, _TermDirection] = {}
+        self._by_form: dict[str, list[fem.Form]] = {}
 
-    @functools.cached_property
-    def _form(self) -> list[fem.Form]:
-        """The derivative of the residual by `laws.FORM` of the main material."""
+    def _form(self, name: str) -> list[fem.Form]:
+        """Return the derivative of the residual by a factor of `laws.FORM_ENERGIES` of the main material."""
         eq = self.solver.system
-        energy = laws.form_energy(laws.Strain(eq.body.deformation_gradient(eq.potential.displacement)))
+        energy = laws.FORM_ENERGIES[name](laws.Strain(eq.body.deformation_gradient(eq.potential.displacement)))
         whole = energy * eq.body.hoop * eq.potential.regions[0].dx
         return [eq.form(ufl.derivative(whole, eq.w, ufl.TestFunction(eq.space)))]
 
@@ -174,6 +174,8 @@ class Sensitivity:
         force = self._load_force(moved)
         if part.label in eq.potential.terms:
             force = force + self._terms(part).force(part.nudged(own, 1j * _COMPLEX_STEP))
+        if len(self.histories) > len(self._frictions):
+            force = force + self.material_force("")[0]  # what the silicone remembers changes with the part
         return Force(force, 0.0, 0.0)
 
     def _load_force(self, moved: Sequence[Component]) -> Array:
@@ -225,8 +227,10 @@ class Sensitivity:
         eq = self.solver.system
         dmu = self._along.turn(eq.material, name)
         force = eq.assemble(self._material).copy()
-        if self._along.form:
-            force += self._along.form * eq.assemble(self._form)
+        for form, factor in self._along.forms.items():
+            if form not in self._by_form:
+                self._by_form[form] = self._form(form)
+            force += factor * eq.assemble(self._by_form[form])
         if eq.dead.forms:  # constant in newtons, so decreasing in shear moduli
             cavities = len(eq.pressures) - len(eq.dead.forms)
             force += dmu / eq.stress_unit * eq.pressures[cavities:] @ eq.pressure_loads()[cavities:]
@@ -377,8 +381,8 @@ class MeasuredSlope:
 
 class InTime:
     """Derivatives of a device's states through steps that remember those before, from rest on: of silicone with a memory by
-    ``names`` of `known_parameters` or `memory_parameters`, or by name along changes of several, of friction by lengths and all
-    parameters of `Sensitivity.force`; and by ``loads``, by which only the control's values change.
+    ``names`` of `known_parameters` or `memory_parameters`, or by name along changes of several, and by numbers of loads, of
+    friction by lengths and all parameters of `Sensitivity.force`; and by ``loads``, by which only the control's values change.
 
     Viscosity that depends on stress has none at rest where its exponent is below 1.
     """
@@ -466,7 +470,7 @@ class _Directions:
     def __init__(self, eq: System):
         mesh = eq.body.mesh
         self.laws = [_LawDirection(eq, region) for region in eq.potential.regions]
-        self.mixed, self.form = eq.mixed, 0.0
+        self.mixed, self.forms = eq.mixed, dict[str, float]()
         self.energies = eq.potential.stored([law.slope for law in self.laws])
         # Parts keep their stiffness in Pa, which decreases in shear moduli; their energies are linear in the value of one Pa.
         self.per_pascal = fem.Constant(mesh, 0.0)
@@ -491,7 +495,7 @@ class _Directions:
                 self.mixed,
             )
         self.per_pascal.value = np.imag(1 / mu) / _COMPLEX_STEP
-        self.form = float(np.imag(moved.form)) / _COMPLEX_STEP
+        self.forms = {form: float(np.imag(factor)) / _COMPLEX_STEP for form, factor in moved.forms.items()}
         return mu.imag / _COMPLEX_STEP
 
 

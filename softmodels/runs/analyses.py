@@ -25,7 +25,7 @@ from softmodels.common.names import read_only
 from softmodels.components import loads
 from softmodels.materials import silicones, specimens
 from softmodels.materials.laws import Material
-from softmodels.mechanics import mpi, newton, regions
+from softmodels.mechanics import controls, mpi, newton, regions
 from softmodels.mechanics.body import Body
 from softmodels.path import continuation, schedule, stability, supply
 from softmodels.path.continuation import Continuation, LoadedState
@@ -229,7 +229,8 @@ def _held(case: Case, body: Body, relaxed: Limit, hold: float) -> Limit:
                 high = tried
                 continue
             low, best = tried, _limit_of(model.fields, last, "limit")
-        halves = _halves_held(case, model, low, functools.partial(held, low)) if not parts else {}
+        dead = all(isinstance(part, controls.LoadPart | loads.Mass) for part in parts)
+        halves = _halves_held(case, model, low, functools.partial(held, low)) if dead else {}
         # As shares, those by lengths are as those of the relaxed limit, exactly so of a thin sphere.
         lengths = {part.name: part.half * low / relaxed.pressure for part in relaxed.errors if part.name not in halves}
         errors = budget.contributions(lengths | halves, case.deviations) if halves else ()
@@ -242,8 +243,8 @@ def _halves_held(case: Case, model: Model, pressure: float, held: Callable[[], o
     """Return half widths in Pa by cause of a pressure that the device withstands for a time, of the material and of readings.
 
     Where the device is lost, its derivatives by the material and by the pressure grow without bound in one direction, and
-    their ratio is the derivative of the pressure that it withstands so long. That by the pressure is the one by all moduli,
-    except for the sign, because the silicone alone resists.
+    their ratio is the derivative of the pressure that it withstands so long. That by the pressure is the one by all moduli and
+    all dead loads, except for the sign: only the silicone resists, so a state stays if all of these change by one factor.
     """
     from softmodels.mechanics import sensitivity
 
@@ -256,13 +257,17 @@ def _halves_held(case: Case, model: Model, pressure: float, held: Callable[[], o
         moduli[specimens.SOFTENING[1]] = law.memory.softening.m
     roots = {str(k): root for k, (_, root) in enumerate(case.band.directions)}
     known = sensitivity.Sensitivity(model.solver, aside=budget.SOLVE_TOLERANCE)
-    model.solver.carried = in_time = sensitivity.InTime(known, {**roots, "all moduli": tuple(moduli.items())})
+    dead = [part for part in model.components if isinstance(part, controls.LoadPart)]
+    factors = {f"{part.key}.{number}": part.number(number) for part in dead for number in part.variable}
+    along: dict[str, sensitivity.Along] = {**roots, "all moduli": tuple(moduli.items()), **{name: name for name in factors}}
+    model.solver.carried = in_time = sensitivity.InTime(known, along)
     held()
     model.solver.carried = None
     if not in_time.last:
         return {}
+    by_all = in_time.last["all moduli"].V + sum(value * in_time.last[name].V for name, value in factors.items())
     for (cause, _), name in zip(case.band.directions, roots, strict=True):
-        move = units.HALF_WIDTH_95 * pressure * in_time.last[name].V / in_time.last["all moduli"].V
+        move = units.HALF_WIDTH_95 * pressure * in_time.last[name].V / by_all
         halves[cause] = math.hypot(halves.get(cause, 0.0), move)
     return halves
 
@@ -531,6 +536,7 @@ class NaturalFrequencies(cards.ResultCard):
         cell_name: XDMF's name of the cells.
         notes: Assumptions and limits of these numbers, sentences.
         ended: Why the path ended before the last requested value; its status is 0 if it did not.
+        convergent: Whether they converge with smaller cells; not of a device that is held along edges or at points.
     """
 
     pressure: Array
@@ -546,6 +552,7 @@ class NaturalFrequencies(cards.ResultCard):
     cell_name: str
     notes: tuple[str, ...]
     ended: outcomes.Ended
+    convergent: bool
 
     def _line(self) -> str:
         lowest = " to ".join(f"{value:.4g}" for value in dict.fromkeys(self.frequency[[0, -1], 0].tolist()))
@@ -603,7 +610,7 @@ def find_frequencies(case: Case, count: int, sealed: bool, comm: MPI.Comm) -> Na
     `Model.modes`. CaseError, MeshingError and RunError as for a run."""
     _check_accuracy(case)
     modes = _frequencies(case, count, sealed, simulation.meshed(case.actuator, comm))
-    if not case.mesh_error:
+    if not case.mesh_error or not modes.convergent:
         return modes
     finer = mesh_error.FINER[case.actuator.dimension]
     others = _frequencies(case, count, sealed, simulation.meshed(case.actuator.refined(finer), comm))
@@ -630,6 +637,7 @@ def _frequencies(case: Case, count: int, sealed: bool, body: Body) -> NaturalFre
                 raise
             ended = outcomes.Ended.by(error)
         modes = tuple(tuple(model.modes(state, count, sealed=sealed)[:count]) for state in states)
+        edge = notes.held_on_edge(model.system.body)
         grid, shape = model.fields.grid, model.fields.shape
         shapes = [shape(state.state.w) for state in states]
         points, cells, moved = mpi.on_root(body.mesh.comm, lambda: (grid.points, grid.cells, np.array(shapes)))
@@ -645,8 +653,9 @@ def _frequencies(case: Case, count: int, sealed: bool, body: Body) -> NaturalFre
             read_only(moved),
             cells,
             grid.cell_name,
-            (*_notes(case, modes[0][0].density, sealed), *model.notes),
+            (*_notes(case, modes[0][0].density, sealed), *filter(None, [edge]), *model.notes),
             ended,
+            not edge,
         )
     finally:
         model.release()

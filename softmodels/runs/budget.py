@@ -167,7 +167,7 @@ class Budget:
             yield "lengths as made ([tolerance])"
         if tolerances.GAUGE not in given and case.load.has_pressure:
             yield "the gauge ([tolerance])"
-        if case.band is not None and FORM not in getattr(case.band, "names", ()):
+        if case.band is not None and laws.FORM_ENERGIES.keys().isdisjoint(getattr(case.band, "names", ())):
             yield "the law's form (a fit)"
         if not self.finer:
             yield "the mesh (--mesh-error)"

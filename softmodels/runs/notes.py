@@ -21,6 +21,7 @@ from softmodels.components.loads import Gravity
 from softmodels.components.rigid import Clamp, Rigid
 from softmodels.materials import laws, silicones, specimens
 from softmodels.mechanics import compiling, component, controls, mpi
+from softmodels.mechanics.body import Body
 from softmodels.path import schedule, stability, steps
 from softmodels.path.continuation import Continuation
 from softmodels.path.supply import MAX_LAMINAR_REYNOLDS, Reservoir
@@ -548,6 +549,19 @@ def unseen(actuator: Actuator) -> str:
         components = f"a 1/{actuator.copies} model"
         return f"{components} detects only modes with that symmetry; {actuator.fuller} detects all"
     return ""
+
+
+def held_on_edge(body: Body) -> str:
+    """Return that a device is held along edges or at points, which give way further under a reaction with every refinement;
+    empty if only faces hold it. Under air alone such holds have no reaction."""
+    roles = dict.fromkeys(hold.role for hold in body.holds if hold.point or body.is_edge(hold.role))
+    if not roles:
+        return ""
+    names = " and ".join(map(repr, roles))
+    return (
+        f"the device is held along edges or at points ({names}), which give way further with every refinement of the mesh: the "
+        "frequencies fall with it, and have no mesh error; hold a face instead, such as a disk's bottom (support = base)"
+    )
 
 
 def unlocated(rows: table.PathTable, words: labels.StateLabels) -> str:

@@ -93,6 +93,16 @@ def test_of_frequencies():
     assert np.all(errors < modes.mesh_error) and np.all(modes.mesh_error < 0.05 * modes.frequency)
 
 
+def test_frequencies_of_a_device_on_an_edge_have_none():
+    """A disk's section on its rim, a point: with cells half as large its frequency falls by 6 %, and again and again."""
+    modes, glued = (
+        sm.modes(dataclasses.replace(DISK, support=support), LAW, count=1, mesh_error=True) for support in ("rim", "base")
+    )
+    assert not modes.convergent and np.isnan(modes.mesh_error).all()
+    assert any("held along edges or at points ('support')" in note for note in modes.notes)
+    assert glued.convergent and np.all(glued.mesh_error < 0.01 * glued.frequency)
+
+
 def test_of_a_limit_point():
     run = sm.inflate(sm.Balloon(), sm.NeoHookean(20e3), "0:60 cm", mesh_error=True)
     limit = run.table.where("limit")[0]

@@ -8,12 +8,16 @@ import numpy as np
 import pytest
 
 import softmodels as sm
+from softmodels.api.calls import case_of
 from softmodels.case.case import Case, CaseError
 from softmodels.case.load import steps_of
 from softmodels.case.materials import MaterialErrors
 from softmodels.common.units import HALF_WIDTH_95
 from softmodels.materials.laws import FORM, MaterialError
-from softmodels.path.steps import courses, times_of
+from softmodels.mechanics.sensitivity import InTime, Sensitivity
+from softmodels.path import schedule
+from softmodels.path.steps import Prescribed, Step, courses, times_of
+from softmodels.runs.simulation import Model, meshed
 from tests.support import runs
 
 THINNING = {"share": 0.1, "time": "30 s", "onset": 0.05, "least": 0.01, "growth": 2, "spring": [[0.8, 1], [0.2, -2]]}
@@ -246,6 +250,44 @@ def test_the_budget_of_a_pressure_that_is_borne_by_differences(name, own, step):
     value = {"share": 0.5, "instant": 10.0}[name]
     high, low = (sm.limit(THIN, creeping(**{name: value + way * step}), hold=21.6).pressure for way in (1.0, -1.0))
     assert part.half / HALF_WIDTH_95 == pytest.approx((high - low) / (2 * step), rel=0.05)
+
+
+PULLED = sm.Balloon(wall="0.5 mm", cell_size="2 mm")
+
+
+def test_what_silicone_remembers_changes_with_a_load(comm):
+    """A balloon under a force, held at a pressure: the rate of its volume by the force left out what its branch remembers."""
+    body, times = meshed(PULLED, comm), (Step((Prescribed("pressure", (100.0,)),), 20.0),)
+
+    def held(newtons, of=()):
+        pulled = case_of(PULLED, creeping(), components=[sm.Force("outer", "z", newtons)], pressures="0,1 kPa")
+        model = Model.of(dataclasses.replace(pulled, steps=times), body)
+        rest, preload = model.system.rest(), model.preload()
+        model.solver.carried = in_time = InTime(Sensitivity(model.solver, aside=1e-6), of) if of else None
+        model.system.potential.commit(rest.w, reset=True)
+        applied = (Prescribed("pressure", (1000.0,), "cavity1"),)
+        *_, (_, last) = schedule.follow(model.solver, (Step(applied, 0.0), Step(applied, 20.0)), preload=preload)
+        volume, rates = last.state.V * model.system.volume_unit, in_time.last if in_time else {}
+        model.release()
+        return volume, rates
+
+    by_force = held(0.3, ("force.amount",))[1]["force.amount"].V
+    assert by_force == pytest.approx((held(0.31)[0] - held(0.29)[0]) / 0.02, rel=5e-3)
+
+
+@pytest.mark.campaign
+def test_the_budget_of_a_pressure_that_is_borne_under_a_force():
+    """Moduli, pressures and forces change a state by their ratios only."""
+
+    def borne(newtons, **how):
+        return sm.limit(PULLED, creeping(), hold=21.6, components=[sm.Force("outer", "z", newtons)], **how)
+
+    covariance = ((300.0**2, 300.0), (300.0, 1.0))
+    limit = borne(0.3, band=MaterialErrors(("c1", "c2"), covariance))
+    by_force = (borne(0.4).pressure - borne(0.2).pressure) / 0.2
+    (part,) = limit.errors
+    assert 0.3 * by_force < -0.03 * limit.pressure
+    assert part.half / (HALF_WIDTH_95 * 0.02) == pytest.approx(limit.pressure - 0.3 * by_force, rel=0.01)
 
 
 def test_the_command_tells_what_is_borne(tmp_path):

@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from softmodels.common.units import HALF_WIDTH_95
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.fit import fit_curves
+from softmodels.fitting.curves.residuals import predicted, slopes_of
 from softmodels.fitting.problem import FitOptions
 from softmodels.materials import memory
 from softmodels.materials.laws import Gent, NeoHookean
@@ -351,3 +353,19 @@ def test_a_third_rate_of_vhb_is_predicted_point_by_point(rate, shared_data, figu
             value,
             bound,
         )
+
+
+@pytest.mark.parametrize("law", ["gent", "yeoh"])
+def test_the_band_of_fitted_histories_holds_a_faster_rate_of_vhb(law, shared_data):
+    """Predicted at 0.05 /s from two slower rates and equilibrium. Without what the law misses in them the band held 37 %
+    of the stresses; Yeoh's law hides a seventh of the curve at equilibrium in that test's factor."""
+    folder = shared_data("memory")
+    rest = np.genfromtxt(folder / "vhb_equilibrium.csv", delimiter=",", names=True)[1:]
+    curves = [TensileCurve("rest", "uniaxial", rest["stretch"], 1e3 * rest["nominal_stress_kPa"])]
+    for rate in sorted(POINTS):
+        times, stretch, measured = (values[1:] for values in measured_at(rate, folder))
+        curves.append(TensileCurve(f"{rate:g}/s", "uniaxial", stretch, 1e3 * measured, time=times))
+    *fitted, faster = curves
+    chosen = fit_curves(fitted, law, FitOptions(memory=True, profiles=False)).chosen
+    half = HALF_WIDTH_95 * np.linalg.norm(slopes_of(chosen.material, faster, chosen.errors.names) @ chosen.errors.roots, axis=1)
+    assert np.mean(np.abs(predicted(chosen.material, faster) - faster.stress) <= half) > 0.75

@@ -46,7 +46,7 @@ from softmodels.fitting.curves.curve import (
 from softmodels.fitting.curves.residuals import spectrum
 from softmodels.fitting.problem import FitError, FitOptions
 from softmodels.materials import specimens
-from softmodels.materials.laws import Material, MaterialError
+from softmodels.materials.laws import FORM, Material, MaterialError
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The fit of one law to tensile curves, from starts in closed form.
@@ -140,7 +140,7 @@ class _Task:
             judgement = with_rubber(choice, ranked.fit, judgement)
             if self.options.silicone:
                 judgement = hold_against(material, stretch_of(strain), known, judgement)
-            form_slopes = ranked.fit.problem.form_slopes(ranked.fit.values)
+            form_slopes = ranked.fit.problem.form_slopes(ranked.fit.values, FORM)
             verdict = specimens.judge(material, strain)
             laws.append(FittedLaw(choice, ranked.fit, material, verdict, profiles, judgement, form_slopes=form_slopes))
         return tuple(laws)
@@ -171,7 +171,7 @@ class _Task:
         fit = fit_law_to_curves(choice, sources, extra, changes=changes, errors=self.errors, loss=loss, scale=scale)
         material = choice.material(fit.values, residuals.stretches_of([curve]))
         verdict = specimens.judge(material, residuals.largest_strain([curve]))
-        return FittedLaw(choice, fit, material, verdict, {}, form_slopes=fit.problem.form_slopes(fit.values))
+        return FittedLaw(choice, fit, material, verdict, {}, form_slopes=fit.problem.form_slopes(fit.values, FORM))
 
 
 class _MemoryTask(_Task):

@@ -81,7 +81,7 @@ class FrequencyResiduals[Test: FrequencyTest](abc.ABC):
     def unit(self) -> str: ...
     @abc.abstractmethod
     def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, list[str]]: ...
-    def form_slopes(self, values: Mapping[str, float]) -> Array:
+    def form_slopes(self, values: Mapping[str, float], name: str) -> Array:
         """Return zeros, shape (n,): at small strain the form of a law changes nothing."""
         return np.zeros(len(self.evaluate(values, False)[0]))
 

@@ -24,7 +24,7 @@ from softmodels.fitting.curves.curve import (
     segments,
     turns,
 )
-from softmodels.materials import laws, memory, specimens
+from softmodels.materials import memory, specimens
 from softmodels.materials.laws import Material, MaterialError, NeoHookean
 from softmodels.materials.memory import Memory
 
@@ -122,22 +122,26 @@ class TensileResiduals:
             slopes = np.hstack(columns) / self.errors[:, None]
         return (factor * stress - curve.stress) / self.errors, slopes, [self.label] * len(stress)
 
-    def form_slopes(self, values: Mapping[str, float]) -> Array:
-        """Return the derivatives of the residuals by the factor of `laws.form_energy`, shape (n,)."""
+    def form_slopes(self, values: Mapping[str, float], name: str) -> Array:
+        """Return the derivatives of the residuals by a factor of `laws.FORM_ENERGIES`, shape (n,)."""
         curve = self.curve if not self.origin else self.curve.counting_from(*(values[name] for name in self.origin))
         factor = values[self.gauge] if self.gauge else 1.0
-        law = specimens.respond(self.choice.material(values), curve.stretch, curve.mode, (laws.FORM,))
+        law = specimens.respond(self.choice.material(values), curve.stretch, curve.mode, (name,))
         return np.asarray(factor * law.slopes[:, 0] / self.errors)
 
     def misfit(self, residuals: Array) -> float:
-        """Return the mean square of a law's misfit as a share of the stress, for standardised residuals, shape (n,): without
-        the noise of the readings, and without the toe (`TOE_STRETCH`). Not of a history, whose stress passes through 0."""
+        """Return the mean square of a law's misfit as a share of the stress, for standardised residuals, shape (n,): beyond the
+        noise of the readings (in 95 % of its draws), and without the toe (`TOE_STRETCH`) and the small stresses of a history,
+        which passes through 0."""
         kept = (np.abs(self.curve.stretch - 1.0) > TOE_STRETCH) & (self.curve.stress != 0.0)
-        if self.spectrum is not None or not kept.any():
+        if self.spectrum is not None:
+            kept &= np.abs(self.curve.stress) > LEAST_SHARE_OF_STRESS * np.abs(self.curve.stress).max()
+        if not kept.any():
             return 0.0
-        away = noise(self.curve) / np.sqrt(self.curve.readings)
-        squares = ((residuals * self.errors) ** 2 - away**2)[kept] / self.curve.stress[kept] ** 2
-        return max(float(np.mean(squares)), 0.0)
+        away = np.broadcast_to(noise(self.curve) / np.sqrt(self.curve.readings), kept.shape)
+        squares, by_noise = (errors[kept] ** 2 / self.curve.stress[kept] ** 2 for errors in (residuals * self.errors, away))
+        likely = float(np.mean(by_noise) + 2.0 * np.linalg.norm(by_noise) * math.sqrt(2.0) / len(by_noise))
+        return max(float(np.mean(squares)) - likely, 0.0)
 
     def _stress(
         self, material: Material, curve: TensileCurve, names: Sequence[str], times: tuple[float, ...]
@@ -158,6 +162,8 @@ class TensileResiduals:
         return (high - low) / (2.0 * STRETCH_STEP)
 
 
+LEAST_SHARE_OF_STRESS = 0.1
+"""Share of the largest stress of a history below which a misfit is not held against the stress itself."""
 TOE_STRETCH = 0.05
 """Stretches this close to 1 are skipped, because of slack in the grips."""
 STRETCH_STEP = 1e-5

@@ -19,7 +19,6 @@ from softmodels.common.arrays import Array
 from softmodels.fitting import problem
 from softmodels.fitting.outlines import device, residuals
 from softmodels.fitting.outlines.shapes import OutlineFitError, Shape
-from softmodels.materials import laws
 from softmodels.mechanics import controls, newton, sensitivity
 from softmodels.mechanics.system import State
 from softmodels.path import schedule, stability
@@ -284,13 +283,13 @@ class CreepingResiduals(residuals.OutlineResiduals):
         self._found = self.creep.photographs(own, names)
         return [self._found[i][0] for i in range(len(self.shapes))]
 
-    def form_slopes(self, values: Mapping[str, float]) -> Array:
-        """Return the derivatives of the residuals by the factor of `laws.form_energy`, shape (n,): the tests walked anew."""
+    def form_slopes(self, values: Mapping[str, float], name: str) -> Array:
+        """Return the derivatives of the residuals by a factor of `laws.FORM_ENERGIES`, shape (n,): the tests walked anew."""
         self.matches(values)
         known = self._found, self.creep.levels
         try:
-            self._found = self.creep.photographs(self.own(values), [laws.FORM])
-            return super().form_slopes(values)
+            self._found = self.creep.photographs(self.own(values), [name])
+            return super().form_slopes(values, name)
         finally:
             self._found, self.creep.levels = known
 

@@ -42,6 +42,7 @@ from softmodels.fitting.outlines.shapes import OutlineFitError, kept, prepare, r
 from softmodels.fitting.outlines.views import SideView
 from softmodels.fitting.problem import FitError, FitOptions
 from softmodels.materials import specimens
+from softmodels.materials.laws import FORM, SHARE
 from softmodels.mechanics import mpi
 from softmodels.runs.fields import Fields
 
@@ -221,7 +222,8 @@ class _Task:
             {},
             judgement,
             self._misfits(trial, fit),
-            fit.problem.form_slopes(fit.values),
+            fit.problem.form_slopes(fit.values, form := FORM if self.curves else SHARE),
+            form,
         )
         wanted = [p.name for p in fit.free if p.name in first.common and self.options.profiles]
         if first.spectrum is not None:  # many states in time: only where the covariance's interval is not above 0

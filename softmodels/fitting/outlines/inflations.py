@@ -23,7 +23,6 @@ from softmodels.fitting import least_squares, problem
 from softmodels.fitting.outlines import residuals, shapes
 from softmodels.fitting.outlines.device import DeviceModel, ModelSlopes
 from softmodels.fitting.outlines.shapes import OutlineFitError
-from softmodels.materials import laws
 from softmodels.mechanics.system import State
 from softmodels.path import continuation
 from softmodels.runs import grid
@@ -317,13 +316,13 @@ class InflationResiduals(residuals.HeightResiduals):
             row -= slope.along_pressure * moved / self.size_of.rate(place, slope.along_nodes)
         return by
 
-    def form_slopes(self, values: Mapping[str, float]) -> Array:
-        """Return the derivatives of the residuals by the factor of `laws.form_energy`, shape (n,)."""
+    def form_slopes(self, values: Mapping[str, float], name: str) -> Array:
+        """Return the derivatives of the residuals by a factor of `laws.FORM_ENERGIES`, shape (n,)."""
         states = self._solved(values)[0]
         self.model.set_parameters(values)
-        slopes = [self.model.slopes(state, [laws.FORM]) for state in states]
+        slopes = [self.model.slopes(state, [name]) for state in states]
         places = [] if self.size_of.kind == ADDED else [self.size_of.at(state) for state in states]
-        return self._at_sizes(places, slopes, [laws.FORM])[:, 0] / self.errors
+        return self._at_sizes(places, slopes, [name])[:, 0] / self.errors
 
     def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, list[str]]:
         """See `softmodels.fitting.problem.Residuals`."""

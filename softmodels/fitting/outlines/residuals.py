@@ -33,7 +33,6 @@ from softmodels.fitting import least_squares, problem
 from softmodels.fitting.outlines.device import DeviceModel
 from softmodels.fitting.outlines.shapes import MAX_OUTLINE_HEIGHT, MIN_HEIGHT, OutlineFitError, Shape, kept, shadow_of
 from softmodels.fitting.problem import FitError
-from softmodels.materials import laws
 from softmodels.mechanics import newton
 from softmodels.mechanics.system import State
 from softmodels.path import continuation, stability
@@ -165,9 +164,9 @@ class OutlineResiduals:
         columns = self._columns(values, names)
         return residuals, np.column_stack([columns[name] for name in self._own_names]), self.groups
 
-    def form_slopes(self, values: Mapping[str, float]) -> Array:
-        """Return the derivatives of the residuals by the factor of `laws.form_energy`, shape (n,)."""
-        return self._columns(values, [laws.FORM])[laws.FORM]
+    def form_slopes(self, values: Mapping[str, float], name: str) -> Array:
+        """Return the derivatives of the residuals by a factor of `laws.FORM_ENERGIES`, shape (n,)."""
+        return self._columns(values, [name])[name]
 
     def matches(self, values: Mapping[str, float]) -> list[MatchedPhotograph]:
         """Return each photograph with its state at parameter values."""
@@ -612,11 +611,11 @@ class HeightResiduals:
         slopes = [self.model.slopes(state, names, "pressure").nodes for state in states]
         return np.array([[1e3 * nodes[name][0, 0, 1] for name in names] for nodes in slopes])
 
-    def form_slopes(self, values: Mapping[str, float]) -> Array:
-        """Return the derivatives of the residuals by the factor of `laws.form_energy`, shape (n,)."""
+    def form_slopes(self, values: Mapping[str, float], name: str) -> Array:
+        """Return the derivatives of the residuals by a factor of `laws.FORM_ENERGIES`, shape (n,)."""
         states = self.model.states(values, self.pressures, "pressure")
         self.model.set_parameters(values)
-        return self._slopes(states, [laws.FORM])[:, 0]
+        return self._slopes(states, [name])[:, 0]
 
     def shared(self, values: Mapping[str, float], lengths: Mapping[str, problem.Prior]) -> Array:
         """Return the change of the residuals by one standard error of each systematic bench error and of lengths, shape (n, 5 +
