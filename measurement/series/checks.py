@@ -204,14 +204,15 @@ class SideEvidence:
 @dataclasses.dataclass(frozen=True, eq=False)
 class ViewEvidence(SideEvidence):
     """A device seen from the side: its shape, the same and the silhouette without pressure; the size of a pixel, the standard
-    error of its length, and its length without pressure with its error (None where it is not known), all in m; whether this is
-    the photograph without pressure, and whether it has faces along the line of sight."""
+    errors of its length and, in rad, of its tip's angle, its length without pressure with its error (None where it is not
+    known), lengths in m; whether this is the photograph without pressure, and whether it has faces along the line of sight."""
 
     shape: Shape
     before: Shape | None
     silhouette_before: Silhouette | None
     pixel: float
     length_error: float
+    angle_error: float
     length: tuple[float, float] | None
     is_zero: bool
     has_sides: bool
@@ -957,7 +958,7 @@ MAX_BASE_WIDENING = 0.06
 MAX_SHRINKAGE, MAX_STRETCH = 0.015, 0.35
 """Shares of its length by which a centre line may become shorter or longer in its plane."""
 
-END_STATIONS, MAX_END_WIDENING = slice(-15, -4), 0.08
+END_STATIONS, MAX_END_WIDENING = slice(-15, -4), 0.05
 """Points of the centre line in front of a flat tip, and share by which a device that stays in its plane may become wider
 there."""
 
@@ -1086,6 +1087,20 @@ def in_plane(e: ViewEvidence) -> Iterator[Doubt]:
             "as if it left its plane of motion and showed a side",
             f"{remedy}, or write anyway in the column use if it swells so much",
         )  # fmt: skip
+
+
+MAX_ANGLE_ERROR = np.radians(1.0)
+"""Standard error of a tip's angle in rad from which its face is not seen clearly."""
+
+
+@register_check(ViewEvidence)
+def clear_tip(e: ViewEvidence) -> Iterator[Doubt]:
+    """Is the tip seen clearly?"""
+    if e.angle_error > MAX_ANGLE_ERROR:
+        yield Doubt(
+            f"the direction of its tip is known to {np.degrees(e.angle_error):.1f} degrees only: noise or compression hides it",
+            "photograph it with more light, and store it less compressed",
+        )
 
 
 @register_check(SideEvidence)

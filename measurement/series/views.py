@@ -303,7 +303,8 @@ def view_of(
     before, seen_before = (None, None) if reference is None else (reference.view.shape, reference.seen)
     changed = since(None if reference is None else (reference.image, reference.seen), image, seen)
     evidence = checks.ViewEvidence(
-        seen, *changed, photo.anyway, shape, before, seen_before, pixel, view.length_error, scene.length, photo.is_zero,
+        seen, *changed, photo.anyway, shape, before, seen_before, pixel, view.length_error, view.angle_error,
+        scene.length, photo.is_zero,
         max(scene.depth) > 0.0,
     )  # fmt: skip
     return dataclasses.replace(view, reasons=checks.doubts(evidence))
@@ -600,8 +601,9 @@ def judged(photographs: Sequence[Photograph], outcomes: Sequence[View | Refusal]
     is_timed = any(photo.time is not None for photo in photographs)
     made = {}
     for number, view in enumerate(known):
-        evidence = checks.SeriesEvidence(*pressures.T, course, np.array(errors), number, lost, is_timed)
-        made[id(view)] = dataclasses.replace(view, reasons=tuple(map(str, checks.answers(evidence))))
+        evidence = checks.SeriesEvidence(pressures[:, 0], pressures[:, 1], course, np.array(errors), number, lost, is_timed)
+        if reasons := tuple(map(str, checks.answers(evidence))):
+            made[id(view)] = dataclasses.replace(view, reasons=reasons)
     return [made.get(id(outcome), outcome) for outcome in outcomes]
 
 
@@ -646,6 +648,6 @@ def each_photograph[Shown: (View, Outline)](
     before = tuple(outcomes[k] for k in range(len(photographs)))
     after = tuple(judged(photographs, before))
     for k, outcome in enumerate(after):
-        if pictures_folder is not None and not isinstance(outcome, Refusal) and outcome.trust != before[k].trust:
+        if pictures_folder is not None and outcome is not before[k]:
             draw(k, pictures.read_pixels(photographs[k].file, scene.setup.camera.size), None, outcome)
     return after
