@@ -72,11 +72,12 @@ def test_length_with_its_error_is_the_remedy_for_a_device_that_was_made_longer(b
 
 @pytest.mark.campaign
 def test_a_mask_is_the_remedy_for_a_second_thing(bench):
-    change = KINDS["second device"](bench, 2, np.random.default_rng(8))
+    ball = damaged_views.side_views.pv.Sphere(radius=0.01, center=(0.02, 0.0, -0.06))
+    change = Change("a ball", lambda parts: [*parts, ball])
     file = bench.photograph(2, change, "second")
     assert "a second thing" in bench.measured([(0, bench.files[0]), (2, file)], change).outcomes[1].reasons[0]
     setup = bench.scene(change).setup
-    setup = dataclasses.replace(setup, masks=(*setup.masks, (560.0, 700.0, 1399.0, 999.0)))
+    setup = dataclasses.replace(setup, masks=(*setup.masks, (380.0, 680.0, 620.0, 920.0)))
     made = bench.measured([(0, bench.files[0]), (2, file)], Change("", scene={"setup": setup}))
     assert [view.trust for view in made.outcomes] == ["yes", "yes"], made.outcomes
 
