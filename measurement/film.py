@@ -430,17 +430,33 @@ def _usual_error(log: Log, error: float | None) -> float:
 
 
 def history_of(motion: Motion, log: Log, offset: float, every: float, error: float | None) -> list[Shot]:
-    """Return a photograph of a single frame every so many s of the film, as far as the log goes."""
+    """Return a photograph of a single frame every so many s of the film, as far as the log goes. Those between which the log
+    stays at a pressure have its mean, and belong to one hold; all others have the pressure of their moment."""
     wanted = np.arange(motion.times[0], motion.times[-1] + 0.5 * motion.step, every)
     numbers = np.unique([int(np.argmin(np.abs(motion.times - time))) for time in wanted])
-    times = motion.times[numbers]
-    pressures = log.at(times + offset)
-    usual, rate = _usual_error(log, error), log.rate(times + offset, motion.step)
-    return [
-        Shot((number,), t, p, math.hypot(usual, 0.5 * motion.step * moves))
-        for number, t, p, moves in zip(*(part.tolist() for part in (numbers, times, pressures, rate)), strict=True)
-        if math.isfinite(p)
-    ]
+    numbers = numbers[np.isfinite(log.at(motion.times[numbers] + offset))]
+    times = motion.times[numbers] + offset
+    pressures = log.at(times)
+    usual, rate = _usual_error(log, error), log.rate(times, motion.step)
+    errors, same = np.hypot(usual, 0.5 * motion.step * rate), SAME_PRESSURE * np.ptp(log.pressures)
+    levels: list[list[int]] = []
+    for k, (time, pressure) in enumerate(zip(times, pressures, strict=True)):
+        first = levels[-1][0] if levels else k
+        between = log.at(np.linspace(times[max(0, k - 1)], time, 50))
+        if levels and np.ptp(between) < same and abs(pressure - pressures[first]) < same:
+            levels[-1].append(k)
+        else:
+            levels.append([k])
+    made: list[Shot] = []
+    for level in levels:
+        mean, first = float(pressures[level].mean()), level[0]
+        way = np.linspace(times[max(0, first - 1)], times[first], 200)
+        away = np.flatnonzero(np.abs(log.at(way) - mean) > same)  # until it comes to the level for good
+        reached = way[-1 if len(level) < 2 else min(away[-1] + 1, len(way) - 1) if len(away) else 0]
+        for k in level:
+            told = times[k] - offset, mean, errors[k], times[k] - reached, reached - way[0]
+            made.append(Shot((int(numbers[k]),), *map(float, told)))
+    return made
 
 
 LIST = "photos.csv"

@@ -168,7 +168,7 @@ class Outline:
             f"level_error_m = {self.level_error:.4g}",
             f"edge_error_m = {self.edge_error:.4g}",
             *([f"whole_from = {self.whole}"] if self.whole else []),
-            *([f"history_s_Pa = {'; '.join(f'{time!r} {p!r}' for time, p in self.history)}"] if self.history else []),
+            *([f"history_s_Pa = {history_text(self.history)}"] if self.history else []),
             f"trusted = {self.trust}",
             *(f"reason = {' '.join(reason.split())}" for reason in self.reasons),
         ]
@@ -208,7 +208,7 @@ class Outline:
             scale = units.number(notes["scale"]) if "scale" in notes else math.nan
             shared = ("scale_error", "level_error_m", "edge_error_m")
             scale_error, level_error, edge_error = (units.number(notes.get(name, "0")) for name in shared)
-            history = _history(path, notes.get("history_s_Pa", ""))
+            history = read_history(str(path), notes.get("history_s_Pa", ""))
         except KeyError as error:
             raise OutlineError(f"{path} has no comment line '# {error.args[0]} = …'") from None
         except units.UnitError as error:
@@ -270,11 +270,16 @@ class OutlineError(ValueError):
     """Invalid points or file of an outline; the message is for the user."""
 
 
-def _history(path: Path, text: str) -> tuple[tuple[float, float], ...]:
-    """Return times in s and pressures in Pa from a comment's text."""
+def history_text(history: History) -> str:
+    """Return times in s and pressures in Pa as a text."""
+    return "; ".join(f"{time!r} {pressure!r}" for time, pressure in history)
+
+
+def read_history(place: str, text: str) -> History:
+    """Return times in s and pressures in Pa from a text at a place; `OutlineError` for none, `UnitError` for no number."""
     pairs = [tuple(map(units.number, pair.split())) for pair in text.split(";") if pair]
     if any(len(pair) != 2 for pair in pairs):
-        raise OutlineError(f"{path}: history_s_Pa is not pairs of time and pressure, such as 0 0; 2 1500; 12 1500")
+        raise OutlineError(f"{place}: history_s_Pa is not pairs of time and pressure, such as 0 0; 2 1500; 12 1500")
     return tuple((time, pressure) for time, pressure in pairs)
 
 

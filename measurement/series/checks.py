@@ -203,16 +203,35 @@ class SideEvidence:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ViewEvidence(SideEvidence):
-    """A device seen from the side: its shape, the same without pressure; the size of a pixel, the standard error of its
-    length, and its length without pressure with its error (None where it is not known), all in m; whether this is the
-    photograph without pressure."""
+    """A device seen from the side: its shape, the same and the silhouette without pressure; the size of a pixel, the standard
+    errors of its length and, in rad, of its tip's angle, its length without pressure with its error (None where it is not
+    known), lengths in m; whether this is the photograph without pressure, and whether it has faces along the line of sight."""
 
     shape: Shape
     before: Shape | None
+    silhouette_before: Silhouette | None
     pixel: float
     length_error: float
+    angle_error: float
     length: tuple[float, float] | None
     is_zero: bool
+    has_sides: bool
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class SeriesEvidence:
+    """All side views of a list that are trusted so far, in its order: their pressures and the errors of these in Pa (n,), the
+    places (n, 3) in m of their tips and of the turn of their ends over the length, and the standard errors (n,) of these; the
+    number in question; whether the list has photographs without pressure of which none is trusted, and whether its photographs
+    have times, so that they may show motion."""
+
+    pressure: Array
+    pressure_error: Array
+    course: Array
+    error: Array
+    number: int
+    lost_zero: bool
+    is_timed: bool
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -275,18 +294,20 @@ type Check = Callable[[Any], Iterator[Doubt]]
 
 STAGES = (
     ListEvidence, EdgeEvidence, ToneEvidence, ZeroEvidence, OutlineEvidence, RunEvidence, CourseEvidence, SideEvidence,
-    ViewEvidence, RevolvedEvidence,
+    ViewEvidence, SeriesEvidence, RevolvedEvidence,
 )  # fmt: skip
 CHECKS: dict[type, names.Registry[Check]] = {stage: names.Registry("check") for stage in STAGES}
 """Every check by the evidence that it is asked of and its name, in the order in which they are asked."""
 
 
-def register_check[C](stage: type[EdgeEvidence | RunEvidence | SideEvidence] = OutlineEvidence) -> Callable[[C], C]:
+def register_check[C](
+    stage: type[EdgeEvidence | RunEvidence | SideEvidence | SeriesEvidence] = OutlineEvidence,
+) -> Callable[[C], C]:
     """Let a check be asked of every piece of evidence of a stage, after those registered already; a decorator of a function."""
     return CHECKS[stage].register
 
 
-def answers(evidence: EdgeEvidence | RunEvidence | SideEvidence) -> Iterator[Doubt]:
+def answers(evidence: EdgeEvidence | RunEvidence | SideEvidence | SeriesEvidence) -> Iterator[Doubt]:
     """Yield the answers of the checks of this evidence that are doubts, those of anything seen from the side first."""
     stages: list[type] = [SideEvidence, type(evidence)] if isinstance(evidence, SideEvidence) else [type(evidence)]
     for check in itertools.chain.from_iterable(CHECKS[stage].values() for stage in stages):
@@ -931,8 +952,15 @@ MAX_BACKGROUND_SHIFT = 0.5
 MAX_BASE_SHIFT = 3.0
 """Movement of the base in px that its own corners explain."""
 
-MAX_SHRINKAGE, MAX_STRETCH = 0.03, 0.35
+MAX_BASE_WIDENING = 0.06
+"""Share by which the base may become wider or narrower than without pressure."""
+
+MAX_SHRINKAGE, MAX_STRETCH = 0.015, 0.35
 """Shares of its length by which a centre line may become shorter or longer in its plane."""
+
+END_STATIONS, MAX_END_WIDENING = slice(-15, -4), 0.05
+"""Points of the centre line in front of a flat tip, and share by which a device that stays in its plane may become wider
+there."""
 
 MAX_BRIGHTER = 1.6
 """How many times brighter or darker the background may be than without pressure."""
@@ -943,7 +971,7 @@ MAX_SOFTER = 2.0
 MAX_WIDENING = 1.7
 """How many times wider or narrower a device may become anywhere along its centre line, on the mean over a seventh of it."""
 
-MAX_LENGTH_ERROR = 0.03
+MAX_LENGTH_ERROR = 0.01
 """Share by which a device without pressure may differ from its stated length."""
 
 
@@ -1003,8 +1031,8 @@ def sharp_as_before(e: SideEvidence) -> Iterator[Doubt]:
     """Is the edge as sharp as without pressure?"""
     if e.softer is not None and e.softer > MAX_SOFTER:
         yield Doubt(
-            f"the edge is {e.softer:.1f} times as wide as without pressure: it is blurred by motion, or out of focus",
-            "fix the focus, expose for a shorter time, and take it while the device is at rest",
+            f"the edge is {e.softer:.1f} times as wide as without pressure: blurred by motion or compression, or out of focus",
+            "fix the focus, expose for a shorter time, take it while the device is at rest, and store it less compressed",
         )
 
 
@@ -1028,6 +1056,14 @@ def base_at_rest(e: ViewEvidence) -> Iterator[Doubt]:
                 f"the base moved by {shift:.1f} px since the photograph without pressure",
                 "fix camera and clamp, or give --base where nothing moves",
             )
+        elif e.silhouette_before is not None:
+            now, before = (float(np.linalg.norm(np.diff(s.base, axis=0))) for s in (e.silhouette, e.silhouette_before))
+            if abs(now - before) > max(MAX_BASE_SHIFT, MAX_BASE_WIDENING * before):
+                yield Doubt(
+                    f"the base is {abs(now / before - 1.0):.0%} {'wider' if now > before else 'narrower'} than without "
+                    "pressure: the device turned in its clamp, or something hides its base",
+                    "fix the device as it was, take away what hides its base, or give --base where nothing swells",
+                )
 
 
 @register_check(ViewEvidence)
@@ -1036,12 +1072,34 @@ def in_plane(e: ViewEvidence) -> Iterator[Doubt]:
     if e.before is None:
         return
     share = e.shape.length / e.before.length - 1.0
-    error = float(np.sqrt(2.0)) * e.length_error / e.before.length
-    if share < -MAX_SHRINKAGE - 2.0 * error or share > MAX_STRETCH:
+    remedy = "look at its outline in the picture, and guide it in its plane"
+    if share < -MAX_SHRINKAGE or share > MAX_STRETCH:
         word = "shorter" if share < 0.0 else "longer"
         yield Doubt(
             f"the centre line is {abs(share):.1%} {word} than without pressure, as if the device left its plane of motion",
-            "look at its outline in the picture, and guide it in its plane",
+            remedy,
+        )
+    wider = float(np.median(e.shape.width[END_STATIONS] / e.before.width[END_STATIONS])) - 1.0
+    has_sides = e.has_sides and e.silhouette_before is not None and e.silhouette_before.corners is not None
+    if has_sides and abs(wider) > MAX_END_WIDENING:
+        yield Doubt(
+            f"before its tip the device is {abs(wider):.0%} {'wider' if wider > 0.0 else 'narrower'} than without pressure, "
+            "as if it left its plane of motion and showed a side",
+            f"{remedy}, or write anyway in the column use if it swells so much",
+        )  # fmt: skip
+
+
+MAX_ANGLE_ERROR = np.radians(1.0)
+"""Standard error of a tip's angle in rad from which its face is not seen clearly."""
+
+
+@register_check(ViewEvidence)
+def clear_tip(e: ViewEvidence) -> Iterator[Doubt]:
+    """Is the tip seen clearly?"""
+    if e.angle_error > MAX_ANGLE_ERROR:
+        yield Doubt(
+            f"the direction of its tip is known to {np.degrees(e.angle_error):.1f} degrees only: noise or compression hides it",
+            "photograph it with more light, and store it less compressed",
         )
 
 
@@ -1086,8 +1144,46 @@ def stated_length(e: ViewEvidence) -> Iterator[Doubt]:
         yield Doubt(
             f"the device is {e.shape.length * 1e3:.2f} mm long in the picture, but {length * 1e3:.2f} mm by --length: "
             "the scale lies in another plane, or the base is another one",
-            "give --ahead, the device's distance from the scale's plane, and check --base",
+            "give --ahead, the device's distance from the scale's plane, and check --base; --length LENGTH+-ERROR if the "
+            "device was made longer or shorter",
         )
+
+
+@register_check(SeriesEvidence)
+def known_zero(e: SeriesEvidence) -> Iterator[Doubt]:
+    """Is there a photograph without pressure that it can be compared with?"""
+    if e.lost_zero:
+        yield Doubt(
+            "the photograph without pressure is not trusted, so scale, camera and base cannot be checked here",
+            "correct what is said of that one",
+        )
+
+
+MAX_BACKWARDS, MAX_BACKWARDS_ERRORS, FEW_ODD = 0.03, 4.0, 0.25
+"""Share of the whole motion, and standard errors, by which a device may move back while the pressure rises, and share of the
+steps between photographs that are odd up to which only theirs are in doubt."""
+
+
+@register_check(SeriesEvidence)
+def in_order(e: SeriesEvidence) -> Iterator[Doubt]:
+    """Does it move on where the pressure rises from one photograph to the next, and back where it falls?"""
+    if e.is_timed or len(e.pressure) < 3:
+        return
+    middle = e.course - e.course.mean(axis=0)
+    moved = np.diff(middle @ np.linalg.svd(middle, full_matrices=False)[2][0])
+    error = np.hypot(e.error[1:], e.error[:-1])
+    rise = np.diff(e.pressure) / np.maximum(np.hypot(e.pressure_error[1:], e.pressure_error[:-1]), 1e-9)
+    reach = float(np.linalg.norm(np.ptp(middle, axis=0)))
+    clear = (np.abs(moved) > np.maximum(MAX_BACKWARDS * reach, MAX_BACKWARDS_ERRORS * error)) & (np.abs(rise) > 3.0)
+    sign = np.sign(moved * rise) * clear
+    odd = sign == -np.sign(sign.sum() or 1.0)
+    if not odd.any() or len(sign) < 2:
+        return
+    if odd.sum() > FEW_ODD * clear.sum() or odd[max(0, e.number - 1) : e.number + 1].any():
+        yield Doubt(
+            "the device moves back where the listed pressure rises, or on where it falls, as if pressures of the list were "
+            "exchanged", "compare the list with the log of the pressures, or write anyway in the column use if it moves so",
+        )  # fmt: skip
 
 
 MAX_UNLIKE, MAX_UNLIKE_ERRORS = 30e-6, 4.0

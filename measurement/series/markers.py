@@ -131,6 +131,11 @@ class Tracker:
                 continue
             closest = min(same, key=lambda part: float(np.linalg.norm(part.along - before)))
             doubts = [_doubled(name)] if len(same) > 1 else []
+            moved = float(np.linalg.norm(closest.along - before))
+            if moved > gate:
+                doubts.append(
+                    f"it moved {moved * 1e3:.2g} mm along the device since it was last seen: it is another, or came off"
+                )
             rivals = [
                 other for other, there in zip(self.first, known, strict=True) if np.linalg.norm(closest.along - there) < gate
             ]

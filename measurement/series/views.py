@@ -21,7 +21,7 @@ from scipy.optimize import brentq
 
 from measurement import pictures
 from measurement.outline import dots, silhouette
-from measurement.outline.outline import Outline, OutlineError
+from measurement.outline.outline import Outline, OutlineError, history_text
 from measurement.screen.setup import Setup, SetupError
 from measurement.series import checks, drawing, markers, measuring
 from measurement.series.photo_list import Photograph
@@ -143,6 +143,15 @@ class Scene:
             np.maximum.at(seen[:, column], slice_of, sign * across)
         missed = [float(np.abs(seen - sides).sum()) for sides in (self.sides, self.sides[:, ::-1])]
         return dataclasses.replace(self, sides=None, depth=self.depth if missed[0] <= missed[1] else self.depth[::-1])
+
+    def scaled_by(self, view: View) -> Scene:
+        """Return the scene with a scale whose error tells the device's length without pressure, and its stated one, apart."""
+        if self.length is None:
+            return self
+        length, error = self.length
+        off = abs(view.shape.length - length) - 2.0 * math.hypot(error, view.length_error)
+        share = math.hypot(self.setup.pitch_error, max(0.0, off / length))
+        return dataclasses.replace(self, setup=dataclasses.replace(self.setup, pitch_error=share))
 
     def varied(self, random: np.random.Generator) -> Scene:
         """Return the scene with its uncertain numbers drawn anew."""
@@ -291,11 +300,13 @@ def view_of(
         np.hypot(np.std(across, axis=0, ddof=1), passed), photo.pressure, photo.pressure_error, photo.file.name,
         anyway=photo.anyway,
     )  # fmt: skip
-    before = None if reference is None else reference.view.shape
+    before, seen_before = (None, None) if reference is None else (reference.view.shape, reference.seen)
     changed = since(None if reference is None else (reference.image, reference.seen), image, seen)
     evidence = checks.ViewEvidence(
-        seen, *changed, photo.anyway, shape, before, pixel, view.length_error, scene.length, photo.is_zero
-    )
+        seen, *changed, photo.anyway, shape, before, seen_before, pixel, view.length_error, view.angle_error,
+        scene.length, photo.is_zero,
+        max(scene.depth) > 0.0,
+    )  # fmt: skip
     return dataclasses.replace(view, reasons=checks.doubts(evidence))
 
 
@@ -459,6 +470,7 @@ they run one way."""
 VIEW_COLUMNS = (
     "file", "pressure_Pa", "pressure_error_Pa", "tip_x_m", "tip_x_error_m", "tip_z_m", "tip_z_error_m", "angle_deg",
     "angle_error_deg", "rotation_deg", "rotation_error_deg", "length_m", "length_error_m", "trusted", "remarks", "time_s",
+    "history_s_Pa",
 )  # fmt: skip
 
 
@@ -504,14 +516,14 @@ class Views:
             rows.writerow(VIEW_COLUMNS)
             for photo, outcome in zip(self.photographs, self.outcomes, strict=True):
                 first = (photo.file.name, repr(photo.pressure), repr(photo.pressure_error))
-                time = "" if photo.time is None else f"{photo.time:.9g}"
+                time = "" if photo.time is None else f"{photo.time:.9g}", history_text(photo.history)
                 if isinstance(outcome, Refusal):
-                    rows.writerow((*first, *[""] * (len(VIEW_COLUMNS) - 6), "refused", outcome.reason, time))
+                    rows.writerow((*first, *[""] * (len(VIEW_COLUMNS) - 7), "refused", outcome.reason, *time))
                     continue
                 (x, z), (x_error, z_error) = outcome.shape.tip - self.origin, outcome.tip_error
                 angles = (math.degrees(a) for a in (outcome.shape.angle, outcome.angle_error, *self.rotation(outcome)))
                 values = (x, x_error, z, z_error, *angles, outcome.shape.length, outcome.length_error)
-                rows.writerow((*first, *(f"{v:.7g}" for v in values), outcome.trust, "; ".join(outcome.reasons), time))
+                rows.writerow((*first, *(f"{v:.7g}" for v in values), outcome.trust, "; ".join(outcome.reasons), *time))
         for name, outcome in zip(self.names, self.outcomes, strict=True):
             if isinstance(outcome, View):
                 outcome.to_csv(folder / f"{name}.csv", self.origin)
@@ -549,6 +561,9 @@ def views(
         if photo.is_zero and scene.sides is not None:
             scene = scene.told_apart(view.shape, view.outline)
             view = view_of(image, seen, scene, photo)
+        if reference is None and photo.is_zero and view.trust != "no":
+            scene = scene.scaled_by(view)
+            view = view_of(image, seen, scene, photo)
         if kind:
             length = view.shape.length if reference is None else reference.view.shape.length
             view = dataclasses.replace(
@@ -566,9 +581,30 @@ def views(
         marked = [np.vstack([marker.boundary, marker.boundary[:1]]) for marker in outcome.markers if len(marker.boundary)]
         return [scene.to_pixels(outcome.outline), scene.to_pixels(outcome.shape.line), *marked], f"{angle}, {length}"
 
-    every = each_photograph(photographs, scene, measured, shown, pictures_folder, done)
+    every = each_photograph(photographs, scene, measured, shown, pictures_folder, done, judged)
     names = tuple(measuring.file_stems(photographs))
     return Views(tuple(photographs), every, names, None if reference is None else reference.view)
+
+
+def judged(photographs: Sequence[Photograph], outcomes: Sequence[View | Refusal]) -> list[View | Refusal]:
+    """Distrust what looks good by itself and is contradicted by the other photographs of its list."""
+    zeros = [outcome for photo, outcome in zip(photographs, outcomes, strict=True) if photo.is_zero]
+    lost = bool(zeros) and not any(isinstance(zero, View) and zero.trust != "no" for zero in zeros)
+    known = [view for view in outcomes if isinstance(view, View) and view.trust == "yes"]
+    if not known:
+        return list(outcomes)
+    length = float(np.median([view.shape.length for view in known]))
+    turned = np.unwrap([view.shape.angle for view in known])
+    course = np.column_stack([np.array([view.shape.tip - view.shape.base for view in known]), length * turned])
+    errors = [math.hypot(*view.tip_error, length * view.angle_error) for view in known]
+    pressures = np.array([(view.pressure, view.pressure_error) for view in known])
+    is_timed = any(photo.time is not None for photo in photographs)
+    made = {}
+    for number, view in enumerate(known):
+        evidence = checks.SeriesEvidence(pressures[:, 0], pressures[:, 1], course, np.array(errors), number, lost, is_timed)
+        if reasons := tuple(map(str, checks.answers(evidence))):
+            made[id(view)] = dataclasses.replace(view, reasons=reasons)
+    return [made.get(id(outcome), outcome) for outcome in outcomes]
 
 
 def each_photograph[Shown: (View, Outline)](
@@ -578,10 +614,24 @@ def each_photograph[Shown: (View, Outline)](
     shown: Callable[[silhouette.Silhouette | None, Shown | Refusal], tuple[list[Array], str]],
     pictures_folder: Path | None,
     done: Callable[[], None],
+    judged: Callable[[Sequence[Photograph], Sequence[Shown | Refusal]], Sequence[Shown | Refusal]] = lambda _, made: made,
 ) -> tuple[Shown | Refusal, ...]:
     """Return what is ``measured`` in each photograph, or the reason why there is nothing; those without pressure come first.
-    ``shown`` gives the lines in px over its picture, and its result in words; see `views`."""
+    ``shown`` gives the lines in px over its picture, and its result in words; ``judged`` what becomes of each beside the
+    others; see `views`."""
     names, outcomes = measuring.file_stems(photographs), dict[int, Shown | Refusal]()
+
+    def draw(k: int, image: pictures.Pixels, seen: silhouette.Silhouette | None, outcome: Shown | Refusal) -> None:
+        if pictures_folder is None:
+            return
+        photo, (lines, words) = photographs[k], shown(seen, outcome)
+        if isinstance(outcome, Refusal):
+            title = f"{photo.file.name}   refused: {outcome.reason}"
+        else:
+            weak = "" if outcome.trust == "yes" else " (not trusted)"
+            title = f"{photo.file.name}   {photo.pressure:.0f} Pa: {words}{weak}"
+        drawing.draw_view(pictures_folder / f"{names[k]}.png", image, lines, title, isinstance(outcome, Refusal))
+
     for k in zero_first(photographs):
         photo, image, seen = photographs[k], None, None
         try:
@@ -592,13 +642,12 @@ def each_photograph[Shown: (View, Outline)](
             outcomes[k] = Refusal(str(error), photo.file)
         except Exception as error:  # one odd photograph must not take the others with it
             outcomes[k] = Refusal(measuring.unexpected_error(error), photo.file)
-        if pictures_folder is not None and image is not None:
-            outcome, (lines, words) = outcomes[k], shown(seen, outcomes[k])
-            if isinstance(outcome, Refusal):
-                title = f"{photo.file.name}   refused: {outcome.reason}"
-            else:
-                weak = "" if outcome.trust == "yes" else " (not trusted)"
-                title = f"{photo.file.name}   {photo.pressure:.0f} Pa: {words}{weak}"
-            drawing.draw_view(pictures_folder / f"{names[k]}.png", image, lines, title, isinstance(outcome, Refusal))
+        if image is not None:
+            draw(k, image, seen, outcomes[k])
         done()
-    return tuple(outcomes[k] for k in range(len(photographs)))
+    before = tuple(outcomes[k] for k in range(len(photographs)))
+    after = tuple(judged(photographs, before))
+    for k, outcome in enumerate(after):
+        if pictures_folder is not None and outcome is not before[k]:
+            draw(k, pictures.read_pixels(photographs[k].file, scene.setup.camera.size), None, outcome)
+    return after

@@ -130,6 +130,24 @@ def test_command_makes_a_history_in_time(taken, tmp_path):
         assert np.hypot(float(row["tip_x_m"]) - true[0], float(row["tip_z_m"]) - true[1]) < 6e-4
 
 
+def test_frames_of_one_pressure_are_one_hold():
+    """A step of 0.8 s between the frames at 8 and 12 s of the log's clock, and a fall in which single frames are taken."""
+    at = np.arange(0.0, 60.0, 0.1)
+    pressures = np.interp(at, [0.0, 10.0, 10.8, 30.0, 45.0], [0.0, 0.0, 5e3, 5e3, 0.0])
+    log = film.Log(at, pressures + np.random.default_rng(0).normal(0.0, 5.0, len(at)))
+    motion = film.Motion(np.arange(0.0, 32.0, 0.04), np.zeros(800), 0.1, 1.0)
+    rest, *held = film.history_of(motion, log, 6.0, 4.0, None)
+    assert [shot.time for shot in held] == pytest.approx([4.0 * k for k in range(1, 8)])
+    assert abs(rest.pressure) < 20.0
+    assert [shot.pressure for shot in held[1:6]] == pytest.approx([held[1].pressure] * 5, abs=1e-9)
+    assert held[1].pressure == pytest.approx(5e3, abs=5.0)
+    for shot in held[1:6]:
+        assert shot.rise == pytest.approx(0.8, abs=0.06)
+        assert shot.hold == pytest.approx(shot.time + 6.0 - 10.8, abs=0.06)
+    assert (held[6].hold, held[6].rise) == pytest.approx((0.0, 4.0))
+    assert held[6].pressure == pytest.approx(np.interp(34.0, at, pressures), abs=20.0)
+
+
 def test_log_of_another_film_is_rejected(taken, tmp_path):
     other = films.Program((0.0, 9e3, 3e3, 20e3, 1e3, 15e3), (0.0, 1.0, 1.9, 5.5, 7.6, 8.3), 0.25)
     with pytest.raises(film.FilmError, match="does not fit the motion"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import json
 import math
 
@@ -12,9 +13,12 @@ from click.testing import CliRunner
 
 import softmodels as sm
 from geometries import Bellows, BendingBellows
+from measurement.outline.outline import history_text
 from softmodels.case.case import case_of
 from softmodels.cli.material_commands import fit_material, score
+from softmodels.fitting.curves.residuals import spectrum
 from softmodels.fitting.outlines import views
+from softmodels.fitting.outlines.creeping import CreepingViews
 from softmodels.fitting.outlines.device import MeasuredDevice
 from softmodels.fitting.outlines.residuals import nuisances
 from softmodels.fitting.outlines.shapes import OutlineFitError
@@ -78,7 +82,7 @@ def test_markers_are_points_of_the_device(filmed, table):
     rows, states = filmed
     marked = finger_views.marker_rows(SHORT, states, rows, ASIDE, 3, error=1e-6)
     finger_views.write_markers(table / "markers.csv", marked)
-    for given, tips in ((table, 3), (table / "markers.csv", 0)):
+    for given, tips in ((table, 3), (table / "markers.csv", 1)):  # the tip at rest shows where the base is
         source, _ = source_of(given)
         count = len(source.markers)
         assert count >= 2
@@ -124,10 +128,59 @@ def test_tables_that_cannot_be_fitted_say_why(rows, table, tmp_path):
         source_of(written({(0, 3): "0.1"}), components=())
     _, notes = source_of(written({(1, 1): "-400"}))
     assert notes == ["1.jpg: below the pressure of the room; photograph not used"]
-    with pytest.raises(sm.FitError, match="side views carry no times"):
+    with pytest.raises(sm.FitError, match="photographs show a memory only at two hold times or more"):
         sm.fit(SHORT, table, options=sm.FitOptions(memory=True))
     with pytest.raises(OutlineFitError, match="give its half or all of it"):
         MeasuredDevice.of(Bellows(section="axisymmetric"), views.TipFace).model(LawChoice.from_text("neo-hookean"), mpi.start())
+
+
+HOLDS, RISE, HELD = (1.0, 4.0, 28.0), 0.5, 2000.0
+CREEPS = SILICONE.with_memory(branches=[(0.25, 10.0)])
+
+
+def histories():
+    """Of a photograph at rest, and of three that are taken while a pressure is held."""
+    corners = [(0.0, 0.0), (RISE, HELD), *((RISE + hold, HELD) for hold in HOLDS)]
+    return [tuple(corners[:count]) for count in (1, 3, 4, 5)]
+
+
+def test_times_of_side_views_are_steps_of_a_test(rows, tmp_path):
+    """One hidden pressure for the three photographs of a hold; the device at rest is no step, and after venting left out."""
+    seen = [(*rows[min(k, 1)], *[""] * (15 - len(rows[0])), "", history_text(told)) for k, told in enumerate(histories())]
+    vented = (*rows[0], *[""] * (15 - len(rows[0])), "", history_text((*histories()[-1], (30.0, 0.0))))
+    finger_views.write_views(tmp_path / "views.csv", [*seen, vented])
+    measured = MeasuredDevice.of(case_of(SHORT, SILICONE, "0,5 cm"), views.seen_in(tmp_path))
+    model = measured.model(LawChoice.from_text("neo-hookean"), mpi.start(), spectrum([], HOLDS))
+    shapes, notes = views.prepare(views.read_views(tmp_path), model)
+    assert [shape.history for shape in shapes] == histories()
+    assert notes == ["0.jpg: without pressure after a test; photograph not used"]
+    source = CreepingViews(model, shapes)
+    assert (source.read, [p.name for p in source.hidden_parameters([])]) == ([1], ["pressure1"])
+    (test,) = source.creep.timetable.tests
+    assert [leg.duration for leg in test] == pytest.approx([RISE, 1.0, 3.0, 24.0])
+    with pytest.raises(OutlineFitError, match="has no times"):
+        CreepingViews(model, [dataclasses.replace(shape, history=()) for shape in shapes])
+
+
+@pytest.mark.campaign
+def test_a_finger_that_creeps_gives_its_memory_back(tmp_path, figure):
+    """A pressure held for 28 s: share and modulus within their intervals, by a gauge that reads 12 Pa too much."""
+    run = sm.inflate(SHORT, CREEPS, [f"{HELD} Pa"] * 4, times=[RISE, *(RISE + hold for hold in HOLDS)])
+    held = [state for state, row in zip(run, run.table, strict=True) if row["requested"]][-3:]
+    rest, rng, rows = sm.inflate(SHORT, SILICONE, "1 Pa").at("1 Pa"), np.random.default_rng(0), []
+    for number, (state, told) in enumerate(zip([rest, *held], histories(), strict=True)):
+        place, angle = finger_views.tip_of(SHORT, state)
+        place, angle = place + 2e-5 * rng.standard_normal(2), angle + 1e-3 * rng.standard_normal()
+        reading = HELD + 12.0 if number else 0.0
+        numbers = reading, 20.0, place[0], 2e-5, place[1], 2e-5, math.degrees(angle), math.degrees(1e-3)
+        rows.append((f"{number}.jpg", *map(repr, map(float, numbers)), *[""] * 4, "yes", "", "", history_text(told)))
+    finger_views.write_views(tmp_path / "views.csv", rows)
+    report = sm.fit(SHORT, tmp_path, "neo-hookean", sm.FitOptions(memory=True, profiles=False))
+    fit = report.chosen.fit
+    for name, true, bound in (("share_10s", 0.25, 0.2), ("shear_modulus", 20e3, 0.05)):
+        low, high = fit.interval(name)
+        assert low <= true <= high
+        figure("side views of a finger that creeps", name, fit.values[name] / true - 1, bound)
 
 
 def random_finger(seed):

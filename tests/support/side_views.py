@@ -95,11 +95,16 @@ def bent_comb(turn, height=0.018, length=0.06):
     return parts, line[-1], -turn, line, to_pixels([[0.0, height / 2], [0.0, -height / 2]])
 
 
-def photograph(
-    path, *parts, shift_px=(0.0, 0.0), colour=(0.75, 0.35, 0.3), background=(0.9, 0.92, 0.95), seed=0, noise=1.5, blur=0.8,
-    pixel=PIXEL, centre=CENTRE,
+def photograph(path, *parts, seed=0, noise=1.5, **how):
+    """Write a photograph of surfaces; see `rendered`."""
+    store(path, rendered(*parts, **how), seed, noise)
+
+
+def rendered(
+    *parts, shift_px=(0.0, 0.0), colour=(0.75, 0.35, 0.3), background=(0.9, 0.92, 0.95), blur=0.8, pixel=PIXEL, centre=CENTRE,
 ):  # fmt: skip
-    """Write a photograph of surfaces, or of pairs of a surface and its texture or its own colour, before a background."""
+    """The light (h, w, 3) of a photograph of surfaces, or of pairs of a surface and its texture or its own colour, before a
+    background."""
     width, height = SIZE
     plotter = pv.Plotter(off_screen=True, window_size=SIZE)
     plotter.set_background(background)
@@ -113,25 +118,29 @@ def photograph(
     camera.position, camera.focal_point, camera.up = (x, -FAR, z), (x, 0.0, z), (0.0, 0.0, 1.0)
     camera.view_angle = float(2 * np.degrees(np.arctan(height * pixel / 2 / FAR)))
     camera.clipping_range = (0.1, 10.0)
-    light, steps = 0.0, (-1 / 3, 0.0, 1 / 3)
-    for right in steps:
-        for up in steps:
-            camera.SetWindowCenter(2 * right / width, 2 * up / height)
-            plotter.render()
-            stored = plotter.screenshot(return_img=True).astype(float) / 255
-            light = light + np.where(stored <= 0.04045, stored / 12.92, ((stored + 0.055) / 1.055) ** 2.4) / 9
+    light = 0.0
+    for k in range(9):  # nine rows and nine columns, so that an edge along the pixels is no staircase of thirds
+        camera.SetWindowCenter(2 * (k - 4) / 9 / width, 2 * ((4 * k) % 9 - 4) / 9 / height)
+        plotter.render()
+        stored = plotter.screenshot(return_img=True).astype(float) / 255
+        light = light + np.where(stored <= 0.04045, stored / 12.92, ((stored + 0.055) / 1.055) ** 2.4) / 9
     plotter.close()
-    light = cv2.GaussianBlur(light, (0, 0), blur)
+    return cv2.GaussianBlur(light, (0, 0), blur)
+
+
+def store(path, light, seed=0, noise=1.5, quality=93):
+    """Write the photograph of a light (h, w, 3) with a sensor's noise."""
+    light = np.maximum(light, 0.0)
     stored = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055) * 255
     stored = np.clip(np.rint(stored + np.random.default_rng(seed).normal(0.0, noise, stored.shape)), 0, 255).astype(np.uint8)
-    cv2.imwrite(str(path), stored[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 93] if str(path).endswith(".jpg") else [])
+    cv2.imwrite(str(path), stored[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality] if str(path).endswith(".jpg") else [])
 
 
-def tag(x, z, side, behind):
+def tag(x, z, side, behind, number=5):
     """An AprilTag with its white rim as a surface with a texture: the lower left corner of its black square, its side, and how
     far it lies behind the bar's middle plane, in m."""
     black = cv2.aruco.generateImageMarker(
-        cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11), 5, 800, borderBits=1
+        cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11), number, 800, borderBits=1
     )
     image = np.repeat(np.pad(black, 100, constant_values=255)[..., None], 3, axis=2)
     rim = side / 8

@@ -17,7 +17,7 @@ import numpy as np
 from measurement.outline import outline
 from softmodels.common.arrays import Array
 from softmodels.fitting import problem
-from softmodels.fitting.outlines import device, residuals
+from softmodels.fitting.outlines import device, residuals, views
 from softmodels.fitting.outlines.shapes import OutlineFitError, Shape
 from softmodels.mechanics import controls, newton, sensitivity
 from softmodels.mechanics.system import State
@@ -58,6 +58,11 @@ class Creep:
                 if share == 1.0:
                     photographs |= dict.fromkeys(test[leg].photographs, (state, rates))
         return photographs
+
+    @property
+    def at_rest(self) -> tuple[State, dict[str, sensitivity.Rate]]:
+        """The state before the tests, and its derivatives."""
+        return self._hung, self._hung_rates
 
     def _chosen(self, test: Sequence[Leg], values: Mapping[str, float]) -> list[tuple[int, float]]:
         """Return the steps of a test: at the end of each the number of the leg and the share of it that is done."""
@@ -275,20 +280,25 @@ class CreepingResiduals(residuals.OutlineResiduals):
                 (1 + LEVEL_BOUNDS) * shape.pressure, hidden=True,
                 title=f"the pressure of {shape.name}", device=self.device,
             )
-            for name, shape in zip(self._own_hidden, [self.shapes[i] for i in self.read], strict=True)
+            for name, shape in zip(self._volumes, [self.shapes[i] for i in self.read], strict=True)
         ]  # fmt: skip
 
     def _states(self, own: Mapping[str, float]) -> list[State]:
         names = [name for name in self.model.common if self.named(name) not in self.fixed]
-        self._found = self.creep.photographs(own, names)
+        self._found = self._photographs(own, names)
         return [self._found[i][0] for i in range(len(self.shapes))]
+
+    def _photographs(
+        self, own: Mapping[str, float], names: Sequence[str]
+    ) -> dict[int, tuple[State, dict[str, sensitivity.Rate]]]:
+        return self.creep.photographs(own, names)
 
     def form_slopes(self, values: Mapping[str, float], name: str) -> Array:
         """Return the derivatives of the residuals by a factor of `laws.FORM_ENERGIES`, shape (n,): the tests walked anew."""
         self.matches(values)
         known = self._found, self.creep.levels
         try:
-            self._found = self.creep.photographs(self.own(values), [name])
+            self._found = self._photographs(self.own(values), [name])
             return super().form_slopes(values, name)
         finally:
             self._found, self.creep.levels = known
@@ -296,5 +306,26 @@ class CreepingResiduals(residuals.OutlineResiduals):
     def _slopes(self, number: int, state: State, names: Sequence[str]) -> tuple[dict[str, float], dict[str, Array]]:
         rates = self._found[number][1]
         levels, moved = self.creep.levels, self.model.silhouette.moved
-        nodes = {name: moved(rate.w) - [0.0, levels.get(name, 0.0)] for name, rate in rates.items()}
+        nodes = {name: moved(rate.w) for name, rate in rates.items()}
+        if self.model.silhouette.counts_heights:
+            nodes = {name: rate - [0.0, levels.get(name, 0.0)] for name, rate in nodes.items()}
         return {name: rate.P for name, rate in rates.items()}, nodes
+
+
+class CreepingViews(views.ViewResiduals, CreepingResiduals):
+    """Residuals of a device that creeps against side views that carry times; those without pressure show it before its test."""
+
+    def _hidden(self) -> tuple[list[int], tuple[str, ...]]:
+        pressed, hidden = super()._hidden()
+        timetable = Timetable.of([self.shapes[i].history for i in pressed])
+        self.creep = Creep(self.model, timetable)
+        return [pressed[i] for i in timetable.levels.values()], (*timetable.levels, *hidden[len(pressed) :])
+
+    _states, _slopes = CreepingResiduals._states, CreepingResiduals._slopes
+
+    def _photographs(
+        self, own: Mapping[str, float], names: Sequence[str]
+    ) -> dict[int, tuple[State, dict[str, sensitivity.Rate]]]:
+        pressed = [i for i, shape in enumerate(self.shapes) if not shape.resting]
+        in_time = super()._photographs(own, names)
+        return dict.fromkeys(range(len(self.shapes)), self.creep.at_rest) | {pressed[i]: known for i, known in in_time.items()}

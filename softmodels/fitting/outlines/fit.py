@@ -257,7 +257,8 @@ def source_of(
         if len(of_sides) < len(measured):
             raise OutlineFitError("a device is fitted to its outlines or to its side views; give the same case twice for both")
         prepared, notes = views.prepare(of_sides, model)
-        return views.ViewResiduals(model, prepared, device=name), notes
+        of_views = views.ViewResiduals if model.spectrum is None else creeping.CreepingViews
+        return of_views(model, prepared, device=name), notes
     outlines = [part for part in measured if isinstance(part, Outline)]
     shapes, notes = prepare(outlines, device.actuator, model.silhouette.width)
     kind = OutlineResiduals if model.spectrum is None else creeping.CreepingResiduals
@@ -355,8 +356,6 @@ def _check_seen(measured: Sequence[MeasuredDevice], options: FitOptions) -> None
     """Raise `FitError` for options that side views do not have."""
     if all(pair_device.seen.counts_heights for pair_device in measured):
         return
-    if options.memory:
-        raise FitError("side views carry no times, so they show no memory; leave out --memory")
     if options.height_datum:
         raise FitError("places of side views count from the device's base; leave out --height-datum")
 

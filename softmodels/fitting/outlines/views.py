@@ -24,7 +24,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from geometries.actuator import ENDS
-from measurement.outline.outline import History
+from measurement.outline.outline import History, OutlineError, read_history
 from measurement.outline.silhouette import FACE_SHARE
 from measurement.series import markers
 from measurement.series.views import VIEW_COLUMNS
@@ -101,8 +101,8 @@ def seen_in(given: object) -> type[shapes.Silhouette]:
 
 def read_views(file: Path, untrusted: bool = False, exclude: Sequence[str] = ()) -> list[SideView]:
     """Read the ``views.csv`` that ``softmodels measure view`` writes, or that of its folder, with the ``markers.csv`` beside
-    it; that table alone leaves the tips out. Rejected and excluded photographs are left out. `OutlineFitError` for a number
-    that is none, or a view that is not trusted, unless ``untrusted``."""
+    it; of that table alone the tips under pressure are left out. Rejected and excluded photographs are left out.
+    `OutlineFitError` for a number that is none, or a view that is not trusted, unless ``untrusted``."""
     path = file / TABLE if file.is_dir() else file.with_name(TABLE) if file.name == markers.TABLE else file
     marked = _read_markers(path.with_name(markers.TABLE), untrusted) if file.is_dir() or file.name == markers.TABLE else {}
     (sheet, rows), views = _rows_of(path, VIEW_COLUMNS[1:9], "table of side views; make it with softmodels measure view"), []
@@ -117,13 +117,16 @@ def read_views(file: Path, untrusted: bool = False, exclude: Sequence[str] = ())
             )
         try:
             p, p_error, x, x_error, z, z_error, angle, angle_error = (units.number(row[name]) for name in VIEW_COLUMNS[1:9])
+            history = read_history(f"{path}, {sheet.place(line)}", row.get("history_s_Pa") or "")
         except units.UnitError as error:
             raise OutlineFitError(f"{path}, {sheet.place(line)}: {error}") from None
+        except OutlineError as error:
+            raise OutlineFitError(str(error)) from None
         views.append(
             SideView(
                 row.get("file") or sheet.place(line), p, p_error, np.array([x, z]), np.array([x_error, z_error]),
-                math.radians(angle), math.radians(angle_error), () if trusted == "yes" else (remarks,),
-                markers=tuple(marked.get(row.get("file") or "", ())), counts_tip=file.name != markers.TABLE,
+                math.radians(angle), math.radians(angle_error), () if trusted == "yes" else (remarks,), history,
+                markers=tuple(marked.get(row.get("file") or "", ())), counts_tip=file.name != markers.TABLE or p <= p_error,
             )
         )  # fmt: skip
     return views
@@ -199,7 +202,9 @@ def prepare(views: Sequence[SideView], model: device.DeviceModel) -> tuple[list[
     shapes.check_readings(views)
     sucked = [view for view in views if view.pressure < -view.pressure_error]
     notes = [f"{view.source}: below the pressure of the room; photograph not used" for view in sucked]
-    chosen = sorted((view for view in views if view not in sucked), key=lambda view: view.pressure)
+    vented = [view for view in views if model.spectrum and view.pressure <= view.pressure_error and len(view.history) > 1]
+    notes += [f"{view.source}: without pressure after a test; photograph not used" for view in vented if view not in sucked]
+    chosen = sorted((view for view in views if view not in sucked and view not in vented), key=lambda view: view.pressure)
     if not chosen or chosen[-1].pressure <= chosen[-1].pressure_error:
         raise OutlineFitError("no side view shows the device under pressure; give at least one")
     arm, first = model.silhouette.width, chosen[0]
@@ -214,7 +219,7 @@ def prepare(views: Sequence[SideView], model: device.DeviceModel) -> tuple[list[
     moved = max(
         math.hypot(float(np.linalg.norm(view.tip - first.tip)), arm * abs(_turned(view.angle - first.angle))) for view in chosen
     )
-    if not first.counts_tip and not any(view.markers for view in chosen):
+    if not any(view.counts_tip or view.markers for view in chosen if view not in resting):
         raise OutlineFitError("no photograph has a trusted marker; measure them with softmodels measure view --markers")
     names = Counter(marker.name for view in chosen for marker in view.markers)
     before: dict[str, Array] = {}
@@ -230,7 +235,7 @@ def prepare(views: Sequence[SideView], model: device.DeviceModel) -> tuple[list[
         error = np.concatenate([tip, *own])
         prepared.append(ViewShape(
             view.source, view.tip[None], error, np.arange(len(error)), np.ones(len(error)), view.pressure, view.pressure_error,
-            moved, 0.0, level_error=BASE_ERROR, angle=view.angle, arm=arm, resting=view in resting,
+            moved, 0.0, level_error=BASE_ERROR, history=view.history, angle=view.angle, arm=arm, resting=view in resting,
             markers=tuple(m.name for m in marked), places=np.array([m.place for m in marked]).reshape(-1, 2),
             parallax=np.array([m.parallax for m in marked]).reshape(-1, 2), counts_tip=view.counts_tip,
         ))  # fmt: skip
@@ -645,7 +650,7 @@ class ViewResiduals(residuals.OutlineResiduals):
     ) -> tuple[list[dict[str, float]], residuals.NeoHookeanDevice]:
         """Return starting values; see `OutlineResiduals`."""
         path = self._start.path
-        pressed = [self.shapes[i] for i in self.read]
+        pressed = [shape for shape in self.shapes if not shape.resting]
         errors = [s.pressure_error * (residuals.IGNORED_ERROR_FACTOR if s.source in doubted else 1.0) for s in pressed]
         return residuals.starts(self.model, path, np.array([s.pressure for s in pressed]), np.array(errors), held)
 
