@@ -162,9 +162,11 @@ def moved_with(points: Array, paths: Sequence[Sequence[Place]], others: Sequence
     """Return where points (m, shape (n, 2)) lie when the corners of closed paths move to those of others: straight sides stay
     straight, and what is within follows smoothly, by mean value coordinates (Hormann and Floater 2006,
     doi 10.1145/1183287.1183295)."""
+    corners, goals = (np.concatenate([np.array(path) for path in each]) for each in (paths, others))
+    if (parts := math.ceil(len(points) * len(corners) / MAX_PAIRS)) > 1:
+        return np.concatenate([moved_with(part, paths, others) for part in np.array_split(points, parts)])
     total, weighted = np.zeros(len(points)), np.zeros_like(points)
     extent = float(np.ptp(paths[0], axis=0).max())
-    corners, goals = (np.concatenate([np.array(path) for path in each]) for each in (paths, others))
     for number, (path, goal) in enumerate(zip(paths, others, strict=True)):
         sense = math.copysign(1.0, signed_area(path)) * (-1.0 if number else 1.0)
         off = np.array(path) - points[:, None]
@@ -180,6 +182,8 @@ def moved_with(points: Array, paths: Sequence[Sequence[Place]], others: Sequence
     return np.where((near < ON_CORNER * extent)[:, None], goals[corner], weighted / total[:, None])
 
 
+MAX_PAIRS = 1_000_000
+"""Of places and corners at a time: 100 MB."""
 ON_CORNER = 1e-12
 """How near a place is to a corner or a side, in the extent of an outline, to lie on it."""
 

@@ -62,6 +62,7 @@ class _Variants:
     """A problem of two choices of a whole number."""
 
     counts = ("rings",)
+    growth = None
 
     def variants(self):
         return [("rings = 2", self), ("rings = 3", self)]
