@@ -140,13 +140,13 @@ def test_the_controller_of_the_documentation_in_mujoco(model):
     mujoco = pytest.importorskip("mujoco", reason="MuJoCo moves the body")
     page = (ROOT / "docs" / "pages" / "howto" / "reduce.md").read_text(encoding="utf-8")
     (program,) = (text for text in re.findall(r"```{ .python }\n(.*?)```", page, re.DOTALL) if "def drive" in text)
-    names = {"model": lambda first, _, third: model(first, third)}  # the page's arm has three cavities
+    names = {"model": model}
     exec(program, names)
     data, tip, at = names["data"], names["tip"], model(5e3, 2e3)
     for load in np.zeros(3), np.array([0.0, 0.0, 1e-3]):
         data.qfrc_applied[:3] = load
         for _ in range(4000):
-            names["drive"](5e3, 0, 2e3)
+            names["drive"](5e3, 2e3)
             mujoco.mj_step(names["scene"], data)
         assert data.xpos[tip] - at.position == pytest.approx(at.compliance[:3, :3] @ load, abs=1e-7)
     assert data.xquat[tip] != pytest.approx(at.quaternion, abs=1e-5)
