@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from click import testing
 
-from geometries import ChannelPlate, actuator, drawings, mesh_arrays, meshing, network, plates
+from geometries import ChannelPlate, SeminarActuator, actuator, drawings, mesh_arrays, meshing, network, plates
 from softmodels.case.case import Case
 from softmodels.cli import exports
 from softmodels.common.errors import GeometryError, MeshingError
@@ -432,7 +432,31 @@ def test_the_command_draws_a_case(tmp_path):
     done = testing.CliRunner().invoke(exports.draw_network_command, [str(case), "-o", str(tmp_path / "plate.svg")])
     assert done.exit_code == 0 and "4 channels" in done.output
     assert "node 1 at (2.8, -4.7) mm, offset -0.5 mm, of channel 1 (airway 1)" in done.output
+    assert "corner 3 of the outline at (40, 7.5) mm" in done.output
     assert ChannelPlate(network=str(tmp_path / "plate.svg")).drawn.channels[0].radii[0] == pytest.approx(1.3e-3)
+
+
+def test_the_seminar_actuator_is_drawn_and_read_back(tmp_path):
+    case = tmp_path / "case.toml"
+    case.write_text('[geometry]\ndevice = "SeminarActuator"\nchannels = 3\nspread = "60 deg"\n')
+    done = testing.CliRunner().invoke(exports.draw_network_command, [str(case), "-o", str(tmp_path / "slab.svg")])
+    assert done.exit_code == 0 and "4 channels" in done.output and "of channel 1 (the manifold)" in done.output
+    slab = SeminarActuator(channels=3, spread=60.0)
+    plate = ChannelPlate(network=str(tmp_path / "slab.svg"), thickness=slab.thickness, offset=slab.offset, around=8)
+    assert plate.copies == 2 and plate.cavity_volume == pytest.approx(slab.cavity_volume, rel=1e-3)
+
+
+def test_corners_of_the_outline_move():
+    outline = "0, -8, 32, -6, 36, 1, 28, 8, 0, 8 mm"
+    plate = ChannelPlate(outline=outline, channels=("5, 0 to 25, 0 mm",), symmetry="none")
+    assert {"outline_x[3]", "outline_y[5]"} <= set(plate.movable)
+    moved = actuator.changed(plate, {"outline_x[3]": 38e-3})
+    assert moved.paths[0][2] == (38e-3, 1e-3) and moved.paths[0][3] == plate.paths[0][3]
+    assert moved.drawn.channels == plate.drawn.channels
+    with pytest.raises(GeometryError, match="outline_x has 2 entries for 5 corners of the outline"):
+        plate.replaced(outline_x=(0.0, 0.03))
+    round_one = ChannelPlate(outline="circle 40 mm", support="bottom", network="radial:3", symmetry="none")
+    assert not any(name.startswith("outline") for name in round_one.movable)
 
 
 def test_nodes_are_the_ends_and_corners_of_channels():
