@@ -64,6 +64,8 @@ def stages(
         file = None if folder is None else _map_file(folder, count)
         known = mpi.on_root(comm, functools.partial(_read, file, base)) if resume else None
         table = known or make_map(base, case, growth, file, comm)
+        for doubt in doubts(base, _plate(case), table):
+            tell(doubt)
         for attempt, candidate in enumerate(_promising(_plate(case), growth, table), 1):
             plate = _plate(case).with_channels(candidate.channels)
             try:
@@ -237,7 +239,19 @@ def map_alone(problem: DesignProblem, folder: DesignFolder | None, comm: MPI.Com
         folder.own.claim([MAP, str(Path(MAP).with_suffix(".svg"))])
     file = mpi.on_root(comm, lambda: None if folder is None else folder.path / MAP)
     table = make_map(problem, problem.case, problem.growth, file, comm)
-    return [candidate.sentence(problem) for candidate in dict.fromkeys([*table[:BEST_SHOWN], *table[-1:]])]
+    told = [candidate.sentence(problem) for candidate in dict.fromkeys([*table[:BEST_SHOWN], *table[-1:]])]
+    return [*told, *doubts(problem, _plate(problem.case), table)]
+
+
+def doubts(problem: DesignProblem, plate: ChannelPlate, table: Sequence[Candidate]) -> list[str]:
+    """Return a sentence on gains that are beyond first order: close to a limit point all channels seem to do wonders."""
+    asked = problem.terms[0].quantity
+    if asked.unit != "m" or not table or table[0].gain <= plate.thickness:
+        return []
+    return [
+        f"a gain of {in_words(asked, table[0].gain, 3)} is beyond first order: it is more than the plate's thickness, as "
+        "close to a limit point; ask for the objective at a lower pressure"
+    ]
 
 
 BEST_SHOWN = 5

@@ -190,6 +190,15 @@ def test_the_map_alone_is_written_and_told_in_sentences(tmp_path, comm):
         grow.map_alone(dataclasses.replace(asked, grow=None), None, comm)
 
 
+def test_gains_beyond_first_order_are_doubted():
+    asked = problem(around="around = 6", cell_size='cell_size = "3 mm"')
+    plate = asked.case.actuator
+    small, large = (grow.Candidate((0.0, 0.0), (0.01, 0.0), "", ("",), gain) for gain in (1e-4, 1.1 * plate.thickness))
+    assert grow.doubts(asked, plate, [small]) == [] and grow.doubts(asked, plate, []) == []
+    (told,) = grow.doubts(asked, plate, [large, small])
+    assert "beyond first order" in told and "at a lower pressure" in told
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
