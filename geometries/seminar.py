@@ -184,7 +184,7 @@ class SeminarActuator(actuator.MirroredHalf, actuator.HeldTip, plates.NetworkPla
 # ----------------------------------------------------------------------------------------------------------------------
 # The seminar actuator seen from above: outline, centre lines of the channels, and distances between them.
 #
-# Everything here is plain geometry in the plane (x, y), in m, without Gmsh: the checks, the shape and the cell sizes share it.
+# Everything here is plain geometry in the plane (x, y), in m, without Gmsh: the checks and the shape share it.
 
 
 class Cone(NamedTuple):
@@ -265,14 +265,6 @@ def _drawn(slab: SeminarActuator) -> Network:
 
 ARC_PIECES = 24
 """Straight pieces of the manifold's centre line, and sides of the rounding at the tip; even, for a corner in the middle."""
-
-
-def outline_area(slab: SeminarActuator) -> float:
-    """Return the area of half the slab (y > 0) seen from above, in m2."""
-    normal, (x, y) = side(slab)
-    middle = slab.length - slab.tip_radius
-    straight = 0.5 * (0.5 * slab.base_width * x + y * middle)  # corners (0, 0), (middle, 0), (x, y), (0, half width)
-    return straight + 0.5 * slab.tip_radius**2 * math.atan2(normal[1], normal[0])
 
 
 def edge_distance(slab: SeminarActuator, x: float, y: float) -> float:

@@ -9,11 +9,11 @@ import gmsh
 import numpy as np
 import pytest
 
-from geometries import GeometryError, SeminarActuator
+from geometries import GeometryError, SeminarActuator, plates
 from geometries.actuator import changed, parameter, parameter_names
 from geometries.meshing import private_model, summarize
 from geometries.registry import device_options, device_told, from_table, to_table
-from geometries.seminar import check_seminar, edge_distance, fan, half_fan, outline_area
+from geometries.seminar import check_seminar, edge_distance, fan, half_fan
 from tests.support.campaigns import sampled
 
 COARSE = {"around": 6.0, "channels": 3, "spread": 60.0}
@@ -97,7 +97,7 @@ def test_outline(tip_radius):
     x, y = np.meshgrid(np.linspace(0, slab.length, 801), np.linspace(0, slab.base_width / 2, 401), indexing="ij")
     inside = np.vectorize(lambda a, b: edge_distance(slab, a, b) > 0)(x, y)
     cell = slab.length / 800 * slab.base_width / 800
-    assert inside.sum() * cell == pytest.approx(outline_area(slab), rel=5e-3)
+    assert inside.sum() * cell == pytest.approx(0.5 * plates.outline_area(slab.paths), rel=5e-3)
     assert edge_distance(slab, slab.length, 0.0) == pytest.approx(0.0, abs=1e-12)
     assert edge_distance(slab, 0.0, slab.base_width / 2) == pytest.approx(0.0, abs=1e-12)
 
@@ -107,7 +107,7 @@ def test_mesh_is_the_shape(mesh):
     found = summarize(path)
     assert found.quality > 0.05  # no cell is turned inside out, curved edges counted
     assert found.measure * slab.copies == pytest.approx(slab.solid_volume, rel=1e-4)
-    lost = 2 * outline_area(slab) * slab.thickness - found.measure * slab.copies
+    lost = plates.outline_area(slab.paths) * slab.thickness - found.measure * slab.copies
     assert lost == pytest.approx(slab.cavity_volume, rel=1e-2)
 
 
