@@ -460,6 +460,7 @@ class Shape:
         width: Width of the device across it in m, shape (k,).
         tip: Where the centre line leaves the device, shape (2,), m.
         angle: Direction in rad in which the tip's face looks, from the x axis to z; of a round tip that of the centre line.
+        uneven: How far in rad the tip's face may look elsewhere, for a glint or a nick in it.
         bulges: Whether the tip's face bulges, so that the line between its corners is taken for it.
         base: Middle of the base (2,) in m.
         direction: Direction in rad from the base into the device, across the base.
@@ -469,6 +470,7 @@ class Shape:
     width: Array
     tip: Array
     angle: float
+    uneven: float
     bulges: bool
     base: Array
     direction: float
@@ -553,20 +555,20 @@ def shape_of(
     line = _extended(line, polygon) if face is None else _led_to(line, face)
     wide = np.where(np.isfinite(wide), wide, usual)
     bulges = False
-    tip, angle, flat, even = _tip(polygon, line, float(np.median(wide[-STATION_COUNT // 5 : -STATION_COUNT // 12])))
+    tip, angle, uneven, flat, even = _tip(polygon, line, float(np.median(wide[-STATION_COUNT // 5 : -STATION_COUNT // 12])))
     if face is not None:
         chord, centre = _looks(face, line), face.mean(axis=0)
         off = float(np.linalg.norm(tip - centre)) / size
         bulges = not flat or off > SAME_TIP or abs(np.angle(np.exp(1j * (angle - chord)))) > SAME_TIP
         if bulges or not even:
-            tip, angle = centre, chord
+            tip, angle, uneven = centre, chord, 0.0
     elif not flat and not even:
         raise pictures.Unmeasurable(UNCLEAR_CORNER)
     line = _resampled(np.vstack([line[:-1], tip]), STATION_COUNT)
     across = base[1] - base[0]
     way = np.array([-across[1], across[0]])
     way = way * np.sign(way @ (line[STATION_COUNT // 8] - middle))
-    shape = Shape(line, wide, tip, angle, bulges, middle, float(np.arctan2(way[1], way[0])))
+    shape = Shape(line, wide, tip, angle, uneven, bulges, middle, float(np.arctan2(way[1], way[0])))
     step = int(np.clip(np.median(wide) / shape.length * STATION_COUNT, 1, STATION_COUNT - 1))
     heading = np.unwrap(np.arctan2(*normals(line).T[::-1]))
     if np.abs(heading[step:] - heading[:-step]).max() > MAX_TURN:
@@ -700,18 +702,18 @@ def _smooth_line(arc: Array, centres: Array, start: Array, length: float, inner:
     return _resampled(shown, STATION_COUNT)
 
 
-def _tip(polygon: Array, line: Array, width: float) -> tuple[Array, float, bool, bool]:
-    """Return the tip (2,) in m, the direction in rad that its face looks in, whether it has a flat one, and whether the device
-    is even there: of the same width before a flat face, or round about its centre line."""
+def _tip(polygon: Array, line: Array, width: float) -> tuple[Array, float, float, bool, bool]:
+    """Return the tip (2,) in m, the direction in rad that its face looks in, how `Shape.uneven` it is, whether it has a flat
+    one, and whether the device is even there: of the same width before a flat face, or round about its centre line."""
     tip, way = line[-1], line[-1] - line[-8]
     way = way / np.linalg.norm(way)
     across = np.array([-way[1], way[0]])
-    face, flat = tip, False
+    face, flat, uneven = tip, False, 0.0
     for _ in range(3):
         offset = polygon[1:-1] - face
         near = (np.abs(offset @ across) < FACE_SHARE * width) & (np.abs(offset @ way) < 0.35 * width)
         if near.sum() < 6:
-            return tip, float(np.arctan2(way[1], way[0])), False, False
+            return tip, float(np.arctan2(way[1], way[0])), 0.0, False, False
         at, high = offset[near] @ across, offset[near] @ way
         fit = np.polynomial.polynomial.polyfit(at, high, 1)
         missed = high - np.polynomial.polynomial.polyval(at, fit)
@@ -721,13 +723,14 @@ def _tip(polygon: Array, line: Array, width: float) -> tuple[Array, float, bool,
         flat = float(np.sqrt(np.mean(missed**2))) < FLAT_SHARE * width
         if not flat:
             break
+        uneven = _uneven(at[kept] / width, missed / width)
         face = face + fit[0] * way
         way = way - fit[1] * across
         way = way / np.linalg.norm(way)
         across = np.array([-way[1], way[0]])
     if not flat:
         way = line[-1] - line[-8]
-        return tip, float(np.arctan2(way[1], way[0])), False, abs(fit[1]) < MAX_SLANT
+        return tip, float(np.arctan2(way[1], way[0])), 0.0, False, abs(fit[1]) < MAX_SLANT
     # The middle of the face: between both sides a little before it, and twice as far, for a device that is curved there.
     back = face - np.array([[0.15], [0.3]]) * width * way
     left, right = (_reach(polygon, back, np.tile(sign * across, (2, 1))) for sign in (1.0, -1.0))
@@ -735,4 +738,18 @@ def _tip(polygon: Array, line: Array, width: float) -> tuple[Array, float, bool,
     even = bool(abs(wide[1] - wide[0]) < SAME_WIDTH * width)
     if wide[0] < 1.5 * width:
         face = face + (middle[0] - (middle[1] - middle[0] if even else 0.0) / 3.0) * across
-    return face, float(np.arctan2(way[1], way[0])), True, even and bool(wide[0] < 1.5 * width)
+    return face, float(np.arctan2(way[1], way[0])), uneven, True, even and bool(wide[0] < 1.5 * width)
+
+
+def _uneven(at: Array, high: Array) -> float:
+    """Return how far in rad a face of n points, shape (n,), may look elsewhere than its line does, from what a parabola through
+    it leaves, if that is more than noise leaves of a clean face."""
+    if len(at) < 6:
+        return 0.0
+    left = high - np.polynomial.polynomial.polyval(at, np.polynomial.polynomial.polyfit(at, high, 2))
+    rough = float(np.std(left) / np.std(at))
+    return rough / np.sqrt(FACE_PIECES) if rough > MIN_ROUGHNESS else 0.0
+
+
+MIN_ROUGHNESS, FACE_PIECES = np.radians(0.3), 2
+"""Slope in rad of what is left of a face above which something is on it, and how many pieces of the face err independently."""

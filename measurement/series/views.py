@@ -295,7 +295,7 @@ def view_of(
     passed = model + (FOLDED_SHARE * width if seen.folded.any() else 0.0)
     view = View(
         shape, outline, np.hypot(_spread(np.array(outlines)), place), np.hypot(np.std(tips, axis=0, ddof=1), place),
-        math.hypot(float(np.std(turned, ddof=1)), across_face / width),
+        math.hypot(float(np.std(turned, ddof=1)), across_face / width, shape.uneven),
         math.hypot(float(np.std([repeat.length for repeat in shapes], ddof=1)), model),
         np.hypot(np.std(across, axis=0, ddof=1), passed), photo.pressure, photo.pressure_error, photo.file.name,
         anyway=photo.anyway,
