@@ -636,7 +636,7 @@ def in_halves(up: Vector, level: float | None, why: str, *inlets: tuple[Vector, 
 MOST_REFINED = 20.0
 """Most times that all cells may be smaller, or larger, than a device's other settings say."""
 
-MESH_KEY_VERSION = 4
+MESH_KEY_VERSION = 5
 """Version in every key: increase it when the same parameters give another mesh, to invalidate cached meshes."""
 
 

@@ -770,10 +770,13 @@ class Mirror:
 
 def mirror_mesh(mirror: Mirror) -> None:
     """Add the image of the current model's mesh and its physical groups; nodes on the plane are shared."""
+    # Nodes of points of a spline belong to no cell: they are not saved, and their numbers are the images'.
+    members = np.concatenate([own for dimension in (2, 3) for own in gmsh.model.mesh.getElements(dimension)[2]])
+    for point in gmsh.model.getEntities(0):
+        if not np.isin(gmsh.model.mesh.getNodes(*point)[0], members).any():
+            gmsh.model.mesh.clear([point])
     tags, places, _ = gmsh.model.mesh.getNodes()
-    members = [own for dimension in (2, 3) for own in gmsh.model.mesh.getElements(dimension)[2]]
-    used = np.isin(tags, np.concatenate(members))  # others, as of points of a spline, are not saved
-    tags, places = tags[used], places.reshape(-1, 3)[used]
+    places = places.reshape(-1, 3).copy()
     groups = {gmsh.model.getPhysicalName(*group): group for group in gmsh.model.getPhysicalGroups()}
     on_plane = gmsh.model.mesh.getNodesForPhysicalGroup(*groups[mirror.role])[0]
     image = np.zeros(int(tags.max()) + 1, dtype=np.uint64)
