@@ -771,9 +771,9 @@ class Mirror:
 def mirror_mesh(mirror: Mirror) -> None:
     """Add the image of the current model's mesh and its physical groups; nodes on the plane are shared."""
     # Nodes of points of a spline belong to no cell: they are not saved, and their numbers are the images'.
-    members = np.concatenate([own for dimension in (2, 3) for own in gmsh.model.mesh.getElements(dimension)[2]])
+    used = np.concatenate([own for dimension in (2, 3) for own in gmsh.model.mesh.getElements(dimension)[2]])
     for point in gmsh.model.getEntities(0):
-        if not np.isin(gmsh.model.mesh.getNodes(*point)[0], members).any():
+        if not np.isin(gmsh.model.mesh.getNodes(*point)[0], used).any():
             gmsh.model.mesh.clear([point])
     tags, places, _ = gmsh.model.mesh.getNodes()
     places = places.reshape(-1, 3).copy()

@@ -75,6 +75,10 @@ class Network:
         """Names of the cavities, in the order of their first channels."""
         return tuple(dict.fromkeys(channel.cavity for channel in self.channels))
 
+    def channels_of(self, cavity: str) -> list[Channel]:
+        """Return the channels of a cavity."""
+        return [channel for channel in self.channels if channel.cavity == cavity]
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Nodes:

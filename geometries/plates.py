@@ -149,7 +149,7 @@ class NetworkPlate(actuator.Actuator):
         curved = []
         for name, role in zip(self.drawn.cavities, actuator.cavity_roles(self), strict=True):
             tags, places = gmsh.model.mesh.getNodesForPhysicalGroup(*groups[role])
-            distance = network.Distance([each for each in self.drawn.channels if each.cavity == name], self.fillet)
+            distance = network.Distance(self.drawn.channels_of(name), self.fillet)
             on = np.array([np.isin(tags, own) for own in planes], dtype=bool).reshape(-1, len(tags)).T
             moved = slices.projected(distance, places.reshape(-1, 3) / meshing.MM_PER_M, normals, on) * meshing.MM_PER_M
             curved += list(zip(tags.tolist(), moved, strict=True))
@@ -198,7 +198,7 @@ def _air(plate: NetworkPlate, digest: str) -> dict[str, tuple[Array, mesh_arrays
     walls, normals = {}, np.array(plate.normals).reshape(-1, 3)
     finer = plate.replaced(finer=1.0) if plate.finer != 1.0 else plate
     for (name, edge), role in zip(finer.edges.items(), actuator.cavity_roles(plate), strict=True):
-        own = [each for each in plate.drawn.channels if each.cavity == name]
+        own = plate.drawn.channels_of(name)
         corners, triangles = slices.air_surface(own, plate.fillet, edge / plate.finer, normals)
         ends = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
         edges, number, count = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
@@ -251,8 +251,7 @@ def _moved(plate: NetworkPlate, other: NetworkPlate, points: Array) -> Array:
     here, there, half = plate.drawn, other.drawn, 0.5 * plate.thickness
     total, by_network, gap = np.zeros(len(points)), np.zeros_like(points), np.full(len(points), np.inf)
     for name in here.cavities:
-        mine, its = (network.Distance([c for c in d.channels if c.cavity == name], p.fillet)
-                     for d, p in ((here, plate), (there, other)))  # fmt: skip
+        mine, its = (network.Distance(each.drawn.channels_of(name), each.fillet) for each in (plate, other))
         away = np.maximum(np.abs(mine.distances(points)), ON_FACE * plate.thickness)
         gap = np.minimum(gap, away)
         total += away**-2

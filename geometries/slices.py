@@ -40,7 +40,7 @@ def mirrors(drawn: Network, held: Sequence[Place]) -> list[float]:
     tree = scipy.spatial.cKDTree(np.column_stack([places, kind]))
     air = []
     for cavity in drawn.cavities:
-        own = [channel for channel in drawn.channels if channel.cavity == cavity]
+        own = drawn.channels_of(cavity)
         samples = Samples.of(own)
         order = np.argsort(
             -np.linalg.norm(samples.places, axis=1), kind="stable"

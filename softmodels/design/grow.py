@@ -189,8 +189,8 @@ def _places(plate: ChannelPlate, growth: Growth, radius: float) -> list[network.
 
 
 def _distances(plate: ChannelPlate, cavity: str, points: Array) -> Array:
-    own = [each for each in plate.drawn.channels if each.cavity == cavity]
-    return network.Distance(own, 0.0).distances(points.reshape(-1, 3)).reshape(points.shape[:-1])
+    distance = network.Distance(plate.drawn.channels_of(cavity), 0.0)
+    return distance.distances(points.reshape(-1, 3)).reshape(points.shape[:-1])
 
 
 def _images(plate: ChannelPlate, a: Array, b: Array) -> list[Array]:

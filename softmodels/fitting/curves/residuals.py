@@ -163,7 +163,7 @@ class TensileResiduals:
 
 
 LEAST_SHARE_OF_STRESS = 0.1
-"""Share of the largest stress of a history below which a misfit is not held against the stress itself."""
+"""Share of the largest stress of a history below which readings are left out of the misfit."""
 TOE_STRETCH = 0.05
 """Stretches this close to 1 are skipped, because of slack in the grips."""
 STRETCH_STEP = 1e-5
