@@ -485,8 +485,8 @@ class Run(cards.ResultCard):
             radius: Of the circle on which several stand, m or a text such as ``"30 mm"``.
 
         Raises:
-            CaseError: A run over something else than pressures at rest, no such face, kind or ending, a chain over several
-                pressures, or fingers that would stand in each other.
+            CaseError: A run over something else than pressures at rest, no such face, kind or ending, or fingers that would
+                stand in each other.
             RunError: Too few states, or no such model.
         """
         from softmodels.decks import chains, hand, reduction
@@ -498,8 +498,8 @@ class Run(cards.ResultCard):
         several = None if fingers == 1 and radius is None else hand.Hand(fingers, radius or 0.0)  # type: ignore[arg-type]
         if several is not None:
             hand.check(path, kind)
-        if path is not None and chains.kind_of(path, kind) == "mjcf" and self.case.program:
-            chains.check_chain(self.case.actuator.ratios)
+        if path is not None:
+            chains.kind_of(path, kind)
         made = reduction.table_of(self._source, face)
         if path is not None:
             several.write(made, path) if several is not None else chains.write(made, path, kind)

@@ -305,8 +305,6 @@ def reduce_command(folder: Path, output: Path | None, check: Path | None, grid: 
             chain_check.check_file(check)
         run = calls.load(folder)
         if grid is not None:
-            if check is not None or chains.kind_of(written, given["kind"]) == "mjcf":
-                chains.check_chain(run.case.actuator.ratios)
             run = grid_run(run, folder.with_name(f"{folder.absolute().name}-grid{grid}"), grid, quiet)
         made = run.reduce(output, **given)
     if not quiet:

@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 from softmodels.case.entries import CaseError
 from softmodels.common import files
 from softmodels.common.arrays import Array
-from softmodels.decks import chains, hand
-from softmodels.decks.reduction import ReducedModel
+from softmodels.decks import chains, hand, reduction
+from softmodels.decks.reduction import PerPressure, ReducedModel
 
 __all__ = ["check"]
 
@@ -30,18 +30,21 @@ def check(model: ReducedModel, file: Path) -> list[str]:
     low, high = model.span
     mode = _first_mode(model, chain)  # before the chain is damped
     chain.damp()
-    pressures = np.linspace(low, high, CHECKED_PRESSURES)
+    start, end = np.atleast_1d(low), np.atleast_1d(high)
+    pressures = np.linspace(start, end, CHECKED_PRESSURES)
+    if len(end) > 1:
+        pressures = np.vstack([np.where(np.eye(len(end), dtype=bool), end, start), (start + end) / 2, end])
     places, angles, deflections = [], [], []
     for pressure in pressures:
-        at, (place, R) = model(float(pressure)), chain.tip(pressure)
+        at, (place, R) = model(*pressure), chain.tip(pressure)
         places.append(float(np.linalg.norm(place - at.position)) / model.length)
         angles.append(math.degrees(float(np.linalg.norm(Rotation.from_matrix(R.T @ at.rotation).as_rotvec()))))
         deflections.append(chains.deflection_errors(chain.compliance(pressure, at.compliance, model.length), at.compliance))
     worst = np.nan_to_num(deflections, nan=-1.0).max(axis=0)
     yields = ", ".join(f"{load} {100 * error:.2g} %" for load, error in zip(chains.LOADS, worst, strict=True) if error >= 0.0)
     return [
-        f"at {CHECKED_PRESSURES} pressures from {low / 1e3:.4g} to {high / 1e3:.4g} kPa the tip of the chain is within "
-        f"{100 * max(places):.2g} % of the length and {max(angles):.2g} degrees of the device's",
+        f"at {len(pressures)} pressures from {reduction.in_kPa(low)} to {reduction.in_kPa(high)} kPa the tip of the chain is "
+        f"within {100 * max(places):.2g} % of the length and {max(angles):.2g} degrees of the device's",
         f"its deflection by small loads, along the device's axes, differs by at most {yields}",
         *model.contact_notes,
         mode,
@@ -61,6 +64,8 @@ def check_file(file: Path) -> ModuleType:
 
 
 CHECKED_PRESSURES = 5
+"""Pressures at which a chain over one is checked; one over several at the highest of each alone and of all, and in
+their middle."""
 SMALL_DEFLECTION = 1e-3
 """Deflection by a load, in lengths and radians."""
 MIN_SETTLING_TIME, MAX_SETTLING_TIME = 0.2, 8.0
@@ -71,9 +76,9 @@ SPEED_AT_REST = 1e-5
 
 def _first_mode(model: ReducedModel, chain: ChainInMujoco) -> str:
     device = model.first_mode
-    pressure = float(sum(model.span) / 2 if device is None else device.pressure)
+    pressure = sum(model.span) / 2 if device is None else device.pressure
     frequency, damping = chain.first_mode(pressure, model.case.actuator.dimension == 3 and bool(model.case.actuator.cut_planes))
-    text = f"first mode at {pressure / 1e3:.4g} kPa: {frequency:.4g} Hz, damping ratio {damping:.3g}"
+    text = f"first mode at {reduction.in_kPa(pressure)} kPa: {frequency:.4g} Hz, damping ratio {damping:.3g}"
     if device is None:
         return f"{text}; that of the device is not known"
     known = f"damping ratio {device.damping:.3g}" if device.damping > 0.0 else "damping not known"
@@ -91,18 +96,18 @@ class ChainInMujoco:
         self._body = self._model.site_bodyid[self._tip.id]
         self._joints = {self._model.joint(k).name: k for k in range(self._model.njnt)}
 
-    def tip(self, pressure: float, load: Array | None = None) -> tuple[Array, Array]:
-        """Return place (m) and rotation of the tip at a pressure in Pa, with force (N) and moment (N m) on it."""
+    def tip(self, pressure: PerPressure, load: Array | None = None) -> tuple[Array, Array]:
+        """Return place (m) and rotation of the tip at one or several pressures in Pa, with force (N) and moment (N m)."""
         data, wrench = self._data, np.zeros(6) if load is None else load
         self._mujoco.mj_resetData(self._model, data)
-        data.ctrl[0] = pressure / 1e3
+        data.ctrl[:] = np.atleast_1d(pressure) / 1e3
         while data.time < MIN_SETTLING_TIME or (np.abs(data.qvel).max() > SPEED_AT_REST and data.time < MAX_SETTLING_TIME):
             lever = self._tip.xpos - data.xipos[self._body]
             data.xfrc_applied[self._body] = np.concatenate([wrench[:3], wrench[3:] + np.cross(lever, wrench[:3])])
             self._mujoco.mj_step(self._model, data)
         return self._tip.xpos.copy(), self._tip.xmat.reshape(3, 3).copy()
 
-    def compliance(self, pressure: float, of_device: Array, length: float) -> Array:
+    def compliance(self, pressure: PerPressure, of_device: Array, length: float) -> Array:
         """Return the compliance of the tip where that of the device is known, nan elsewhere, shape (6, 6)."""
         C = np.full((6, 6), math.nan)
         for k in np.flatnonzero(np.nan_to_num(np.diag(of_device)) > 0.0):
@@ -112,7 +117,7 @@ class ChainInMujoco:
             C[:, k] = np.concatenate([high - low, Rotation.from_matrix(ahead @ behind.T).as_rotvec()]) / (2 * load[k])
         return C
 
-    def first_mode(self, pressure: float, in_plane: bool) -> tuple[float, float]:
+    def first_mode(self, pressure: PerPressure, in_plane: bool) -> tuple[float, float]:
         """Return frequency in Hz and damping ratio of the first mode, or of the first within the plane of bending."""
         kinds = ("hinge", "slide", "shear") if in_plane else tuple(chains.JOINTS)
         dofs = [dof for name, dof in self._joints.items() if name.rstrip("0123456789") in kinds]

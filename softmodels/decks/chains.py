@@ -29,7 +29,7 @@ from softmodels.common import errors, files
 from softmodels.common.arrays import Array
 from softmodels.components.loads import Gravity
 from softmodels.decks import deck, reduction
-from softmodels.decks.reduction import ReducedModel
+from softmodels.decks.reduction import PerPressure, ReducedModel
 from softmodels.runs.outcomes import RunError
 
 __all__ = ["WRITERS", "Chain", "chain_of", "is_own", "kind_of", "write"]
@@ -58,14 +58,11 @@ class Chain:
         base: Its beginning, m.
         axes: In columns its direction at rest, the one across it towards which it bends, and the normal of that plane.
         length: At rest, m.
-        advances: Coefficients of each of `ADVANCES` over the one before, the first over the pressure's share of ``top``, shape
-            (3, 5).
-        quartics: The numbers (rad and m) over the advance: five coefficients each, shape (3, 5), or (6, 5) where the tip leaves
-            the plane.
-        top: The highest pressure, Pa.
+        drive: How it follows the pressures.
+        numbers: Its numbers (rad and m) by the terms of the drive, shape (3, terms), or (6, terms) where the tip leaves the
+            plane.
         springs: The springs of the joints.
-        stiffness: Of a spring of each kind in the middle of the chain, N m/rad and N/m, over the advance: five coefficients
-            each.
+        stiffness: Of a spring of each kind in the middle of the chain, N m/rad and N/m, by the terms of the drive.
         cubics: Of the springs, beside what they yield to small loads.
         error: Largest distance of the tip from the table's over the length, and angle in degrees.
         yielding: Largest error at the table's states of the displacement by a force, and of the rotation by a moment, over
@@ -75,9 +72,8 @@ class Chain:
     base: Array
     axes: Array
     length: float
-    advances: Array
-    quartics: Array
-    top: float
+    drive: Drive
+    numbers: Array
     springs: Springs
     stiffness: dict[str, Array]
     error: tuple[float, float] = (0.0, 0.0)
@@ -86,8 +82,67 @@ class Chain:
 
     def stiffest(self) -> dict[str, float]:
         """Return the largest of `stiffness` over the pressures."""
-        at = np.linspace(0.0, 1.0, FIT_SAMPLES)
-        return {kind: float(np.polynomial.Polynomial(quartic)(at).max()) for kind, quartic in self.stiffness.items()}
+        terms = self.drive.terms(self.drive.samples())
+        return {kind: float((terms @ coefficients).max()) for kind, coefficients in self.stiffness.items()}
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Drive:
+    """What of the pressures the numbers and the stiffnesses of a chain are sums of.
+
+    Each pressure's share of its highest is drawn out to its advance, by quartics after each other. The terms are 1, the
+    advances, and powers of sums of these: every polynomial of the advances up to `DEGREE` is a sum of terms.
+
+    Attributes:
+        low, top: The lowest pressures, and those farthest from 0, Pa, shape (m,).
+        advances: Coefficients of each of the last of `ADVANCES` over the one before, shape (m, advances, 5).
+    """
+
+    low: Array
+    top: Array
+    advances: Array
+
+    @functools.cached_property
+    def powers(self) -> list[tuple[int, Array]]:
+        """Each power with the share of each advance in its sum, shape (m,), together 1 by their size."""
+        m, powers = len(self.top), list[tuple[int, Array]]()
+        ways = np.array(
+            [way for way in itertools.product((0.0, 1.0, -1.0, 2.0), repeat=m) if next(filter(None, way), 0.0) > 0.0]
+        )
+        simplest = sorted(ways / np.abs(ways).sum(axis=1)[:, None], key=np.count_nonzero)
+        places = product([np.linspace(0.0, 1.0, DEGREE + 1)] * m)
+        for power in range(2, DEGREE + 1):
+            kept = list[Array]()
+            for way in simplest:
+                if np.linalg.matrix_rank((places @ np.transpose([*kept, way])) ** power) > len(kept):
+                    kept.append(way)
+            powers += [(power, way) for way in kept]
+        return powers
+
+    @property
+    def advance_names(self) -> tuple[str, ...]:
+        """Which of `ADVANCES` there are of each pressure."""
+        return ADVANCES[-self.advances.shape[1] :]
+
+    @property
+    def degrees(self) -> Array:
+        """Of each term."""
+        return np.array([0, *[1] * len(self.top), *(power for power, _ in self.powers)])
+
+    def terms(self, pressures: Array) -> Array:
+        """Return the terms at pressures in Pa, shape (n, m); shape (n, terms)."""
+        at = np.transpose([_advance(of, share) for of, share in zip(self.advances, (pressures / self.top).T, strict=True)])
+        return np.column_stack([np.ones(len(at)), at, *((at @ way) ** power for power, way in self.powers)])
+
+    def samples(self) -> Array:
+        """Return pressures all over the range, Pa, shape (n, m)."""
+        count = round(FIT_SAMPLES ** (1 / len(self.top)))
+        return product([np.linspace(*ends, count) for ends in zip(self.low, self.top, strict=True)])
+
+
+def product(axes: Sequence[Array]) -> Array:
+    """Return all combinations of values, shape (n, axes), the last changing fastest."""
+    return np.array(list(itertools.product(*axes)))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -150,7 +205,7 @@ class CubicSpring:
 DEFAULT_SEGMENTS = 8
 ALONG = np.arange(DEFAULT_SEGMENTS) - (DEFAULT_SEGMENTS - 1) / 2
 """Places of the links along the chain, in links from its middle."""
-MOST_TURN = math.radians(0.5)
+MOST_TURN = math.radians(0.1)
 """Rotation up to which a device only extends."""
 PLANE_TOLERANCE = 0.02
 """Distance of the tip from the plane of bending, in lengths, up to which a chain stays in it."""
@@ -164,8 +219,10 @@ DRIVER_TURN = 1000.0
 """Angle by which drivers turn over the range, rad."""
 ADVANCES = ("onset", "rise", "advance")
 """What follows from the pressure, each from the one before, by a quartic from 0 at 0 to 1 at 1."""
+DEGREE = 4
+"""Of the polynomials of the advances."""
 FIT_SAMPLES = 61
-"""Pressures at which a chain is fitted to the table's curves, beside the table's own."""
+"""Places, of all pressures together, at which a chain is fitted to the table's curves, beside the table's own."""
 SPRING_STATES = 6
 """States of the table by which the springs are placed."""
 CROSS_WEIGHT = 0.3
@@ -286,38 +343,22 @@ class TipPath:
         return [kind for kind in JOINTS if told[kind].any()]
 
 
-def check_chain(pressures: Sequence[object]) -> None:
-    """Raise `CaseError` for a chain over several pressures."""
-    if len(pressures) > 1:
-        raise CaseError(
-            f"a MuJoCo chain takes one pressure, not {len(pressures)}; write a table (.csv, .json) or a unit for "
-            "co-simulation (.fmu), or run the case over one pressure in the ratio of its cavities"
-        )
-
-
 def chain_of(model: ReducedModel) -> Chain:
     """Return the chain that follows a reduced model; `RunError` if the tip's stiffness is not known in a direction in which it
     moves."""
-    check_chain(model.names)
     along = (model.states[0].position - model.base) / model.length
-    turn = model.turns[-1]
+    turn = max(model.turns, key=lambda turn: float(np.linalg.norm(turn)))
     hinges = float(np.linalg.norm(turn)) > MOST_TURN
     normal = turn / np.linalg.norm(turn) if hinges else reduction.across(along)[1]
     normal = normal - (normal @ along) * along
     normal /= np.linalg.norm(normal)
     axes = np.column_stack([along, np.cross(normal, along), normal])
-    top = float(model.pressures[np.argmax(np.abs(model.pressures))])
-    shares = model.pressures / top
-    sampled = np.union1d(shares, np.linspace(shares.min(), 1.0, FIT_SAMPLES))
-    poses = [model(share * top) for share in sampled]
-    places = np.array([pose.position - model.base for pose in poses]) @ axes
-    out, both = float(np.abs(places[:, 2]).max()), np.kron(np.eye(2), axes)
-    path = TipPath(
-        model.length, hinges, 6 if out > PLANE_TOLERANCE * model.length else 3, places,
-        np.array([axes.T @ pose.rotation @ axes for pose in poses]),
-        np.array([turned(pose.compliance, both) for pose in poses]),
-    )  # fmt: skip
-    kinds = path.kinds()
+    ends = np.transpose([np.atleast_1d(end) for end in model.span])
+    top = np.array([max(pair, key=abs) for pair in ends])
+    drive = Drive(ends.sum(axis=1) - top, top, np.tile([0.0, 1.0, 0.0, 0.0, 0.0], (len(top), 1, 1)))
+    sampled = product([*map(np.union1d, model.curves.axes, map(np.unique, drive.samples().T))])
+    path = path_of(model, axes, hinges, sampled)
+    out, kinds = float(np.abs(path.places[:, 2]).max()), path.kinds()
     if "slide" not in kinds or (hinges and "hinge" not in kinds):
         raise RunError("the stiffness of the tip is not known in the plane of bending; reduce a model of the whole device")
     if path.count > 3 and not {"side", "twist"} <= set(kinds):
@@ -325,18 +366,37 @@ def chain_of(model: ReducedModel) -> Chain:
             f"the tip leaves the plane of bending by {1e3 * out:.3g} mm, and its stiffness across that is not known; reduce a "
             f"model of the whole device, or write a table (.csv, .json)"
         )
-    springs = springs_of(path.some(SPRING_STATES), kinds)
-    numbers = path.numbers(springs.offset)
-    advances, quartics = _fitted_coefficients(sampled, numbers)
+    # Between few states over several pressures the compliance is less well known than pose and rates.
+    exact = sampled if len(top) == 1 else model.pressures
+    states = path_of(model, axes, hinges, exact, path.count)
+    springs = springs_of(states.some(SPRING_STATES), kinds)
+    drive, coefficients = _fitted_drive(drive, sampled, path.numbers(springs.offset))
+    half_way = product([(x[1:] + x[:-1]) / 2 for x in map(np.unique, sampled.T)])
+    between = path_of(model, axes, hinges, half_way, path.count)
     misses = np.array([
-        _tip_error(posture_of(quartics @ at ** np.arange(5), model.length, springs.offset), place, R, model.length)
-        for at, place, R in zip(_advance(advances, sampled), path.places, path.rotations, strict=True)
+        _tip_error(posture_of(made, model.length, springs.offset), place, R, model.length)
+        for at, of in ((sampled, path), (half_way, between))
+        for made, place, R in zip(drive.terms(at) @ coefficients.T, of.places, of.rotations, strict=True)
     ])  # fmt: skip
     angles = np.linalg.norm(misses[:, 3:], axis=1) * hinges
     error = float(np.linalg.norm(misses[:, :3], axis=1).max()), math.degrees(float(angles.max()))
-    stiffness, yielding = _stiffnesses(path, springs, numbers, _advance(advances, sampled))
-    chain = Chain(model.base, axes, model.length, advances, quartics, top, springs, stiffness, error, yielding)
+    stiffness, yielding = _stiffnesses(states, springs, drive, drive.terms(exact))
+    chain = Chain(model.base, axes, model.length, drive, coefficients, springs, stiffness, error, yielding)
     return dataclasses.replace(chain, cubics=cubic_springs(model, chain))
+
+
+def path_of(model: ReducedModel, axes: Array, hinges: bool, pressures: Array, count: int = 0) -> TipPath:
+    """Return the tip of a model at pressures in Pa, shape (n, m); as many numbers as it needs there, or ``count``."""
+    poses, both = (
+        [model(*each) for each in pressures.reshape(len(pressures), -1)],
+        np.asarray(np.kron(np.eye(2), axes), dtype=float),
+    )
+    places = np.array([pose.position - model.base for pose in poses]) @ axes
+    return TipPath(
+        model.length, hinges, count or (6 if np.abs(places[:, 2]).max() > PLANE_TOLERANCE * model.length else 3), places,
+        np.array([axes.T @ pose.rotation @ axes for pose in poses]),
+        np.array([turned(pose.compliance, both) for pose in poses]),
+    )  # fmt: skip
 
 
 def turned(C: Array, axes: Array) -> Array:
@@ -420,15 +480,15 @@ def deflection_errors(made: Array, C: Array) -> Array:
     return errors
 
 
-def _stiffnesses(path: TipPath, springs: Springs, numbers: Array, advance: Array) -> tuple[dict[str, Array], Array]:
-    """Return the stiffness of the springs of each kind in the middle of the chain by the advance, and the largest errors of the
-    deflections with it."""
-    states, stiffness = _states(path, springs.offset, numbers), dict[str, Array]()
+def _stiffnesses(path: TipPath, springs: Springs, drive: Drive, terms: Array) -> tuple[dict[str, Array], Array]:
+    """Return the stiffness of the springs of each kind in the middle of the chain by the terms of a drive, and the largest
+    errors of the deflections with it."""
+    states, stiffness = _states(path, springs.offset, path.numbers(springs.offset)), dict[str, Array]()
     compliances = np.array([_yielding(springs, C, motion)[0] for C, motion in states])
     for kind, values in zip(springs.kinds, compliances.T, strict=True):
         told = np.isfinite(values)
-        stiffness[kind] = _stiffness_polynomial(advance[told], 1 / values[told])
-    made = np.array([1 / np.polynomial.Polynomial(quartic)(advance) for quartic in stiffness.values()])
+        stiffness[kind] = _stiffness_polynomial(drive, terms[told], 1 / values[told])
+    made = np.array([1 / (terms @ coefficients) for coefficients in stiffness.values()])
     errors = np.array([
         deflection_errors(np.tensordot(values, springs.compliances(motion), 1), C)
         for values, (C, motion) in zip(made.T, states, strict=True)
@@ -437,15 +497,20 @@ def _stiffnesses(path: TipPath, springs: Springs, numbers: Array, advance: Array
     return stiffness, np.where(known, np.where(np.isfinite(errors), errors, 0.0).max(axis=0), math.nan)
 
 
-def _stiffness_polynomial(advance: Array, stiffness: Array) -> Array:
-    """Return five coefficients of the polynomial that is closest to a stiffness by its relative error, and stays within its
-    range between 0 and 1; of a lower degree if the quartic does not."""
-    at = np.linspace(0.0, 1.0, FIT_SAMPLES)
-    for degree in range(min(4, len(advance) - 1), 0, -1):
-        polynomial = np.polynomial.Polynomial.fit(advance, stiffness, degree, domain=(-1, 1), w=1 / stiffness)
-        if polynomial(at).min() > LEAST_STIFFNESS * stiffness.min():
-            return np.append(polynomial.coef, np.zeros(4 - degree))
-    return np.array([1 / np.mean(1 / stiffness), 0.0, 0.0, 0.0, 0.0])
+def _stiffness_polynomial(drive: Drive, terms: Array, stiffness: Array) -> Array:
+    """Return the coefficients of the polynomial that is closest to a stiffness by its relative error, and stays within its
+    range between the pressures; of a lower degree if that of the highest does not."""
+    samples, coefficients = drive.terms(drive.samples()), np.zeros(terms.shape[1])
+    for degree in range(DEGREE, 0, -1):
+        used = drive.degrees <= degree
+        if used.sum() <= len(stiffness):
+            coefficients[:] = 0.0
+            coefficients[used] = np.linalg.lstsq(terms[:, used] / stiffness[:, None], np.ones(len(stiffness)), rcond=None)[0]
+            if (samples @ coefficients).min() > LEAST_STIFFNESS * stiffness.min():
+                return coefficients
+    coefficients[:] = 0.0
+    coefficients[0] = 1 / np.mean(1 / stiffness)
+    return coefficients
 
 
 LEAST_STIFFNESS = 0.7
@@ -459,25 +524,27 @@ def _advance(advances: Array, shares: Array) -> Array:
     return shares
 
 
-def _fitted_coefficients(shares: Array, numbers: Array) -> tuple[Array, Array]:
-    """Return coefficients of the advances, shape (3, 5), and of the numbers over the last of them, shape (numbers, 5), that fit
-    the numbers (in columns) best, each by its size."""
-    powers = np.arange(1 if abs(shares[0]) < 1e-9 else 0, 5)
+def _fitted_drive(drive: Drive, pressures: Array, numbers: Array) -> tuple[Drive, Array]:
+    """Return the drive of whose terms numbers (in columns) at pressures in Pa are sums best, each by its size; and the
+    coefficients, shape (numbers, terms). Only the advance over a single pressure is fitted: over several there are too few
+    places along each."""
+    used = np.flatnonzero(drive.degrees >= (1 if (np.abs(pressures / drive.top) < 1e-9).all(axis=1).any() else 0))
     scaled = numbers / np.maximum(np.abs(numbers).max(axis=0), reduction.ZERO_LOAD_TOLERANCE)
 
-    def advances(inner: Array) -> Array:
+    def drawn(inner: Array) -> Drive:
         a, b, c = inner.reshape(-1, 3).T  # x + x (x - 1) (a + b x + c x^2)
-        return np.column_stack([0.0 * a, 1.0 - a, a - b, b - c, c])
+        return dataclasses.replace(drive, advances=np.column_stack([0.0 * a, 1.0 - a, a - b, b - c, c])[None])
 
-    def solved(inner: Array, of: Array) -> tuple[Array, Array]:
-        terms = _advance(advances(inner), shares)[:, None] ** powers
+    def solved(drive: Drive, of: Array) -> tuple[Array, Array]:
+        terms = drive.terms(pressures)[:, used]
         coefficients = np.linalg.lstsq(terms, of, rcond=None)[0]
         return coefficients, (terms @ coefficients - of).ravel()
 
-    inner = least_squares(lambda inner: solved(inner, scaled)[1], np.zeros(3 * len(ADVANCES))).x
-    quartics = np.zeros((numbers.shape[1], 5))
-    quartics[:, powers] = solved(inner, numbers)[0].T
-    return advances(inner), quartics
+    if len(drive.top) == 1:
+        drive = drawn(least_squares(lambda inner: solved(drawn(inner), scaled)[1], np.zeros(3 * len(ADVANCES))).x)
+    coefficients = np.zeros((numbers.shape[1], len(drive.degrees)))
+    coefficients[:, used] = solved(drive, numbers)[0].T
+    return drive, coefficients
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -501,10 +568,10 @@ class LinearChain:
 
     joints: ClassVar = [f"{kind}{k}" for k in range(DEFAULT_SEGMENTS) for kind in JOINTS]
 
-    def __init__(self, chain: Chain, pressure: float):
-        powers, kinds = float(_advance(chain.advances, np.array(pressure / chain.top))) ** np.arange(5), chain.springs.kinds
-        self.posture = posture_of(chain.quartics @ powers, chain.length, chain.springs.offset)
-        self.stiffness = np.array([chain.stiffness[kind] @ powers / chain.springs.shares(kind) for kind in kinds])
+    def __init__(self, chain: Chain, pressures: PerPressure):
+        terms, kinds = chain.drive.terms(np.atleast_2d(pressures))[0], chain.springs.kinds
+        self.posture = posture_of(chain.numbers @ terms, chain.length, chain.springs.offset)
+        self.stiffness = np.array([chain.stiffness[kind] @ terms / chain.springs.shares(kind) for kind in kinds])
         self.stretches = np.zeros((*self.stiffness.shape, len(self.joints)))
         for m, kind in enumerate(kinds):
             for k in range(DEFAULT_SEGMENTS):
@@ -556,7 +623,7 @@ def cubic_springs(model: ReducedModel, chain: Chain) -> tuple[CubicSpring, ...]:
     state = next((state for state in model.states if state.compliance_rate is not None), None)
     if state is None or state.compliance_rate is None:
         return ()
-    linear = LinearChain(chain, float(state.pressure))
+    linear = LinearChain(chain, state.pressure)
     factors = dict(zip(chain.springs.kinds, np.sqrt(linear.stiffness), strict=True))
     stretches = dict(zip(factors, linear.stretches, strict=True))
     both, rate = np.asarray(np.kron(np.eye(2), chain.axes), dtype=float), state.compliance_rate
@@ -597,7 +664,7 @@ def _third_order(D: Array, squares: Array) -> Array:
 
 
 def mjcf(model: ReducedModel) -> str:
-    """Return a chain as MJCF: ``ctrl`` is the pressure in kPa; the site ``tip`` has the tip's pose."""
+    """Return a chain as MJCF: ``ctrl`` are the pressures in kPa; the site ``tip`` has the tip's pose."""
     return as_text(element(model, chain_of(model)))
 
 
@@ -637,24 +704,23 @@ def element(model: ReducedModel, chain: Chain) -> ElementTree.Element:
         size=f"{LINK_RADIUS * model.length / 3:.6g}",
     )  # fmt: skip
     _shapes(root, model, chain)
-    _springs(root, chain)
+    _springs(root, model, chain)
     actuator = ElementTree.SubElement(root, "actuator")
-    top = chain.top / 1e3
-    ends = sorted((float(model.pressures[0]) / 1e3, top))
-    ElementTree.SubElement(
-        actuator, "general", name="pressure_kPa", joint="pressure", ctrlrange=words(ends), biastype="affine",
-        gainprm=words([1 / TIME_CONSTANT**2 / top]), biasprm=words([0, -1 / TIME_CONSTANT**2, -2 / TIME_CONSTANT]),
-    )  # fmt: skip
+    for name, low, top in zip(model.names, chain.drive.low, chain.drive.top, strict=True):
+        ElementTree.SubElement(
+            actuator, "general", name=f"{name}_kPa", joint=name, ctrlrange=words(np.sort([low, top]) / 1e3), biastype="affine",
+            gainprm=words([1e3 / TIME_CONSTANT**2 / top]), biasprm=words([0, -1 / TIME_CONSTANT**2, -2 / TIME_CONSTANT]),
+        )  # fmt: skip
     return root
 
 
 def remarks(model: ReducedModel, chain: Chain, motion: MotionByMass) -> list[str]:
     """Return what the file says of its chain, line by line."""
-    low, high = model.span
+    low, high = map(reduction.in_kPa, model.span)
     yields = ", ".join(f"{load} {100 * error:.2g} %" for load, error in zip(LOADS, chain.yielding, strict=True)
                        if math.isfinite(error))  # fmt: skip
     return [
-        f"{deck.WRITTEN_BY}: {model.case.name}, {low / 1e3:.4g} to {high / 1e3:.4g} kPa",
+        f"{deck.WRITTEN_BY}: {model.case.name}, {low} to {high} kPa",
         f"tip within {100 * chain.error[0]:.2g} % of the length and {chain.error[1]:.2g} degrees of the table",
         f"largest error of the deflection of the tip by a small load on it, x along it, y towards its bending: {yields}",
         *model.contact_notes,
@@ -666,12 +732,14 @@ def remarks(model: ReducedModel, chain: Chain, motion: MotionByMass) -> list[str
 
 
 def _drivers(base: ElementTree.Element, model: ReducedModel, chain: Chain) -> None:
-    """Add the joints of the pressure, of the advances, of the numbers and of the stiffnesses."""
+    """Add the joints of the pressures, of the advances, of the terms, of the numbers and of the stiffnesses."""
     mass, inertia = DRIVER_MASS * model.mass, DRIVER_INERTIA * model.mass * model.length**2
-    names = [*DRIVERS[: len(chain.quartics)], *(f"{kind}_stiffness" for kind in chain.stiffness)]
-    for name in ("pressure", *ADVANCES, *names):
+    advances = [f"{of}{name.removeprefix('pressure')}" for name in model.names for of in chain.drive.advance_names]
+    powers = [f"power{k}" for k, _ in enumerate(chain.drive.powers)]
+    sums = [*DRIVERS[: len(chain.numbers)], *(f"{kind}_stiffness" for kind in chain.stiffness)]
+    for name in (*model.names, *advances, *powers, *sums):
         body = ElementTree.SubElement(base, "body", name=name)
-        armature = {"armature": "1"} if name == "pressure" else {}
+        armature = {"armature": "1"} if name in model.names else {}
         ElementTree.SubElement(body, "inertial", pos="0 0 0", mass=f"{mass:.9g}", diaginertia=words([inertia] * 3))
         ElementTree.SubElement(body, "joint", armature, name=name, type="hinge", axis="1 0 0")
 
@@ -716,16 +784,14 @@ def _directions() -> Array:
     return np.concatenate([spiral, np.eye(3), -np.eye(3)])
 
 
-def _springs(root: ElementTree.Element, chain: Chain) -> None:
-    """Add the springs of the chain, and tie the numbers and the stiffnesses to the last of the advances, and the first to the
-    pressure.
+def _springs(root: ElementTree.Element, model: ReducedModel, chain: Chain) -> None:
+    """Add the springs of the chain, and what ties the terms to the pressures, and numbers and stiffnesses to the terms.
 
     Each spring is two tendons that are stretched by s + e and by s - e, where e is its joint's and s is proportional to the
     stiffness; with forces -c x^2 their energy is 2 c (s^3/3 + s e^2), so that the stiffness for e is 4 c s.
     """
     tendon, equality = ElementTree.SubElement(root, "tendon"), ElementTree.SubElement(root, "equality")
-    advance = np.linspace(0.0, 1.0, FIT_SAMPLES) ** np.arange(5)[:, None]
-    largest = np.abs(chain.quartics @ advance).max(axis=1)
+    largest = np.abs(chain.drive.terms(chain.drive.samples()) @ chain.numbers.T).max(axis=0)
     numbers = dict(zip(DRIVERS, np.where(largest > 0.0, largest, 1.0) / DRIVER_TURN, strict=False))
     stiffest = chain.stiffest()
     for kind in chain.springs.kinds:
@@ -737,29 +803,37 @@ def _springs(root: ElementTree.Element, chain: Chain) -> None:
                     f"{kind}_stiffness": reach / DRIVER_TURN,
                     **{joint: sign * by for joint, by in stretched.items()},
                 }
-                _tendon(tendon, f"{kind}{k}_{name}", stiffest[kind] / share / (4 * reach), 0.0, coefficients)
+                _tendon(tendon, f"{kind}{k}_{name}", coefficients, stiffest[kind] / share / (4 * reach))
     for number, cubic in enumerate(chain.cubics):
         for k in range(DEFAULT_SEGMENTS):
             parts = [(of[k], _stretched_by(chain, kind, k, numbers)) for kind, of in cubic.kinds.items()]
             joints = dict.fromkeys(itertools.chain(*(by for _, by in parts)))
-            _tendon(
-                tendon, f"cube{number}_{k}", cubic.square, cubic.cube,
-                {joint: sum(factor * by.get(joint, 0.0) for factor, by in parts) for joint in joints},
-            )  # fmt: skip
-    of_turn = DRIVER_TURN ** -np.arange(5.0)
-    first, *others = DRIVER_TURN * chain.advances
-    ties = [(ADVANCES[0], "pressure", first), *zip(ADVANCES[1:], ADVANCES, [other * of_turn for other in others], strict=False)]
-    for name, quartic in zip(numbers, chain.quartics, strict=True):
-        ties.append((name, ADVANCES[-1], quartic * of_turn / numbers[name]))
-    for kind, quartic in chain.stiffness.items():
-        ties.append((f"{kind}_stiffness", ADVANCES[-1], DRIVER_TURN * quartic * of_turn / stiffest[kind]))
-    for name, of, quartic in ties:
-        ElementTree.SubElement(
-            equality, "joint", joint1=name, joint2=of, polycoef=words(quartic), solref="0.002 1", solimp="0.999 0.9999 0.001"
-        )
+            stretched = {joint: sum(factor * by.get(joint, 0.0) for factor, by in parts) for joint in joints}
+            _tendon(tendon, f"cube{number}_{k}", stretched, cubic.square, cubic.cube)
+
+    def tie(sort: str, polynomial: Iterable[float], **names: str) -> None:
+        ElementTree.SubElement(equality, sort, names, polycoef=words(polynomial), solref="0.002 1", solimp="0.999 0.9999 0.001")
+
+    of_turn, ends = DRIVER_TURN ** -np.arange(5.0), list[str]()
+    for name, advances in zip(model.names, chain.drive.advances, strict=True):
+        chained = [name, *(f"{of}{name.removeprefix('pressure')}" for of in chain.drive.advance_names)]
+        for before, after, quartic in zip(chained, chained[1:], advances, strict=False):
+            # The pressure's joint turns by its share of the highest, the others by DRIVER_TURN times that.
+            tie("joint", DRIVER_TURN * quartic * (1.0 if before == name else of_turn), joint1=after, joint2=before)
+        ends.append(chained[-1])
+    for k, (power, way) in enumerate(chain.drive.powers):
+        _tendon(tendon, f"power{k}", {f"power{k}": 1.0})
+        _tendon(tendon, f"sum{k}", {end: share for end, share in zip(ends, way, strict=True) if share})
+        tie("tendon", DRIVER_TURN * of_turn * (np.arange(5) == power), tendon1=f"power{k}", tendon2=f"sum{k}")
+    terms = [*ends, *(f"power{k}" for k, _ in enumerate(chain.drive.powers))]
+    sums = {name: coefficients / numbers[name] / DRIVER_TURN for name, coefficients in zip(numbers, chain.numbers, strict=True)}
+    sums |= {f"{kind}_stiffness": coefficients / stiffest[kind] for kind, coefficients in chain.stiffness.items()}
+    for name, (constant, *shares) in sums.items():
+        _tendon(tendon, name, {name: 1.0, **{term: -share for term, share in zip(terms, shares, strict=True) if share}})
+        tie("tendon", [DRIVER_TURN * constant, 0, 0, 0, 0], tendon1=name)
 
 
-def _tendon(tendon: ElementTree.Element, name: str, square: float, cube: float, joints: dict[str, float]) -> None:
+def _tendon(tendon: ElementTree.Element, name: str, joints: dict[str, float], square: float = 0.0, cube: float = 0.0) -> None:
     """Add a spring that is stretched by joints, times factors, and whose force is ``square`` x^2 + ``cube`` x^3."""
     spring = ElementTree.SubElement(tendon, "fixed", name=name, springlength="0", stiffness=words([0.0, square, cube]))
     for joint, factor in joints.items():
@@ -844,7 +918,7 @@ def motion_by_mass(model: ReducedModel, chain: Chain) -> MotionByMass:
     time = ratio / (math.pi * frequency) / sum(shares.values())
     damping = {kind: time * vibrating.stiffness[kind] for kind in chain.springs.kinds}
     armature = {kind: vibrating.armature_time * stiffest for kind, stiffest in vibrating.stiffest.items()}
-    remark = f"first mode at {vibrating.pressure / 1e3:.4g} kPa: {frequency:.4g} Hz, damping ratio {ratio:.3g}"
+    remark = f"first mode at {reduction.in_kPa(vibrating.pressure)} kPa: {frequency:.4g} Hz, damping ratio {ratio:.3g}"
     if device is None:
         remark += "; that of the device is not known"
     else:
@@ -857,14 +931,14 @@ class VibratingChain:
     """The chain at the pressure of the device's known first mode, as linear equations of its joints.
 
     Attributes:
-        pressure: Pa.
+        pressure: Pa; over several that of each.
         stiffness, stiffest: Of the springs of each kind in the middle of the chain, at this pressure and its largest.
         armature_time: Armature of the joints over their largest stiffness, s2.
     """
 
     def __init__(self, model: ReducedModel, chain: Chain):
         self._model, self._chain = model, chain
-        self.pressure = float(sum(model.span) / 2 if model.first_mode is None else model.first_mode.pressure)
+        self.pressure = model.first_mode.pressure if model.first_mode else sum(model.span) / 2
         linear, kinds = LinearChain(chain, self.pressure), chain.springs.kinds
         self._posture, self._K = linear.posture, linear.K
         self.stiffest, self.armature_time = chain.stiffest(), 0.0

@@ -18,7 +18,7 @@ from softmodels.decks.reduction import ReducedModel
 
 WRIST = "wrist"
 MAX_FINGERS = 12
-NAMING = ("name", "joint", "joint1", "joint2", "body1", "body2")
+NAMING = ("name", "joint", "joint1", "joint2", "tendon1", "tendon2", "body1", "body2")
 """Attributes that name what each finger has of its own; meshes are shared."""
 OWN = ("contact", "tendon", "equality", "actuator")
 """Sections of which each finger has its own entries."""

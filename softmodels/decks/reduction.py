@@ -681,23 +681,23 @@ class FirstMode:
     """The first mode of a device at a pressure, with the symmetry of its slice.
 
     Attributes:
-        pressure: Pa.
+        pressure: Pa; over several pressures that of each, shape (m,).
         frequency: Hz.
         damping: Its damping ratio by the branches of the silicone; 0 where they are not known.
     """
 
-    pressure: float
+    pressure: PerPressure
     frequency: float
     damping: float
 
 
-def first_mode(model: Model, state: State) -> FirstMode | None:
-    """Return the first mode of a device at a state; None if it has no mass, or the mode is unstable or not found."""
+def first_mode(model: Model, state: State, pressure: PerPressure) -> FirstMode | None:
+    """Return the first mode of a device at a state with one or several pressures in Pa; None if it has no mass, or the mode is
+    unstable or not found."""
     try:
         mode = model.modes(Equilibrium(model, state), 1)[0]
     except (CaseError, RunError):
         return None
-    pressure = model.system.direction * state.P * model.system.stress_unit
     return FirstMode(pressure, mode.frequency, mode.damping) if mode.frequency > 0.0 else None
 
 
@@ -854,13 +854,15 @@ def table_of(source: StoredStates, face: str = "") -> ReducedModel:
             simulation.model.path_start()
             role = tip_of(case, face, [*simulation.body.entities])
             responses = Responses(simulation, role)
-            states = []
+            states, middle = [], steps[len(steps) // 2]
+            if grid:  # the node in the middle of each pressure
+                sizes = [len(np.unique(column)) for column in np.transpose([*grid.values()])]
+                middle = steps[int(np.ravel_multi_index([size // 2 for size in sizes], sizes))]
             for step in steps:
-                half_way = not grid and step == steps[len(steps) // 2]
                 state, pressures = restored(simulation, source, step, grid.get(step)), grid.get(step)
-                states.append(responses.at(state, rows[step], pressures, rate=half_way))
-                if half_way:
-                    mode = first_mode(simulation.model, state)
+                states.append(responses.at(state, rows[step], pressures, rate=step == middle))
+                if step == middle:
+                    mode = first_mode(simulation.model, state, states[-1].pressure)
             base, mass = responses.base(), responses.mass()
             points = whole_points(simulation.body.actuator, simulation.fields.grid.points)
             responses.release()

@@ -183,14 +183,11 @@ def test_rings_make_a_cone_on_the_side_of_the_channels():
     """Radii grow more than circles, so the disk becomes a cone, up to its rim's and its apex' rounding."""
     grown = sm.inflate(sm.ChannelCell(radius=0.00075, pitch=0.0024, thickness=0.0032, around=12), LAW, pressures=[12e3])
     cone = np.degrees(np.arccos(grown.stretch_along[-1] / grown.stretch_across[-1]))
-    slopes = []
-    for offset in (1e-4, -1e-4):
-        run = sm.inflate(_rings(offset), LAW, pressures=[12e3])
-        line = run.last.along((0.0138, 4e-6, 0.001599), (0.0206, 4e-6, 0.001599), points=20)
-        x, z = np.linspace(0.0138, 0.0206, 20) + line["displacement"][:, 0], line["displacement"][:, 2]
-        slopes.append(np.degrees(np.arctan(-np.polyfit(x, z, 1)[0])))
-        assert np.sign(offset) * run.rise[-1] > 3e-3
-    assert slopes[0] == pytest.approx(-slopes[1], rel=0.05) and 0.6 * cone < slopes[0] < cone
+    run = sm.inflate(_rings(1e-4), LAW, pressures=[12e3])
+    line = run.last.along((0.0138, 4e-6, 0.001599), (0.0206, 4e-6, 0.001599), points=20)
+    x, z = np.linspace(0.0138, 0.0206, 20) + line["displacement"][:, 0], line["displacement"][:, 2]
+    slope = np.degrees(np.arctan(-np.polyfit(x, z, 1)[0]))
+    assert run.rise[-1] > 3e-3 and 0.6 * cone < slope < cone
 
 
 @pytest.mark.campaign
