@@ -91,7 +91,7 @@ class Drive:
     """What of the pressures the numbers and the stiffnesses of a chain are sums of.
 
     Each pressure's share of its highest is drawn out to its advance, by quartics after each other. The terms are 1, the
-    advances, and powers of sums of these: every polynomial of the advances up to `DEGREE` is a sum of terms.
+    advances, and powers of sums of these: every polynomial of the advances up to `TERM_DEGREE` is a sum of terms.
 
     Attributes:
         low, top: The lowest pressures, and those farthest from 0, Pa, shape (m,).
@@ -110,8 +110,8 @@ class Drive:
             [way for way in itertools.product((0.0, 1.0, -1.0, 2.0), repeat=m) if next(filter(None, way), 0.0) > 0.0]
         )
         simplest = sorted(ways / np.abs(ways).sum(axis=1)[:, None], key=np.count_nonzero)
-        places = product([np.linspace(0.0, 1.0, DEGREE + 1)] * m)
-        for power in range(2, DEGREE + 1):
+        places = product([np.linspace(0.0, 1.0, TERM_DEGREE + 1)] * m)
+        for power in range(2, TERM_DEGREE + 1):
             kept = list[Array]()
             for way in simplest:
                 if np.linalg.matrix_rank((places @ np.transpose([*kept, way])) ** power) > len(kept):
@@ -219,7 +219,7 @@ DRIVER_TURN = 1000.0
 """Angle by which drivers turn over the range, rad."""
 ADVANCES = ("onset", "rise", "advance")
 """What follows from the pressure, each from the one before, by a quartic from 0 at 0 to 1 at 1."""
-DEGREE = 4
+TERM_DEGREE = 4
 """Of the polynomials of the advances."""
 FIT_SAMPLES = 61
 """Places, of all pressures together, at which a chain is fitted to the table's curves, beside the table's own."""
@@ -501,7 +501,7 @@ def _stiffness_polynomial(drive: Drive, terms: Array, stiffness: Array) -> Array
     """Return the coefficients of the polynomial that is closest to a stiffness by its relative error, and stays within its
     range between the pressures; of a lower degree if that of the highest does not."""
     samples, coefficients = drive.terms(drive.samples()), np.zeros(terms.shape[1])
-    for degree in range(DEGREE, 0, -1):
+    for degree in range(TERM_DEGREE, 0, -1):
         used = drive.degrees <= degree
         if used.sum() <= len(stiffness):
             coefficients[:] = 0.0
