@@ -423,12 +423,13 @@ def _typed(values: Iterable[float], doubt: str) -> Typed:
     return made
 
 
-def series(text: object, what: str) -> Typed:
+def series(text: object, what: str, ordered: bool = True) -> Typed:
     """Return the requested values of ``"0:177"`` (from, to), ``"0:177:10"`` (from, to, step) or ``"0,70,130,177"``, or of
     numbers.
 
-    They all rise from 0 or above, or all fall from 0 or below, as under vacuum; the end of a range is always among them.
-    `SeriesError` for what is not so, or far too many. ``what`` is ``"pressure"`` or ``"volume"``, for the messages.
+    They all rise from 0 or above, or all fall from 0 or below, as under vacuum, unless they need not be ``ordered``; the end of
+    a range is always among them. `SeriesError` for what is not so, or far too many. ``what`` is ``"pressure"`` or
+    ``"volume"``, for the messages.
     """
     if isinstance(text, str):
         separator = ":" if ":" in text else ","
@@ -443,10 +444,11 @@ def series(text: object, what: str) -> Typed:
         cure = _unit_at_the_end(separator, parts) or "write 0:177, 0:177:10 or 0,70,130,177"
         raise SeriesError(f"{what} {units.brief(text)} is not a list of numbers ({error}); {cure}") from None
     if separator == ":":
-        way = _way(values[:2], what)
-        values = [way * value for value in _range([way * value for value in values[:2]] + values[2:], str(text), what)]
+        way = _way(values[:2], what) if ordered else 1 if values[:1] <= values[1:2] else -1
+        values = [way * value + 0.0 for value in _range([way * value for value in values[:2]] + values[2:], str(text), what)]
     more = ", and decimals with a point" if isinstance(text, str) and "," in text else ""
-    check_order(values, what, more)
+    if ordered:
+        check_order(values, what, more)
     return _typed(values, _decimal_comma(text, what) if isinstance(text, str) else getattr(text, "doubt", ""))
 
 
@@ -542,12 +544,12 @@ def _range(numbers: list[float], text: str, what: str) -> list[float]:
     return [*(value for value in inner if value < stop), stop]
 
 
-def of_text(unit: str, text: str, what: str, pascal_in_cm: float) -> Typed:
+def of_text(unit: str, text: str, what: str, pascal_in_cm: float, ordered: bool = True) -> Typed:
     """Return the requested values in SI of a text with a unit, such as ``"0:17 kPa"``: volumes where the ``unit`` is ``"ml"``,
     else pressures, also in ``"cm"`` of the column; `SeriesError` as for `series`, or for the unit."""
     values, own = split_text(text)
     amount = _reader(unit, text, own, what, pascal_in_cm)
-    return _typed(map(amount, series(values, what)), _decimal_comma(values, what, f" {own}"))
+    return _typed(map(amount, series(values, what, ordered)), _decimal_comma(values, what, f" {own}"))
 
 
 def one_of_text(unit: str, text: str, what: str, pascal_in_cm: float) -> units.Amount:

@@ -556,8 +556,9 @@ def _one_series(name: str, table: object, keys: Collection[str], cm: float) -> P
         return Prescribed(quantity, tuple(_amount(number, quantity, cm) for number in _numbers(where, text)), name)
     if not _have_units(text):
         raise StepError(f'{where} {units.brief(text)} has no unit; write one for each step, such as ["0 kPa", "4 kPa"]')
-    texts = [text] if isinstance(text, str) else text
-    return Prescribed(quantity, tuple(entries.one_of_text(CM, word, where, cm) for word in texts), name)
+    if isinstance(text, str):
+        return Prescribed(quantity, tuple(entries.of_text(CM, text, where, cm, ordered=False)), name)
+    return Prescribed(quantity, tuple(entries.one_of_text(CM, word, where, cm) for word in text), name)
 
 
 def _have_units(value: object) -> bool:
@@ -567,13 +568,10 @@ def _have_units(value: object) -> bool:
 
 
 def _numbers(where: str, text: object) -> tuple[float, ...]:
-    values = text.split(",") if isinstance(text, str) else text if isinstance(text, list | tuple) else [text]
     try:
-        numbers = tuple(units.numbers(values))
-    except units.UnitError as error:
-        raise StepError(
-            f"{where} {units.brief(text)} is not numbers ({error}); write one for each step, such as [20, 40]"
-        ) from None
+        numbers = tuple(entries.series(text, where, ordered=False))
+    except entries.SeriesError as error:
+        raise StepError(str(error)) from None
     if not numbers:
         raise StepError(f"{where} {units.brief(text)} has no values; write one for each step, such as [20, 40]")
     return numbers
@@ -649,7 +647,7 @@ def prescribed(quantity: str, values: Values, cm: float, falls: bool = False) ->
     unit = CM if quantity == PRESSURE else "ml"
     try:
         if isinstance(values, str):
-            read = entries.of_text(unit, values, quantity, cm)
+            read = entries.of_text(unit, values, quantity, cm, ordered=not falls)
             return Prescribed(quantity, tuple(read), doubt=read.doubt)
         amounts = [
             entries.one_of_text(unit, value, quantity, cm)

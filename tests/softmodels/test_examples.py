@@ -274,6 +274,7 @@ def test_boards_and_photographs_are_there(written):
         "photographs/photos.csv",
         "mypart.step",
         "twopart.step",
+        "armpart.step",
         "accordion.step",
         "press.step",
         "README.txt",

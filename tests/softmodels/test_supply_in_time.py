@@ -123,7 +123,7 @@ WRONG_LOAD = {
     "pressure_cm = '0:25'": "a reservoir needs its source in time",
     "source_pressure_cm = [0, 25]": "needs the times of its values",
     "source_pressure_cm = [0, -2000]\ntime_s = [0, 1]": "below absolute vacuum",
-    "source_pressure_cm = ['x', 25]\ntime_s = [0, 1]": "is not numbers",
+    "source_pressure_cm = ['x', 25]\ntime_s = [0, 1]": "is not a list of numbers",
     "source_pressure_cm = [0, 25]\ntime_s = [1, 0]": "runs backwards",
     "source_pressure_cm = [0, 25]\nvalve = [1, 2]\ntime_s = [0, 1]": "must be between 0 (closed) and 1 (open)",
     "valve = [1, 1]\ntime_s = [0, 1]": "needs one of source_pressure_cm",

@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import itertools
+import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
@@ -134,6 +135,17 @@ def two_cavities(path: Path) -> None:
     _write_step(path, draw)
 
 
+def arm(path: Path) -> None:
+    """Write a cylinder of 60 mm and 24 mm in diameter with three round chambers along its axis as a STEP file."""
+
+    def draw(occ: gmsh.model.occ) -> None:
+        places = [(8 * math.cos(2 * math.pi * k / 3), 8 * math.sin(2 * math.pi * k / 3)) for k in range(3)]
+        chambers = [(3, occ.addCylinder(x, y, 4, 0, 0, 52, 2.5)) for x, y in places]
+        occ.cut([(3, occ.addCylinder(0, 0, 0, 0, 0, 60, 12))], chambers)
+
+    _write_step(path, draw)
+
+
 def press(path: Path) -> None:
     """Write half a finger of 60 x 12 x 10 mm and, 1 mm below its tip, half a block, as a STEP file of two solids."""
 
@@ -199,7 +211,13 @@ def make_files(folder: Path, tell: Callable[[str], None]) -> None:
     }
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
-    for name, draw in (("mypart", finger), ("twopart", two_cavities), ("accordion", accordion), ("press", press)):
+    for name, draw in (
+        ("mypart", finger),
+        ("twopart", two_cavities),
+        ("armpart", arm),
+        ("accordion", accordion),
+        ("press", press),
+    ):
         draw(folder / f"{name}.step")
     for number, scene in enumerate(board_scenes(), 1):
         tell(f"board {number}")

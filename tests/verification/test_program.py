@@ -249,8 +249,8 @@ def test_like_series_are_one_pressure(part, run, body_of, solved):
             "step 1 of the program changes pressures and",
         ),
         ({"cavity1": {"pressure_cm": 2}, "cavity2": {"volume_ml": [0, -1e3]}}, "empties a cavity of"),
-        ({"cavity1": {"pressure_cm": "a,b"}, "cavity2": {"volume_ml": 0}}, "is not numbers"),
-        ({"cavity1": {"pressure_cm": True}, "cavity2": {"volume_ml": 0}}, "is not numbers"),
+        ({"cavity1": {"pressure_cm": "a,b"}, "cavity2": {"volume_ml": 0}}, "is not a list of numbers"),
+        ({"cavity1": {"pressure_cm": True}, "cavity2": {"volume_ml": 0}}, "is not a list of numbers"),
         ({"cavity1": {"height": 1}, "cavity2": {"volume_ml": 0}}, "needs one of pressure_cm or volume_ml"),
         ({"cavity1": {"pressure_cm": 0}, "cavity2": {"volume_ml": 0}}, "only zeros"),
         ({"cavity1": {"pressure_cm": 1e6}, "cavity2": {"volume_ml": 0}}, "a pressure of 1e.06 cm .* is too much"),
@@ -277,6 +277,16 @@ def _toml(part, tables):
         "support": part.support,
     }
     return tomli_w.dumps({"name": "pair", "geometry": {**geometry, "cell_size": "6 mm"}, "load": tables})
+
+
+@pytest.mark.parametrize(("table", "values"), [
+    ({"pressure": "0:12:6 kPa"}, [0, 6e3, 12e3]), ({"pressure": "4, 3, 2 kPa"}, [4e3, 3e3, 2e3]),
+    ({"pressure": "10:-10:10 kPa"}, [10e3, 0, -10e3]), ({"pressure_cm": "40, 0"}, [40 * CM, 0]),
+    ({"pressure_cm": "0:20:10"}, [0, 10 * CM, 20 * CM]), ({"volume_ml": "2:1"}, [2e-6, 1e-6]),
+])  # fmt: skip
+def test_series_as_texts(table, values):
+    steps = steps_of(cavity1=table, cavity2={"volume_ml": 0})
+    assert [step.prescribed[0].values[0] for step in steps] == pytest.approx(values, rel=1e-4)
 
 
 def test_case_file_keeps_the_program(part):
