@@ -756,6 +756,8 @@ def grid_case(source: StoredStates, count: int) -> Case:
     Boxes that grow from rest are visited one after the other, so a run that ends has reached all smaller pressures.
     """
     case, rows = source.case, source.rows
+    if case.name.endswith(GRID_SUFFIX) and case.program:
+        raise CaseError("the run has gone over a grid already; leave out the grid, or take another one of the run before it")
     if case.supply is not None or timed(case.steps) or case.load.driven is not None:
         raise CaseError("a grid of pressures needs a run over pressures at rest; run the case with pressures of its cavities")
     check_unique(case)
@@ -775,7 +777,10 @@ def grid_case(source: StoredStates, count: int) -> Case:
                    for k, (share, end) in enumerate(zip(place, ends.tolist(), strict=True))))
         for place in places
     ]  # fmt: skip
-    return dataclasses.replace(case, steps=tuple(steps), name=f"{case.name}-grid")
+    return dataclasses.replace(case, steps=tuple(steps), name=f"{case.name}{GRID_SUFFIX}")
+
+
+GRID_SUFFIX = "-grid"
 
 
 def check_unique(case: Case) -> None:

@@ -193,11 +193,13 @@ def test_command_line_solves_the_grid_and_goes_on(run, tmp_path):
     assert sm.load(here).case.material == sm.NeoHookean(40e3)
 
 
-def test_what_is_no_map(part, run, model):
+def test_what_is_no_map(part, run, grid, model):
     with pytest.raises(sm.CaseError, match="takes 2 pressures, one of each cavity; it got 1"):
         model(3e3)
     with pytest.raises(sm.CaseError, match="must be 3 or more pressures of each cavity"):
         run.grid(2)
+    with pytest.raises(sm.CaseError, match="has gone over a grid already; leave out the grid"):
+        grid.grid(5)
     plate = sm.RigidShape("plane", "tip", (0.021, 0.0, 0.0), along=(-1.0, 0.0, 0.0), friction=0.5, name="plate")
     with pytest.raises(sm.CaseError, match=r"with the friction of .*plate.* the states depend on the order"):
         grid_case(types.SimpleNamespace(case=dataclasses.replace(run.case, components=(plate,)), rows=run.table), 3)
