@@ -70,21 +70,33 @@ class KeptResults(forms.TabPage):
         super().__init__(bench)
         self.output, self.report = output, report
         self.message, self.dialogs = forms.tagged(ui.label(), f"kept-message-{output}", "text-negative", ""), ui.element()
-        self.rows = ui.refreshable(self._rows)
+        self.shown, self.rows = self._here(), ui.refreshable(self._rows)
         self.rows()
         self.while_working(output, "working on these results")
-        bench.jobs.changed.subscribe(lambda job: self.rows.refresh() if job.output == output else None)
-        bench.worked.subscribe(lambda place: self.rows.refresh() if place == output else None)
+        bench.jobs.changed.subscribe(lambda job: self._renew() if job.output == output else None)
+        bench.worked.subscribe(lambda place: self._renew() if place == output else None)
+
+    def _here(self) -> dict[Path, bool]:
+        """Return the folders that have a row, each with whether it has a report."""
+        job, results = self.bench.jobs.latest(self.output), self.project / self.output
+        own = [results] if results.is_dir() and not (job and job.active) else []
+        return {folder: (folder / self.report).is_file() for folder in (*own, *self.project.copies(self.output))}
+
+    def _renew(self) -> None:
+        """Build the rows again if they change: a click on a button that is built again at that moment would be lost."""
+        if (here := self._here()) != self.shown:
+            self.shown = here
+            self.rows.refresh()
 
     def _rows(self) -> None:
-        job = self.bench.jobs.latest(self.output)
-        if (self.project / self.output).is_dir() and not (job and job.active):
-            named_row("these results", self._actions(self.project / self.output)[1:])
-        for folder in self.project.copies(self.output):
+        for folder, has_report in self.shown.items():
+            if folder == self.project / self.output:
+                named_row("these results", self._actions(folder)[1:])
+                continue
             place = folder.relative_to(self.project.folder).as_posix()
             own = folder.name.removeprefix(f"{Path(self.output).name}-")
             with named_row(own, self._actions(folder)):
-                if (folder / self.report).is_file():
+                if has_report:
                     ui.link("report", f"/files/{quote(f'{place}/{self.report}')}", new_tab=True)
                 forms.with_attribute(ui.link("ZIP", forms.zip_address(place)), "download", "")
 

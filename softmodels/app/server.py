@@ -294,7 +294,8 @@ def build_page(bench: Bench) -> None:
         dark = ui.dark_mode(None)
         switch = ui.button(icon="dark_mode", on_click=lambda: dark.set_value(not dark.value))
         switch.props('flat round dense color=white aria-label="light or dark"')
-    with ui.tab_panels(tabs, value="Start").classes("w-full bg-transparent"):
+    # A panel that slides in takes no clicks for half a second.
+    with ui.tab_panels(tabs, value="Start", animated=False).classes("w-full bg-transparent"):
         for name, (_, page) in pages.items():
             with ui.tab_panel(name).classes("p-0"):
                 page(bench)

@@ -208,7 +208,10 @@ ALONG = np.arange(DEFAULT_SEGMENTS) - (DEFAULT_SEGMENTS - 1) / 2
 MOST_TURN = math.radians(0.1)
 """Rotation up to which a device only extends."""
 PLANE_TOLERANCE = 0.02
-"""Distance of the tip from the plane of bending, in lengths, up to which a chain stays in it."""
+"""Distance of the tip from the plane of bending up to which a chain stays in it: in displacements of the tip, or in lengths
+where its stiffness across the plane is not known."""
+LEAST_MOTION = 0.01
+"""Displacement of the tip in lengths below which that share of it is the rounding of the mesh."""
 TIME_CONSTANT = 0.01
 """Time constant in s of the pressure behind its command."""
 DRIVER_MASS = 5e-8
@@ -392,11 +395,16 @@ def path_of(model: ReducedModel, axes: Array, hinges: bool, pressures: Array, co
         np.asarray(np.kron(np.eye(2), axes), dtype=float),
     )
     places = np.array([pose.position - model.base for pose in poses]) @ axes
-    return TipPath(
-        model.length, hinges, count or (6 if np.abs(places[:, 2]).max() > PLANE_TOLERANCE * model.length else 3), places,
-        np.array([axes.T @ pose.rotation @ axes for pose in poses]),
+    path = TipPath(
+        model.length, hinges, count, places, np.array([axes.T @ pose.rotation @ axes for pose in poses]),
         np.array([turned(pose.compliance, both) for pose in poses]),
     )  # fmt: skip
+    if count:
+        return path
+    rest, out = np.array([model.length, 0.0, 0.0]), float(np.abs(places[:, 2]).max())
+    moved = max(float(np.linalg.norm(places - rest, axis=1).max()), LEAST_MOTION * model.length)
+    plane = moved if {"side", "twist"} <= set(path.kinds()) else model.length
+    return dataclasses.replace(path, count=6 if out > PLANE_TOLERANCE * plane else 3)
 
 
 def turned(C: Array, axes: Array) -> Array:

@@ -64,6 +64,7 @@ def tab(browser, address, shown="Device", **options):
     opened.set_default_timeout(120_000)
     opened.on("pageerror", lambda error: errors.append(str(error)))
     opened.goto(address)
+    opened.wait_for_function("window.did_handshake")  # before it, the server hears no clicks
     opened.get_by_role("tab", name=shown).click()
     yield opened
     context.close()

@@ -87,7 +87,6 @@ def test_results_are_copied_renamed_and_deleted_on_the_page(browser, tmp_path):
     with served(project.folder) as (_, address), tab(browser, address, "Mould") as page:
         state = page.locator('[data-name="state-results/mould"]')
         assert state.text_content() == DONE
-        page.wait_for_timeout(1000)  # panels slide in
         for verb, whose, answer, name in (
             ("keep a copy of", "these results", "Keep", "first"), ("rename", "first", "Rename", "second try"),
         ):  # fmt: skip

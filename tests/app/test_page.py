@@ -246,7 +246,6 @@ def test_axe_finds_nothing_serious(browser, server):
         page.locator("svg.section").wait_for()
         for name in ("Photographs", "Material", "Device", "Overlay", "Design", "Mould"):
             page.get_by_role("tab", name=name).click()
-            page.wait_for_timeout(800)  # panels slide in
             assert name != "Material" or page.locator('input[data-name="poisson"]').input_value() == "0.5"
             for scheme, rules in (("light", {}), ("dark", contrast)):
                 page.emulate_media(color_scheme=scheme)

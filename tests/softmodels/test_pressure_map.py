@@ -18,7 +18,7 @@ import softmodels as sm
 from softmodels.case.load import steps_of
 from softmodels.cli.exports import reduce_command
 from softmodels.decks import chain_check, chains
-from softmodels.decks.reduction import TipFace, grid_case, grid_of
+from softmodels.decks.reduction import ReducedModel, TipFace, grid_case, grid_of
 from softmodels.path import schedule
 
 SILICONE = sm.NeoHookean(30e3)
@@ -150,6 +150,23 @@ def test_a_chain_of_two_pressures(model, tmp_path):
     yielding = in_mujoco(model, tmp_path / "pair.xml", pressures, load)[0] - place
     assert yielding == pytest.approx((at.compliance @ load)[:3], rel=0.02, abs=0.02 * np.linalg.norm(yielding))
     assert place[2] * in_mujoco(model, tmp_path / "pair.xml", pressures[::-1])[0][2] < 0.0
+
+
+def test_a_chain_bends_in_all_directions_however_little(model):
+    """A pair whose second pressure also turns the direction in which it bends, by up to a quarter of a turn: its tip leaves any
+    plane by 0.2 % of its length at most, and does so on the chain."""
+    by_pressure, states = np.array([math.pi / 2 / model.span[1][1], 0.0, 0.0]), []
+    for state in model.states:
+        Q = Rotation.from_rotvec(by_pressure * state.pressure[1]).as_matrix()
+        both, chord, R = np.kron(np.eye(2), Q), Q @ (state.position - model.base), Q @ state.rotation @ Q.T
+        rate = both @ state.rate
+        rate[:, 1] += np.concatenate([np.cross(by_pressure, chord), by_pressure - R @ by_pressure])
+        states.append(dataclasses.replace(
+            state, position=model.base + chord, rotation=R, rate=rate, compliance=both @ state.compliance @ both.T,
+            compliance_rate=None,
+        ))  # fmt: skip
+    chain = chains.chain_of(ReducedModel(model.case, model.face, tuple(states), model.base, ""))
+    assert len(chain.numbers) == 6 and chain.error[0] < 4e-4 and chain.error[1] < 0.05
 
 
 def test_what_a_chain_of_two_pressures_says(model, grid, tmp_path):
