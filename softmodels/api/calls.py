@@ -27,7 +27,7 @@ from softmodels.path import steps
 from softmodels.runs import analyses, labels, notes, outcomes, recording, states
 from softmodels.runs.analyses import Limit, NaturalFrequencies
 from softmodels.runs.outcomes import RunError
-from softmodels.runs.simulation import AtRest, MemoryStates, Simulation, accurate, solve_finer, solve_sources, temporary_folder
+from softmodels.runs.simulation import AtRest, MemoryStates, Simulation, accurate, solve_meshes, solve_sources, temporary_folder
 
 if TYPE_CHECKING:
     from softmodels.pictures.comparison import Comparison
@@ -282,7 +282,7 @@ def solve_in_memory(simulation: Simulation, branch: bool) -> Run:
                 if case.program:
                     raise
             aside = _branch(simulation, states) if branch else None
-            states.others, states.finer = solve_sources(simulation, mesh), solve_finer(simulation)
+            states.others, states.meshes = solve_sources(simulation, mesh), solve_meshes(simulation)
     except RunError as error:
         ended = outcomes.Ended.by(error)
         if states is None:

@@ -530,7 +530,7 @@ class Run(cards.ResultCard):
             write_states(self._source, results)
             if self.branch is not None:
                 self.branch._save_branch(results)
-            results.write_beside(self._source.others, self._source.finer)
+            results.write_beside(self._source.others, self._source.meshes)
             recording.gather(self.case, results, self._ended)
             results.own.forget_unwritten()
         finally:

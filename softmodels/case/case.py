@@ -245,8 +245,8 @@ class Case:
     )  # fmt: skip
     mesh_error: bool = _value(
         "solver", schema.Flag(),
-        "estimate the mesh error of the last state and of limit points: the path is solved again with smaller cells", False,
-        hidden=True,
+        "estimate the mesh error of the last state and of limit points: the path is solved again with smaller cells, of a "
+        "solid also with larger ones", False, hidden=True,
     )  # fmt: skip
     accuracy: float = _value(
         "solver", schema.Quantity(),

@@ -155,7 +155,7 @@ def mises_field(design: quantities.DesignedBody, where: CellChoice = ALL_CELLS) 
     def field(region: regions.MaterialRegion) -> Expr:
         F = ufl.variable(design.system.body.deformation_gradient(design.system.potential.displacement))
         strain = laws.Strain(F)
-        stress = ufl.diff(region.material.shape(strain, region.parameters), F) * F.T / strain.J
+        stress = ufl.diff(region.shape(strain), F) * F.T / strain.J
         deviator = stress - ufl.tr(stress) / 3 * ufl.Identity(3)
         return ufl.sqrt(1.5 * ufl.inner(deviator, deviator) + 1e-12)  # the root is not differentiable at zero
 

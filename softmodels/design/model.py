@@ -60,6 +60,7 @@ from softmodels.design.trials import (
     factor,
     shown_unit,
 )
+from softmodels.materials import laws
 from softmodels.mechanics import compiling, mpi, newton, regions
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.component import ComponentError
@@ -102,7 +103,8 @@ class MeshedDesign:
             system = System(body, case.material, case.formulation, case.components)
             system.direction = case.load.direction
             solver = Solver(system, case.solver)
-            made = cls(DesignedBody(solver), question, case)
+            forms = [name for name in question.materials if name in laws.FORM_ENERGIES]
+            made = cls(DesignedBody(solver, forms), question, case)
         try:
             made.show(case)
             if before is None or made.states.depend_on_path or not made._taken_over(before):

@@ -10,7 +10,7 @@ import contextlib
 import dataclasses
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, ClassVar, dataclass_transform
 
 import numpy as np
@@ -242,7 +242,7 @@ def energy_measure(design: DesignedBody) -> Measure:
     """Return the energy stored in the whole device and its contact, in J."""
     system = design.system
     unit = system.volume_unit
-    return WithContact(design, FormMeasure(design, system.potential.energies, scaled(unit), counted_in_stress=True), unit)
+    return WithContact(design, FormMeasure(design, design.energies, scaled(unit), counted_in_stress=True), unit)
 
 
 QUANTITIES: names.Registry[type[DesignQuantity]] = names.Registry(
@@ -503,7 +503,7 @@ class BlockedForce(DesignQuantity, name="blocked_force", unit="N"):
             raise ValueError(f"{self.name} is not available with loads ({where}), which act on the held tip too")
         along = _moved_role(design, actuator.blocked)
         # The virtual work of a unit motion of the support equals the residual there.
-        forms = [-ufl.action(force, along) for force in potential.forces]
+        forms = [-ufl.action(force, along) for force in design.forces]
         unit = system.length_unit**2 * actuator.copies
         pressures = [ufl.action(load, along) for load in potential.loads]
         return FormMeasure(design, forms, scaled(unit), counted_in_stress=True, by_pressure=pressures)
@@ -547,7 +547,7 @@ class _StiffnessMeasure(Measure):
         forms = [
             ufl.dot(along, body.displacement(moved)) * body.hoop * on_face,
             fem.Constant(body.mesh, 1.0) * body.hoop * on_face,
-            *(ufl.action(ufl.derivative(force, system.w, self._z), self._z) for force in potential.forces),
+            *(ufl.action(ufl.derivative(force, system.w, self._z), self._z) for force in design.forces),
         ]
         turned = [-ufl.action(ufl.derivative(load, system.w, self._z), self._z) for load in potential.loads]
         self._measure = FormMeasure(design, forms, self._stiffness, counted_in_stress=True, by_pressure=turned)
@@ -822,11 +822,20 @@ def _direction(text: str, where: str) -> Array:
 
 class DesignedBody:
     """A meshed device, its mesh as it was read at first, which the motion moves as its design, with its probes and the UFL
-    form of what `System.volume` is of the undeformed device."""
+    form of what `System.volume` is of the undeformed device.
 
-    def __init__(self, solver: Solver):
+    ``energies`` and ``forces`` are those of the potential; with those of `laws.FORM_ENERGIES` by which derivatives are wanted.
+    """
+
+    def __init__(self, solver: Solver, forms: Iterable[str] = ()):
         self.solver, self.system = solver, solver.system
         system = self.system
+        main, test = system.potential.regions[0], ufl.TestFunction(system.space)
+        main.forms = {name: fem.Constant(system.body.mesh, 0.0) for name in forms}
+        added = [factor * laws.FORM_ENERGIES[name](self.strain) for name, factor in main.forms.items()]
+        own = [density * system.body.hoop * main.dx for density in added]
+        self.energies: list[ufl.Form] = [*system.potential.energies, *own]
+        self.forces = [*system.potential.forces, *(ufl.derivative(energy, system.w, test) for energy in own)]
         self.motion = sensitivity.MeshMotion(system.body)
         self.motion.followers.append(system.follow_mesh)
         resting = fem.Function(system.space)

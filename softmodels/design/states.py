@@ -14,7 +14,6 @@ import scipy.spatial
 from softmodels.common.arrays import Array
 from softmodels.common.lazy import fem, ufl
 from softmodels.design import quantities, trials
-from softmodels.materials import laws
 from softmodels.mechanics import assembly, component, controls, mpi, newton, sensitivity
 from softmodels.path import continuation, schedule, stability
 from softmodels.path.continuation import Continuation, trace
@@ -554,9 +553,9 @@ class Adjoint:
 
     def by_material(self, measure: quantities.Measure, names: Sequence[str]) -> dict[str, float]:
         """Return the partial derivatives of a quantity by parameters that are no lengths at the loaded unknowns, by
-        central differences; 0 by `laws.FORM_ENERGIES`, of which only the state is followed."""
+        central differences."""
         by_material = dict.fromkeys(names, 0.0)
-        for name in (name for name in names if name not in laws.FORM_ENERGIES):
+        for name in names:
             own, step = name.rpartition(".")[2], DIFFERENCE_STEP * self.sensitivity.scale(name)
             weights = BACKWARD if own == "poisson" else CENTRAL  # which must not exceed 0.5
             for shift, weight in weights.items():
@@ -629,7 +628,7 @@ class Bifurcations:
         self.design, self.adjoint, self.solver = design, adjoint, design.solver
         system, potential = design.system, design.system.potential
         self._mode = fem.Function(system.space)
-        forms = [ufl.action(ufl.derivative(force, system.w, self._mode), self._mode) for force in potential.forces]
+        forms = [ufl.action(ufl.derivative(force, system.w, self._mode), self._mode) for force in design.forces]
         turned = [-ufl.action(ufl.derivative(load, system.w, self._mode), self._mode) for load in potential.loads]
         self._eigenvalue = quantities.FormMeasure(
             design, forms, lambda values: (float(values.sum()), np.ones(len(values))), by_pressure=turned

@@ -276,7 +276,7 @@ def share_energy(strain: StrainMeasures) -> Expression:
     goes as the square of the strain, I2 - I1 as its cube, and no rubber's energy has a power of 3/2 of I1 - 3. Where no pull
     says what the law's own curve is, data would see that power long before they see the share.
     """
-    return math.sqrt(3.0) * strain.I2_bar**0.5 - 0.5 * strain.I1_bar
+    return math.sqrt(3.0) * strain.I2_bar**0.5 - 0.5 * strain.I1_bar - 1.5  # 0 at rest
 
 
 FORM_ENERGIES = {FORM: form_energy, SHARE: share_energy}

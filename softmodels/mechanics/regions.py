@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from geometries import Actuator, Hold
 from softmodels.common.arrays import Array
-from softmodels.common.lazy import MPI, fem, meshes, scipy, ufl
+from softmodels.common.lazy import MPI, Expr, fem, meshes, scipy, ufl
 from softmodels.materials import laws, silicones
 from softmodels.materials.laws import Material, MaterialError
 from softmodels.materials.specimens import nudged
@@ -434,6 +434,8 @@ RATIO_PREFIX = "ratio"
 
 def number_of(material: Material, name: str) -> float:
     """Return a law's number by the name that `variable_numbers` has."""
+    if name in laws.FORM_ENERGIES:
+        return float(np.real(material.forms.get(name, 0.0)))
     return float(material.poisson if name == "poisson" else material.parameters[name])
 
 
@@ -471,6 +473,7 @@ class MaterialRegion:
         dx: Measure over them.
         parameters: The law's parameters by name, those that are stresses in shear moduli of the main material.
         bulk: Bulk modulus; its inverse in the mixed form: that may vanish, the bulk may not be infinite.
+        forms: Factors of `laws.FORM_ENERGIES`, which are 0 but for derivatives by them; no part of the potential.
     """
 
     name: str
@@ -479,6 +482,12 @@ class MaterialRegion:
     dx: ufl.Measure
     parameters: types.SimpleNamespace
     bulk: fem.Constant
+    forms: dict[str, fem.Constant] = dataclasses.field(default_factory=dict)
+
+    def shape(self, strain: laws.Strain) -> Expr:
+        """Return the energy of the change of shape in shear moduli of the main material, with those of its forms."""
+        energy = self.material.shape(strain, self.parameters)
+        return energy + sum(factor * laws.FORM_ENERGIES[name](strain) for name, factor in self.forms.items())
 
     def take(self, material: Material, mu: float, mixed: bool) -> None:
         """Set a material's parameters, in units of a shear modulus in Pa."""
@@ -487,6 +496,8 @@ class MaterialRegion:
             value = np.asarray(getattr(material, field.name), dtype=float)
             getattr(self.parameters, field.name).value = value / mu if field.metadata["unit"] == "Pa" else value
         self.bulk.value = mu / material.bulk if mixed else material.bulk / mu
+        for name, factor in self.forms.items():
+            factor.value = material.forms.get(name, 0.0)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

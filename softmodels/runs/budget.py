@@ -79,22 +79,22 @@ def causes_in(row: table.Row, name: str) -> list[str]:
 
 @dataclasses.dataclass(frozen=True)
 class Budget:
-    """The budgets of a path's numbers, from its table, the one with other cells, and those of the silicone's other sources.
+    """The budgets of a path's numbers, from its table, those on other meshes, and those of the silicone's other sources.
 
     Attributes:
         case: What was solved.
-        rows, finer, sources: The tables; no sources but where the case asks for their band.
+        rows, meshes, sources: The tables; no sources but where the case asks for their band.
     """
 
     case: Case
     rows: table.PathTable
-    finer: table.PathTable
+    meshes: columns.MeshTables
     sources: columns.SourceTables
 
     @functools.cached_property
     def mesh(self) -> mesh_error.MeshErrors:
         """The mesh errors of the path's states."""
-        return mesh_error.MeshErrors(self.case, self.rows, self.finer)
+        return mesh_error.MeshErrors(self.case, self.rows, self.meshes)
 
     @property
     def stated(self) -> list[table.Row]:
@@ -169,7 +169,7 @@ class Budget:
             yield "the gauge ([tolerance])"
         if case.band is not None and laws.FORM_ENERGIES.keys().isdisjoint(getattr(case.band, "names", ())):
             yield "the law's form (a fit)"
-        if not self.finer:
+        if columns.FINER not in self.meshes:
             yield "the mesh (--mesh-error)"
 
     def half_text(self, row: table.Row, name: str) -> str:

@@ -360,7 +360,11 @@ for _variable in _VARIABLES:
 type SourceTables = Mapping[str, table.PathTable]
 """PathTable of each source by its name, from the softest to the stiffest."""
 
-FILE, FINER_FILE = "sources.csv", "finer.csv"
+type MeshTables = Mapping[str, table.PathTable]
+"""PathTable of the same path with smaller cells, `FINER`, and with larger ones, `COARSER`: those that were solved."""
+
+FINER, COARSER = "finer", "coarser"
+FILE, MESH_FILES = "sources.csv", {name: f"{name}.csv" for name in (FINER, COARSER)}
 WORDS = ("control", "source")
 """Columns of words."""
 
@@ -382,9 +386,10 @@ def read_sources(folder: Path, cm: float) -> dict[str, table.PathTable]:
     return sources
 
 
-def read_finer(folder: Path, cm: float) -> table.PathTable:
-    """Return the table of the path with smaller cells; as `read_sources`."""
-    return table.PathTable.read(_read(folder / FINER_FILE), cm)
+def read_meshes(folder: Path, cm: float) -> dict[str, table.PathTable]:
+    """Return the tables of the path on other meshes; as `read_sources`."""
+    tables = {name: table.PathTable.read(_read(folder / file), cm) for name, file in MESH_FILES.items()}
+    return {name: rows for name, rows in tables.items() if rows}
 
 
 def _read(file: Path) -> list[dict[str, table.Cell]]:

@@ -7,8 +7,12 @@ the cells are quadratic. With cells r times smaller in all places
     |f(h) - f| = |f(h) - f(h / r)| / (1 - r^-p)  <=  |f(h) - f(h / r)| / (1 - 1 / r).
 
 That bound is the stated half width. It is the grid convergence index of Roache (1994, 10.1115/1.2910291) with the least order
-in place of an observed one, which takes a third mesh and is noisy on unstructured ones. It holds for what converges: the
-largest stretch and stress at a sharp corner have no limit (see `PEAKS`).
+in place of an observed one, which is noisy on unstructured meshes. In a solid numbers do not go to their limit evenly, and two
+meshes may agree by chance: a third one, of larger cells, gives the least half width, the error that is left at second order,
+
+    |f(h r) - f(h)| / (r^2 - 1).
+
+Both hold for what converges: the largest stretch and stress at a sharp corner have no limit (see `PEAKS`).
 """
 
 from __future__ import annotations
@@ -39,41 +43,46 @@ LEAST_RISE = 1e-3
 """Rise relative to the device's size below which an error relative to it means nothing."""
 
 
-def half_width[Value: (float, Array)](value: Value, finer: Value, times: float) -> Value:
-    """Return half the 95 % interval of a number; ``finer`` is the number with cells so many times smaller."""
-    return abs(value - finer) / (1.0 - 1.0 / times)
+def half_width[Value: (float, Array)](value: Value, finer: Value, times: float, coarser: Value | None = None) -> Value:
+    """Return half the 95 % interval of a number; ``finer`` is the number with cells so many times smaller, ``coarser`` that
+    with as many times larger ones."""
+    half = abs(value - finer) / (1.0 - 1.0 / times)
+    return half if coarser is None else np.maximum(half, abs(coarser - value) / (times**2 - 1.0))
 
 
 @dataclasses.dataclass(frozen=True)
 class MeshErrors:
-    """Mesh errors of the states of a path, from its table and the one with smaller cells, which may be empty.
+    """Mesh errors of the states of a path, from its table and those on other meshes; of a section larger cells count for
+    nothing.
 
     Attributes:
         case: What was solved.
-        rows, finer: The two tables.
+        rows: Its table.
+        meshes: The others.
     """
 
     case: Case
     rows: table.PathTable
-    finer: table.PathTable
+    meshes: columns.MeshTables
 
     @property
     def times(self) -> float:
         """How many times smaller the other cells are."""
         return FINER[self.case.actuator.dimension] if self.case.mesh_error else FINER[2]
 
-    def paired(self, row: table.Row) -> table.Row | None:
-        """Return the state with smaller cells that corresponds to a requested state or a limit point; None if there is none."""
+    def paired(self, row: table.Row, mesh: str = columns.FINER) -> table.Row | None:
+        """Return the state on another mesh that corresponds to a requested state or a limit point; None if there is none."""
+        others = self.meshes.get(mesh, table.PathTable())
         if row.get("limit"):
-            marked = self.finer.where("limit")
+            marked = others.where("limit")
             number = len(self.rows.where(lambda before: before["limit"] and before["step"] < row["step"]))
             return marked[number] if number < len(marked) else None
         if not row["requested"]:
             return None
         if "load_step" in row:
-            same = self.finer.where(lambda other: bool(np.isclose(other["load_step"], row["load_step"], rtol=1e-9)))
+            same = others.where(lambda other: bool(np.isclose(other["load_step"], row["load_step"], rtol=1e-9)))
         else:
-            same = self.finer.where(lambda other: columns.stands_at(other, self.case, row[self.case.variable]))
+            same = others.where(lambda other: columns.stands_at(other, self.case, row[self.case.variable]))
         return same[0] if same else None
 
     @functools.cached_property
@@ -83,10 +92,12 @@ class MeshErrors:
     def of(self, row: table.Row) -> dict[str, float]:
         """Return half widths in SI by variable of a requested state of the path or a limit point; empty if unknown."""
         if row["step"] not in self._by_step:  # asked for variable by variable
-            known, other = dict[str, float](), self.paired(row)
+            known, other, solid = dict[str, float](), self.paired(row), self.case.actuator.dimension == 3
+            larger = self.paired(row, columns.COARSER) if solid else None
             if other is not None:
-                told = [name for name in _told(self.case, row) if name in other]
-                known = {name: half_width(row[name], other[name], self.times) for name in told}
+                for name in (name for name in _told(self.case, row) if name in other):
+                    coarser = larger[name] if larger is not None and name in larger else None
+                    known[name] = half_width(row[name], other[name], self.times, coarser)
             self._by_step[row["step"]] = known
         return self._by_step[row["step"]]
 
@@ -107,9 +118,11 @@ class MeshErrors:
             + units.with_error(row.shown(name), in_unit(row, name, half), row.unit(name))
             for name, half in widths.items()
         )
+        files = columns.MESH_FILES
+        larger = f" and larger ({files[columns.COARSER]})" if columns.COARSER in self.meshes else ""
         return (
             f"Mesh error at {words.place(row)}, from the same path {described(self.case)} "
-            f"({columns.FINER_FILE}), as half a 95 % interval: {figures}."
+            f"({files[columns.FINER]}){larger}, as half a 95 % interval: {figures}."
         )
 
     def shares(self) -> dict[str, float]:
@@ -185,6 +198,18 @@ def companion(case: Case, unasked: bool) -> Case | None:
         return dataclasses.replace(case, actuator=section.refined(FINER[2]))
     except (CaseError, GeometryError):
         return None  # such as a load that is not axisymmetric
+
+
+def coarser_companion(case: Case) -> Case | None:
+    """Return the case of a solid with larger cells, if it asks for the mesh error: a third of the cost of its own path; None of
+    a section, whose numbers converge evenly, and where there is none."""
+    device = case.actuator
+    if not case.mesh_error or device.dimension == 2:
+        return None
+    try:
+        return dataclasses.replace(case, actuator=device.refined(1.0 / FINER[device.dimension]))
+    except GeometryError:
+        return None
 
 
 def expected_seconds(case: Case, other: Case, seconds: float) -> float:

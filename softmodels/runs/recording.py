@@ -28,7 +28,7 @@ from softmodels.runs import columns, formats, labels, notes, outcomes, store, ta
 from softmodels.runs.fields import Fields
 from softmodels.runs.notes import events
 from softmodels.runs.outcomes import RunError
-from softmodels.runs.simulation import FROM_REST, RunStart, Simulation, solve_finer, solve_sources
+from softmodels.runs.simulation import FROM_REST, RunStart, Simulation, solve_meshes, solve_sources
 from softmodels.runs.states import StoredStates
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -431,8 +431,8 @@ def record(
     if branch:
         _record_branch(simulation, results)
     sources = solve_sources(simulation, results.own.path / mesh.name)  # stored since the first state
-    finer = solve_finer(simulation, seconds)
-    mpi.on_root(comm, lambda: results.write_beside(sources, finer))
+    meshes = solve_meshes(simulation, seconds)
+    mpi.on_root(comm, lambda: results.write_beside(sources, meshes))
     if ended is not None:
         raise ended
 

@@ -917,21 +917,25 @@ def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, table.PathTab
     return {name: rows for name, rows in sources.items() if rows}
 
 
-def solve_finer(simulation: Simulation, seconds: float | None = None) -> table.PathTable:
-    """Follow the path of a case once more with other cells, for `softmodels.runs.mesh_error`; all ranks call it. Return its
-    rows, on all ranks; none where the case does not ask for the mesh error. With the ``seconds`` of a core that its own path
-    took it is estimated unasked too, where that costs little. `RunError` if the user stopped it."""
+def solve_meshes(simulation: Simulation, seconds: float | None = None) -> dict[str, table.PathTable]:
+    """Follow the path of a case on other meshes, for `softmodels.runs.mesh_error`; all ranks call it. Return their rows, on all
+    ranks; none where the case does not ask for the mesh error. With the ``seconds`` of a core that its own path took it is
+    estimated unasked too, where that costs little. `RunError` if the user stopped it."""
     case = simulation.case
     other = mesh_error.companion(case, seconds is not None)
     if other is None:
-        return table.PathTable()
+        return {}
     if seconds is not None and not case.mesh_error:
         seconds = mesh_error.expected_seconds(case, other, seconds)
         if not mpi.on_root(simulation.comm, functools.partial(mesh_error.affordable, seconds)):
             simulation.listener.say(f"the mesh error is left out, which would take about {seconds:.2g} s more (--mesh-error)")
-            return table.PathTable()
+            return {}
     simulation.listener.say(f"solving again {mesh_error.described(case)}, for the mesh error")
-    return _path_of(simulation, other, MIN_STEPS if case.mesh_error else MIN_COMPANION_STEPS)
+    meshes = {columns.FINER: _path_of(simulation, other, MIN_STEPS if case.mesh_error else MIN_COMPANION_STEPS)}
+    if (larger := mesh_error.coarser_companion(case)) is not None:
+        simulation.listener.say("  and with larger ones, since two meshes of a solid may agree by chance")
+        meshes[columns.COARSER] = _path_of(simulation, larger)
+    return {name: rows for name, rows in meshes.items() if rows}
 
 
 MOST_REFINEMENTS = 6
@@ -951,14 +955,14 @@ def accurate(case: Case, comm: MPI.Comm, listener: outcomes.Listener | None = No
     simulation = Simulation(dataclasses.replace(case, accuracy=0.0, mesh_error=True), comm, listener, stopped)
     aims, say, times = simulation.case, simulation.listener.say, mesh_error.FINER[case.actuator.dimension]
     say(f"looking for cells that give an accuracy of {case.accuracy:.2g} of the number")
-    begun, rows = time.monotonic(), _path_on(simulation, 1.0)
+    begun, before, rows = time.monotonic(), table.PathTable(), _path_on(simulation, 1.0)
     for number in range(MOST_REFINEMENTS):
-        factor, before = times**number, rows
+        factor, larger, before = times**number, before, rows
         try:
             rows = _path_on(simulation, factor * times)
         except GeometryError as error:
             raise RunError(f"an accuracy of {case.accuracy:.2g} is not reached: {error}; ask for less") from None
-        shares = mesh_error.MeshErrors(aims, before, rows).shares()
+        shares = mesh_error.MeshErrors(aims, before, {columns.FINER: rows, columns.COARSER: larger}).shares()
         if not shares:
             raise RunError(
                 "the mesh error is unknown: the path ends before a state under load that two meshes have; ask for a lower "

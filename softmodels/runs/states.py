@@ -42,7 +42,7 @@ class StoredStates:
         cells, cell_name: Node numbers in VTK's order, shape (c, 10 or 6), and XDMF's name of them.
         rows: The table of the states.
         others: Tables of the silicone's other sources by name; empty where they were not asked for.
-        finer: Table of the path with smaller cells; empty where the mesh error was not asked for.
+        meshes: Tables of the path on other meshes; empty where the mesh error was not asked for.
         branch: That of the branch followed from the first bifurcation; empty if none was.
         mesh_notes: Warnings about the mesh, as sentences.
         made: Where they come from.
@@ -52,7 +52,7 @@ class StoredStates:
         self.case, self.rows, self._read = case, table.PathTable(rows), read
         self.points, self.cells, self.cell_name = grid
         self.others: columns.SourceTables = {}
-        self.finer = table.PathTable()
+        self.meshes: columns.MeshTables = {}
         self.branch = table.PathTable()
         self.mesh_notes: Sequence[str] = ()
         self.made = commands.Provenance()
@@ -100,7 +100,7 @@ class StoredStates:
     @functools.cached_property
     def budget(self) -> Budget:
         """What is known of the errors of their numbers."""
-        return Budget(self.case, self.rows, self.finer, self.sources)
+        return Budget(self.case, self.rows, self.meshes, self.sources)
 
     def field(self, step: float, name: str) -> Array:
         """Return a nodal field of a state, shape (n,) or (n, 3), SI units; of step 2.5 the mean of steps 2 and 3."""
@@ -197,7 +197,7 @@ class FolderStates(StoredStates):
         super().__init__(case, self.results.rows, grid, read)
         self._mesh = (home or folder) / f"{case.name}.msh"
         self.others = columns.read_sources(folder, case.column.pascal) if isinstance(case.band, materials.SourceBand) else {}
-        self.finer = self.results.finer(case)
+        self.meshes = self.results.meshes(case)
         self.branch, self.mesh_notes = self.results.branch_rows, self.results.mesh_notes
         self.made = commands.Provenance.from_table(self.results.own.about.get("made"))
 

@@ -85,18 +85,18 @@ class Results:
         """Recorded warnings about the mesh."""
         return list(self.own.about.get("mesh_notes", ()))
 
-    def write_beside(self, sources: columns.SourceTables, finer: table.PathTable) -> None:
-        """Write the paths of the silicone's other sources, and the one with smaller cells, if any."""
+    def write_beside(self, sources: columns.SourceTables, meshes: columns.MeshTables) -> None:
+        """Write the paths of the silicone's other sources, and those on other meshes, if any."""
         if sources:
             self.own.claim([columns.FILE])
             columns.write_sources(self.folder, sources)
-        if finer:
-            self.own.claim([columns.FINER_FILE])
-            files.write_text(self.folder / columns.FINER_FILE, finer.csv())
+        for name, rows in meshes.items():
+            self.own.claim([columns.MESH_FILES[name]])
+            files.write_text(self.folder / columns.MESH_FILES[name], rows.csv())
 
-    def finer(self, case: Case) -> table.PathTable:
-        """Return the table of the path with smaller cells; empty if none was solved."""
-        return columns.read_finer(self.folder, case.column.pascal)
+    def meshes(self, case: Case) -> columns.MeshTables:
+        """Return the tables of the path on other meshes; empty if none was solved."""
+        return columns.read_meshes(self.folder, case.column.pascal)
 
     def sources(self, case: Case) -> dict[str, table.PathTable]:
         """Return the table of each source of the silicone, the run's own included; empty if no others were solved."""
@@ -108,13 +108,13 @@ class Results:
 
     def budget(self, case: Case) -> Budget:
         """Return what is known of the errors of the run's numbers."""
-        return Budget(case, self.rows, self.finer(case), self.sources(case))
+        return Budget(case, self.rows, self.meshes(case), self.sources(case))
 
     @property
     def files(self) -> list[str]:
         """Names of the files of a run, pictures excluded."""
         own = (f"{self.name}{end}" for end in (".h5", ".xdmf", ".vtkhdf", ".msh", ".steps/"))
-        return ["case.toml", *own, "path.csv", columns.FILE, columns.FINER_FILE, "summary.json", INPUTS]
+        return ["case.toml", *own, "path.csv", columns.FILE, *columns.MESH_FILES.values(), "summary.json", INPUTS]
 
     @staticmethod
     def inputs_of(files: Iterable[str]) -> dict[str, str]:

@@ -3,11 +3,11 @@
     python -m tests.benchmarks.mesh_errors --draws 3 --seed 1
 
 Each device is solved on a ladder of meshes: a section with cells 2, 1, 1/2 and 1/4 times as large as by default, a solid with
-9/4, 3/2, 1 and 2/3 times (large ones to 1). A mesh's stated half width is that from the next one; the true error is that to
-the last one, at least two refinements finer. A wedge is compared with its section, as a run does unasked. Prints how often the
-half width holds the true error, how often it is within a factor of 3 of it, and the default meshes' errors: of those
-whose ladder ends there, from the difference to the larger cells. Errors below a millionth of the number are not counted. Solids
-are drawn once.
+9/4, 3/2, 1 and 2/3 times (large ones to 1). A mesh's stated half width is that from the next one, of a solid also from the one
+before; the true error is that to the last one, at least two refinements finer. A wedge is compared with its section, as a run
+does unasked. Prints how often the half width holds the true error, how often it is within a factor of 3 of it, and the default
+meshes' errors: of those whose ladder ends there, from the difference to the larger cells. Errors below a millionth of a number
+are not counted. Solids are drawn once.
 """
 
 from __future__ import annotations
@@ -29,13 +29,15 @@ from softmodels.case.case import Case
 from softmodels.case.load import steps_of
 from softmodels.components.loads import Gravity
 from softmodels.mechanics import mpi
-from softmodels.runs import mesh_error, table
+from softmodels.runs import columns, mesh_error, table
 from softmodels.runs.simulation import MIN_COMPANION_STEPS, Simulation
 
 LADDER = {2: (0.5, 1.0, 2.0, 4.0), 3: (4 / 9, 2 / 3, 1.0, 1.5)}
 """How many times smaller than by default the cells are, by dimension."""
 LARGE = (ChannelPlate, SeminarActuator)
 """Devices whose default mesh is the last one here."""
+AT_LIMIT = " at its limit"
+"""End of the names of devices that pass a limit point, with a law that has one."""
 LEAST_ERROR = 1e-6
 MODULUS = 25e3
 """Shear modulus in Pa for which the loads below are meant."""
@@ -57,24 +59,29 @@ DEVICES: dict[str, tuple[Callable[[float], Actuator], str, float, float]] = {
     "bending bellows": (lambda scale: sm.BendingBellows(folds=2), "pressures kPa", 1, 3),
     "channel plate": (lambda scale: ChannelPlate(), "pressures kPa", 2, 5),
     "seminar actuator": (lambda scale: SeminarActuator(), "pressures kPa", 3, 8),
+    "disk at its limit": (lambda scale: sm.HollowDisk(section="axisymmetric", membrane=0.003 * scale), "volumes ml", 9, 11),
+    "thin disk at its limit": (lambda scale: sm.HollowDisk.variant("shadow", section="axisymmetric"), "volumes ml", 40, 45),
+    "balloon at its limit": (lambda scale: sm.Balloon(wall=0.001 * scale), "volumes ml", 36, 40),
+    "plate at its limit": (lambda scale: sm.Membrane(thickness=0.001 * scale), "volumes ml", 28, 32),
 }
 
 
-def laws(random: np.random.Generator) -> sm.Material:
-    """Return a random law."""
+def laws(random: np.random.Generator, limited: bool) -> sm.Material:
+    """Return a random law; ``limited`` ones have a limit point where membranes grow."""
     mu, poisson = random.uniform(0.6, 1.6) * MODULUS, random.choice([0.5, 0.5, 0.49])
     made = (
         sm.NeoHookean(mu, poisson), sm.Yeoh(mu / 2, 60.0, 0.0, poisson), sm.MooneyRivlin(0.4 * mu, 0.1 * mu, poisson),
         sm.Gent(mu, 60.0, poisson), sm.Ogden((1.4 * mu, -0.02 * mu), (1.3, -2.0), poisson),
         sm.Carroll(0.4 * mu, 0.01, 0.4 * mu, poisson),
     )  # fmt: skip
-    return made[random.integers(len(made))]
+    chosen = [law for law in made if not limited or isinstance(law, sm.NeoHookean | sm.Ogden | sm.Carroll)]
+    return chosen[random.integers(len(chosen))]
 
 
 def case_at(name: str, random: np.random.Generator) -> Case:
     """Return a random case of a device."""
     device, way, low, high = DEVICES[name]
-    law = laws(random)
+    law = laws(random, name.endswith(AT_LIMIT))
     if way == "weight":
         return case_of(device(1.0), law, components=[Gravity("-z")], steps=steps_of(share="0:1"))
     argument, unit = way.split()
@@ -109,11 +116,11 @@ Numbers = dict[str, tuple[float, float, float]]
 """A mesh's number, its stated half width and its true error, by quantity."""
 
 
-def of_path(case: Case, coarse: table.PathTable, finer: table.PathTable, reference: table.PathTable) -> Numbers:
+def of_path(case: Case, rows: table.PathTable, meshes: columns.MeshTables, reference: table.PathTable) -> Numbers:
     """Return the numbers of the last requested state and of the first limit point."""
-    stated, truth = mesh_error.MeshErrors(case, coarse, finer), mesh_error.MeshErrors(case, coarse, reference)
+    stated, truth = mesh_error.MeshErrors(case, rows, meshes), mesh_error.MeshErrors(case, rows, {columns.FINER: reference})
     device, made, probes = case.actuator, {}, set(case.actuator.probes)
-    for row in [coarse.where("requested")[-1], *coarse.where("limit")[:1]]:
+    for row in [rows.where("requested")[-1], *rows.where("limit")[:1]]:
         fine = truth.paired(row)
         for name, half in stated.of(row).items() if fine is not None else ():
             if name in probes - {device.gauge} or (row.get("limit") and name != "pressure"):
@@ -133,7 +140,7 @@ def of_frequency(case: Case, ladder: Sequence[Case]) -> list[float]:
 
 def of_default(case: Case, coarse: table.PathTable, own: table.PathTable, times: float) -> Numbers:
     """Return the numbers of a mesh with half widths from the one with cells so many times larger."""
-    larger = of_path(case, own, coarse, coarse)
+    larger = of_path(case, own, {columns.FINER: coarse}, coarse)
     return {name: (value, true / (times - 1.0), true) for name, (value, _, true) in larger.items()}
 
 
@@ -189,7 +196,8 @@ def on_meshes(case: Case) -> list[tuple[float, Numbers, bool]]:
     ladder = on_ladder(case)
     paths, frequencies, made = [solved(each) for each in ladder], of_frequency(case, ladder), []
     for place, each in enumerate(ladder[:-1]):
-        numbers = of_path(each, paths[place], paths[place + 1], paths[-1])
+        meshes = {columns.FINER: paths[place + 1], **({columns.COARSER: paths[place - 1]} if place else {})}
+        numbers = of_path(each, paths[place], meshes, paths[-1])
         if frequencies:
             value, finer = frequencies[place : place + 2]
             half = mesh_error.half_width(value, finer, mesh_error.FINER[each.actuator.dimension])

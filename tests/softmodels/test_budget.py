@@ -150,9 +150,9 @@ def test_a_mesh_error_that_costs_more_than_half_of_the_run_is_left_out(monkeypat
     own = simulation.Simulation(case_of(sm.Bellows(), LAW, "0,1 cm"), mpi.start())
     monkeypatch.setattr(own.listener, "say", said.append)
     expected = 4 * mesh_error.SECONDS_PER_CELL * 1e4
-    assert not simulation.solve_finer(own, 1e4)
+    assert not simulation.solve_meshes(own, 1e4)
     assert said == [f"the mesh error is left out, which would take about {expected:.2g} s more (--mesh-error)"]
-    assert simulation.solve_finer(own, 0.1)[-1]["requested"] and "solving again" in said[1]
+    assert simulation.solve_meshes(own, 0.1)["finer"][-1]["requested"] and "solving again" in said[1]
 
 
 def test_a_limit_pressure_has_a_budget_of_its_own(tmp_path):

@@ -12,15 +12,16 @@ import softmodels as sm
 from softmodels.api.calls import case_of
 from softmodels.case.materials import MATERIAL, MaterialErrors
 from softmodels.common.units import HALF_WIDTH_95
+from softmodels.design.extremes import PeakVonMises, StressNorm
 from softmodels.design.model import DesignModel
-from softmodels.design.quantities import Rise
+from softmodels.design.quantities import BlockedForce, InflationWork, Rise
 from softmodels.fitting.comparison import as_json, material_toml
 from softmodels.fitting.curves.curve import TensileCurve, read_curves
 from softmodels.fitting.curves.fit import fit_curves
 from softmodels.fitting.curves.residuals import USUAL_ERROR, largest_strain
 from softmodels.fitting.outlines.device import DeviceModel
 from softmodels.fitting.problem import USUAL_GAUGE_ERROR, FitOptions, LawChoice
-from softmodels.materials.laws import FORM, FORM_RANGE, Carroll, Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
+from softmodels.materials.laws import FORM, FORM_RANGE, SHARE, Carroll, Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
 from softmodels.materials.specimens import form_shares, nudged, respond, sphere_pressure, strain_of
 from softmodels.mechanics import mpi
 from softmodels.mechanics.body import Body
@@ -224,6 +225,20 @@ def test_a_design_has_the_derivative_of_the_band():
     model = DesignModel(case, ("wall",), (Rise(at=500.0),), mpi.start(), materials=(FORM,))
     (slopes,) = model.evaluate(model.start).material_gradients.values()
     assert row["apex_ci95_law_form"] == pytest.approx(-HALF_WIDTH_95 * 0.1 * slopes[FORM], rel=1e-3)
+    model.release()
+
+
+def test_a_design_has_what_the_form_changes_at_a_given_state():
+    """`share_energy` is a part of Carroll's law, minus one of I1: the derivative by it is one along a and c, also of stresses,
+    forces and energies, which change with the law where the state does not. Without that the stress's had the wrong sign."""
+    law, bellows = Carroll(8e3, 0.05, 10e3, 0.5), sm.Bellows(tip="held", convolutions=2)
+    wanted = (PeakVonMises, StressNorm, BlockedForce, InflationWork, Rise)
+    quantities = [quantity(at=500.0, **{"of": "crest"} if quantity is Rise else {}) for quantity in wanted]
+    model = DesignModel(case_of(bellows, law, "0,500 Pa"), ("wall",), quantities, mpi.start(), materials=("a", "c", SHARE))
+    gradients = model.evaluate(model.start).material_gradients
+    for quantity, rate in gradients.items():
+        along = law.shear_modulus_0 * (math.sqrt(3.0) * rate["c"] - 0.5 * rate["a"])
+        assert rate[SHARE] == pytest.approx(along, rel=1e-4), quantity
     model.release()
 
 
