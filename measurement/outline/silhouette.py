@@ -217,12 +217,16 @@ def _surface(light: Array, background: Mask) -> Array:
         return np.stack([np.ones(np.broadcast(x, y).shape), *np.broadcast_arrays(x, y, x * x, x * y, y * y)], axis=-1)
 
     design, value = terms(u[column], v[row]), light[row, column]
-    near = np.ones(len(row), dtype=bool)
-    for _ in range(4):  # what else is on the rim must not tilt it
-        fit = np.linalg.lstsq(design[near], value[near], rcond=None)[0]
-        missed = np.linalg.norm(value - design @ fit, axis=1)
-        near = missed <= 3.0 * max(float(np.median(missed)), profiles.LIGHT_FLOOR)
-    return np.asarray(terms(u[None, :], v[:, None]) @ fit)
+    even = np.zeros((design.shape[1], 3))
+    even[0] = np.median(value, axis=0)
+    fits = []
+    for fit in (np.linalg.lstsq(design, value, rcond=None)[0], even):
+        for _ in range(4):  # what else is on the rim must not tilt it; much of it does, unless light is first taken as even
+            missed = np.linalg.norm(value - design @ fit, axis=1)
+            near = missed <= 3.0 * max(float(np.median(missed)), profiles.LIGHT_FLOOR)
+            fit = np.linalg.lstsq(design[near], value[near], rcond=None)[0]
+        fits.append((float(np.median(np.linalg.norm(value - design @ fit, axis=1))), fit))
+    return np.asarray(terms(u[None, :], v[:, None]) @ min(fits, key=lambda pair: pair[0])[1])
 
 
 def _thinned(samples: Array) -> Array:
