@@ -413,8 +413,8 @@ def shots_of(
         chosen = inside[np.unique(np.linspace(0, len(inside) - 1, MEDIAN_FRAMES).round().astype(int))]
         time = float(motion.times[chosen[len(chosen) // 2]])
         pressure, own = pressure_of(number, 0.5 * (plateau.begin + time), time)
-        before = made[-1].time if made else 0.0
-        made.append(Shot(tuple(chosen.tolist()), time, pressure, own, time - plateau.begin, max(0.0, plateau.begin - before)))
+        rise = max(0.0, plateau.begin - held[number - 1].end) if number else 0.0
+        made.append(Shot(tuple(chosen.tolist()), time, pressure, own, time - plateau.begin, rise))
     return made
 
 
@@ -451,15 +451,19 @@ def history_of(motion: Motion, log: Log, offset: float, every: float, error: flo
         else:
             levels.append([k])
     made: list[Shot] = []
+    before = math.nan
     for level in levels:
         first, last = level[0], level[-1]
         mean = logged(log, times[first], times[last], error)[0] if last > first else float(pressures[first])
         way = np.linspace(times[max(0, first - 1)], times[first], 200)
         away = np.flatnonzero(np.abs(log.at(way) - mean) > same)  # until it comes to the level for good
         reached = way[-1 if len(level) < 2 else min(away[-1] + 1, len(way) - 1) if len(away) else 0]
+        stayed = np.flatnonzero((np.abs(log.at(way) - before) <= same) & (way < reached))
+        left = way[stayed[-1] if len(stayed) else 0]
         for k in level:
-            told = times[k] - offset, mean, errors[k], times[k] - reached, reached - way[0]
+            told = times[k] - offset, mean, errors[k], times[k] - reached, reached - left
             made.append(Shot((int(numbers[k]),), *map(float, told)))
+        before = mean
     return made
 
 
