@@ -598,14 +598,14 @@ def normals(line: Array) -> Array:
 
 def _reach(polygon: Array, points: Array, way: Array) -> Array:
     """Return the distances (k,) in m from points (k, 2) along unit vectors (k, 2) to the polygon (n, 2); NaN for none."""
-    a, b = polygon[:-1], np.diff(polygon, axis=0)
-    offset = a[None] - points[:, None]
-    cross = way[:, None, 0] * b[None, :, 1] - way[:, None, 1] * b[None, :, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        far = (offset[..., 0] * b[None, :, 1] - offset[..., 1] * b[None, :, 0]) / cross
-        share = (offset[..., 0] * way[:, None, 1] - offset[..., 1] * way[:, None, 0]) / cross
-    far = np.where((share >= 0.0) & (share <= 1.0) & (far > 0.0), far, np.inf).min(axis=1)
-    return np.where(np.isfinite(far), far, np.nan)
+    across = np.column_stack([-way[:, 1], way[:, 0]])
+    side = across @ polygon.T - np.einsum("ki,ki->k", across, points)[:, None]
+    rows, at = np.nonzero((side[:, :-1] >= 0.0) != (side[:, 1:] >= 0.0))
+    share = side[rows, at] / (side[rows, at] - side[rows, at + 1])
+    hit = polygon[at] + share[:, None] * (polygon[at + 1] - polygon[at])
+    far, nearest = np.einsum("ki,ki->k", hit - points[rows], way[rows]), np.full(len(points), np.inf)
+    np.minimum.at(nearest, rows, np.where(far > 0.0, far, np.inf))
+    return np.where(np.isfinite(nearest), nearest, np.nan)
 
 
 def _extended(line: Array, polygon: Array) -> Array:
