@@ -20,7 +20,7 @@ from scipy import fft
 from scipy.ndimage import median_filter, uniform_filter1d
 from skimage.filters import threshold_otsu
 
-from measurement import pictures
+from measurement import pictures, robust
 from softmodels.common import columns, files
 from softmodels.common.arrays import Array
 
@@ -342,8 +342,9 @@ class Plateau:
 MIN_HOLD = 0.5
 """Shortest plateau in s."""
 
-SAME_PRESSURE = 0.01
-"""Range of pressures over two plateaus side by side, as a share of the log's, up to which they are one."""
+SAME_PRESSURE, NOISE_REACH = 0.01, 6.0
+"""Range of pressures over two plateaus side by side, as a share of the log's, up to which they are one; and the range of a held
+pressure in standard deviations of the log's noise."""
 
 
 def plateaus(motion: Motion, log: Log | None, offset: float = 0.0) -> list[Plateau]:
@@ -412,8 +413,8 @@ def shots_of(
         chosen = inside[np.unique(np.linspace(0, len(inside) - 1, MEDIAN_FRAMES).round().astype(int))]
         time = float(motion.times[chosen[len(chosen) // 2]])
         pressure, own = pressure_of(number, 0.5 * (plateau.begin + time), time)
-        before = made[-1].time if made else 0.0
-        made.append(Shot(tuple(chosen.tolist()), time, pressure, own, time - plateau.begin, max(0.0, plateau.begin - before)))
+        rise = max(0.0, plateau.begin - held[number - 1].end) if number else 0.0
+        made.append(Shot(tuple(chosen.tolist()), time, pressure, own, time - plateau.begin, rise))
     return made
 
 
@@ -438,7 +439,9 @@ def history_of(motion: Motion, log: Log, offset: float, every: float, error: flo
     times = motion.times[numbers] + offset
     pressures = log.at(times)
     usual, rate = _usual_error(log, error), log.rate(times, motion.step)
-    errors, same = np.hypot(usual, 0.5 * motion.step * rate), SAME_PRESSURE * np.ptp(log.pressures)
+    noise = robust.deviation(np.diff(log.pressures)) / math.sqrt(2.0)
+    same = max(SAME_PRESSURE * float(np.ptp(log.pressures)), NOISE_REACH * noise)
+    errors = np.hypot(usual, 0.5 * motion.step * rate)
     levels: list[list[int]] = []
     for k, (time, pressure) in enumerate(zip(times, pressures, strict=True)):
         first = levels[-1][0] if levels else k
@@ -448,14 +451,19 @@ def history_of(motion: Motion, log: Log, offset: float, every: float, error: flo
         else:
             levels.append([k])
     made: list[Shot] = []
+    before = math.nan
     for level in levels:
-        mean, first = float(pressures[level].mean()), level[0]
+        first, last = level[0], level[-1]
+        mean = logged(log, times[first], times[last], error)[0] if last > first else float(pressures[first])
         way = np.linspace(times[max(0, first - 1)], times[first], 200)
         away = np.flatnonzero(np.abs(log.at(way) - mean) > same)  # until it comes to the level for good
         reached = way[-1 if len(level) < 2 else min(away[-1] + 1, len(way) - 1) if len(away) else 0]
+        stayed = np.flatnonzero((np.abs(log.at(way) - before) <= same) & (way < reached))
+        left = way[stayed[-1] if len(stayed) else 0]
         for k in level:
-            told = times[k] - offset, mean, errors[k], times[k] - reached, reached - way[0]
+            told = times[k] - offset, mean, errors[k], times[k] - reached, reached - left
             made.append(Shot((int(numbers[k]),), *map(float, told)))
+        before = mean
     return made
 
 

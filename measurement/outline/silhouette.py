@@ -217,12 +217,16 @@ def _surface(light: Array, background: Mask) -> Array:
         return np.stack([np.ones(np.broadcast(x, y).shape), *np.broadcast_arrays(x, y, x * x, x * y, y * y)], axis=-1)
 
     design, value = terms(u[column], v[row]), light[row, column]
-    near = np.ones(len(row), dtype=bool)
-    for _ in range(4):  # what else is on the rim must not tilt it
-        fit = np.linalg.lstsq(design[near], value[near], rcond=None)[0]
-        missed = np.linalg.norm(value - design @ fit, axis=1)
-        near = missed <= 3.0 * max(float(np.median(missed)), profiles.LIGHT_FLOOR)
-    return np.asarray(terms(u[None, :], v[:, None]) @ fit)
+    even = np.zeros((design.shape[1], 3))
+    even[0] = np.median(value, axis=0)
+    fits = []
+    for fit in (np.linalg.lstsq(design, value, rcond=None)[0], even):
+        for _ in range(4):  # what else is on the rim must not tilt it; much of it does, unless light is first taken as even
+            missed = np.linalg.norm(value - design @ fit, axis=1)
+            near = missed <= 3.0 * max(float(np.median(missed)), profiles.LIGHT_FLOOR)
+            fit = np.linalg.lstsq(design[near], value[near], rcond=None)[0]
+        fits.append((float(np.median(np.linalg.norm(value - design @ fit, axis=1))), fit))
+    return np.asarray(terms(u[None, :], v[:, None]) @ min(fits, key=lambda pair: pair[0])[1])
 
 
 def _thinned(samples: Array) -> Array:
@@ -594,14 +598,14 @@ def normals(line: Array) -> Array:
 
 def _reach(polygon: Array, points: Array, way: Array) -> Array:
     """Return the distances (k,) in m from points (k, 2) along unit vectors (k, 2) to the polygon (n, 2); NaN for none."""
-    a, b = polygon[:-1], np.diff(polygon, axis=0)
-    offset = a[None] - points[:, None]
-    cross = way[:, None, 0] * b[None, :, 1] - way[:, None, 1] * b[None, :, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        far = (offset[..., 0] * b[None, :, 1] - offset[..., 1] * b[None, :, 0]) / cross
-        share = (offset[..., 0] * way[:, None, 1] - offset[..., 1] * way[:, None, 0]) / cross
-    far = np.where((share >= 0.0) & (share <= 1.0) & (far > 0.0), far, np.inf).min(axis=1)
-    return np.where(np.isfinite(far), far, np.nan)
+    across = np.column_stack([-way[:, 1], way[:, 0]])
+    side = across @ polygon.T - np.einsum("ki,ki->k", across, points)[:, None]
+    rows, at = np.nonzero((side[:, :-1] >= 0.0) != (side[:, 1:] >= 0.0))
+    share = side[rows, at] / (side[rows, at] - side[rows, at + 1])
+    hit = polygon[at] + share[:, None] * (polygon[at + 1] - polygon[at])
+    far, nearest = np.einsum("ki,ki->k", hit - points[rows], way[rows]), np.full(len(points), np.inf)
+    np.minimum.at(nearest, rows, np.where(far > 0.0, far, np.inf))
+    return np.where(np.isfinite(nearest), nearest, np.nan)
 
 
 def _extended(line: Array, polygon: Array) -> Array:

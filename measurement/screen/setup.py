@@ -387,7 +387,9 @@ class Plane:
         slope = np.zeros((len(px), 2, 9))
         slope[:, 0, 0:3] = slope[:, 1, 3:6] = ray
         slope[:, :, 6:9] = -metres[:, :, None] * ray[:, None, :]
-        return slope @ self.covariance @ np.swapaxes(slope, 1, 2)
+        variances, ways = np.linalg.eigh(self.covariance)
+        spread = slope @ (ways * np.sqrt(np.maximum(variances, 0.0)))  # squared, so that no rounding makes it negative
+        return np.asarray(spread @ np.swapaxes(spread, 1, 2))
 
 
 def _homogeneous(points: Points) -> Points:

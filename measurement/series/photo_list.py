@@ -333,9 +333,11 @@ class _Clock:
     def __init__(self) -> None:
         self.corners: list[tuple[float, float]] = [(0.0, 0.0)]
         self.reached, self.hold = 0.0, 0.0
+        self.origin: float | None = None  # the first rise's beginning, by the list's times
 
     def moved(self, photo: Photograph, hold: str, rise: str) -> outline.History:
-        """Return the history up to the photograph of the next row; one at zero pressure before any rise is at rest. Raises
+        """Return the history up to the photograph of the next row; one at zero pressure before any rise is at rest. A pressure
+        lasts until the next change, whose beginning a time of its photograph tells, and else until its last photograph. Raises
         `PhotoListError` for a time that is missing, negative, or not after that of the row before."""
         (time, before), pressure = self.corners[-1], photo.pressure
         if len(self.corners) == 1 and photo.is_zero:
@@ -348,7 +350,11 @@ class _Clock:
             )
         held = _seconds("hold", hold)
         if new:
-            self.reached = time + _seconds("rise", rise)
+            took, taken = _seconds("rise", rise), photo.time
+            begin = time if self.origin is None or taken is None else max(time, taken - self.origin - held - took)
+            self.corners += [(begin, before)] if begin > time else []
+            self.reached = begin + took
+            self.origin = taken - self.reached - held if self.origin is None and taken is not None else self.origin
             self.corners.append((self.reached, pressure))
         elif not held > self.hold:
             raise PhotoListError(

@@ -15,6 +15,7 @@ from geometries import PneuNet
 from measurement.camera import Camera
 from measurement.cli.setup import setup as setup_command
 from measurement.cli.views import size_of, view as view_command
+from measurement.outline import silhouette
 from measurement.screen.setup import Setup, SetupError, plane_of_scale
 from measurement.series import views
 from measurement.series.photo_list import Photograph
@@ -61,6 +62,19 @@ def misses(made, truths):
         dense = np.column_stack([np.interp(np.linspace(0, 1, 20000), np.linspace(0, 1, len(line)), axis) for axis in line.T])
         lines.append(np.sqrt(np.mean(cKDTree(dense).query(view.shape.line - made.origin)[0] ** 2)))
     return np.array(tips), np.array(angles), np.array(lines)
+
+
+def test_a_device_is_seen_whose_clamp_covers_half_of_a_side(tmp_path):
+    """It leaves a small picture by 56 % of its left side, in light that falls off to one corner."""
+    width, height = 480, 360
+    light = np.linspace(0.9, 0.7, width) * np.linspace(1.0, 0.9, height)[:, None]
+    light[30:232, :360] = 0.1
+    image = np.rint(255 * (1.055 * np.repeat(light[..., None], 3, axis=2) ** (1 / 2.4) - 0.055)).astype(np.uint8)
+    camera = Camera.ideal(width, height)
+    known = Setup(camera, plane_of_scale(camera, 1e4, 1.0))
+    seen = silhouette.find_silhouette(image, known, np.array([[120.0, 29.5], [120.0, 231.5]]))
+    assert np.abs(seen.edge.px[seen.edge.px[:, 0] < 340, 1] - 130.5).max() == pytest.approx(101.0, abs=0.6)
+    assert seen.edge.px[:, 0].max() == pytest.approx(359.5, abs=0.6)
 
 
 def test_tip_angle_and_centre_line_are_those_of_the_bar(bars, seen):

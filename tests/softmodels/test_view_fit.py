@@ -155,7 +155,7 @@ def test_times_of_side_views_are_steps_of_a_test(rows, tmp_path):
     assert [shape.history for shape in shapes] == histories()
     assert notes == ["0.jpg: without pressure after a test; photograph not used"]
     source = CreepingViews(model, shapes)
-    assert (source.read, [p.name for p in source.hidden_parameters([])]) == ([1], ["pressure1"])
+    assert (source.read, [p.name for p in source.hidden_parameters([])]) == ([1], ["pressure1", *views.BULGES])
     (test,) = source.creep.timetable.tests
     assert [leg.duration for leg in test] == pytest.approx([RISE, 1.0, 3.0, 24.0])
     with pytest.raises(OutlineFitError, match="has no times"):

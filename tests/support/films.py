@@ -4,6 +4,7 @@ log of the pressure. Shares no code with the reader of films; times, plateaus an
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import cv2
 import numpy as np
@@ -76,16 +77,26 @@ class Program:
         return [(b + (self.takes if b else 0.0), e) for b, e in zip(self.begins, ends, strict=True)]
 
 
+def write(path, frames, fps, code="mp4v"):
+    """Write frames (h, w, 3), by OpenCV's order of channels, as a film."""
+    writer = None
+    for image in frames:
+        writer = writer or cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*code), fps, image.shape[1::-1])
+        assert writer.isOpened()
+        writer.write(image)
+    writer.release()
+
+
 def film(path, program=Program(), fps=25.0, seed=0, shift=lambda time: (0.0, 0.0), exposure=0.0, code="mp4v"):
     """Write a film; ``exposure`` in s over which each frame is blurred."""
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*code), fps, SIZE)
-    assert writer.isOpened()
     times = np.arange(round(program.until * fps)) / fps
-    for number, time in enumerate(times.tolist()):
+
+    def frame_at(number, time):
         moments = time + exposure * np.linspace(-0.5, 0.5, 5 if exposure else 1)
         parts = [frame(turn_at(program.pressure(t)), seed + 7919 * number + k, shift(t)) for k, t in enumerate(moments)]
-        writer.write(np.mean(parts, axis=0).round().astype(np.uint8))
-    writer.release()
+        return np.mean(parts, axis=0).round().astype(np.uint8)
+
+    write(path, itertools.starmap(frame_at, enumerate(times.tolist())), fps, code)
     return times
 
 

@@ -14,9 +14,9 @@ SIZE, CENTRE = (1400, 1000), np.array([0.04, -0.03])
 CLAMP = 0.02
 
 
-def to_pixels(places, pixel=PIXEL, centre=CENTRE):
+def to_pixels(places, pixel=PIXEL, centre=CENTRE, size=SIZE):
     """Pixels (n, 2) of places (n, 2) in the middle plane."""
-    return (np.asarray(places) - centre) / pixel * [1.0, -1.0] + (np.array(SIZE) - 1.0) / 2.0
+    return (np.asarray(places) - centre) / pixel * [1.0, -1.0] + (np.array(size) - 1.0) / 2.0
 
 
 BASE = to_pixels([[0.0, THICK / 2], [0.0, -THICK / 2]])
@@ -102,11 +102,12 @@ def photograph(path, *parts, seed=0, noise=1.5, **how):
 
 def rendered(
     *parts, shift_px=(0.0, 0.0), colour=(0.75, 0.35, 0.3), background=(0.9, 0.92, 0.95), blur=0.8, pixel=PIXEL, centre=CENTRE,
+    size=SIZE,
 ):  # fmt: skip
     """The light (h, w, 3) of a photograph of surfaces, or of pairs of a surface and its texture or its own colour, before a
     background."""
-    width, height = SIZE
-    plotter = pv.Plotter(off_screen=True, window_size=SIZE)
+    width, height = size
+    plotter = pv.Plotter(off_screen=True, window_size=size)
     plotter.set_background(background)
     plotter.disable_anti_aliasing()
     for part in parts:
@@ -128,12 +129,19 @@ def rendered(
     return cv2.GaussianBlur(light, (0, 0), blur)
 
 
+def stored(light, seed=0, noise=1.5):
+    """The photograph (h, w, 3) of a light (h, w, 3) with a sensor's noise, by OpenCV's order of channels."""
+    light = np.maximum(light, 0.0)
+    made = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055) * 255
+    made = np.clip(np.rint(made + np.random.default_rng(seed).normal(0.0, noise, made.shape)), 0, 255).astype(np.uint8)
+    return made[..., ::-1]
+
+
 def store(path, light, seed=0, noise=1.5, quality=93):
     """Write the photograph of a light (h, w, 3) with a sensor's noise."""
-    light = np.maximum(light, 0.0)
-    stored = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055) * 255
-    stored = np.clip(np.rint(stored + np.random.default_rng(seed).normal(0.0, noise, stored.shape)), 0, 255).astype(np.uint8)
-    cv2.imwrite(str(path), stored[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality] if str(path).endswith(".jpg") else [])
+    cv2.imwrite(
+        str(path), stored(light, seed, noise), [cv2.IMWRITE_JPEG_QUALITY, quality] if str(path).endswith(".jpg") else []
+    )
 
 
 def tag(x, z, side, behind, number=5):

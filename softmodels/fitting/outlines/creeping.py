@@ -78,7 +78,8 @@ class Creep:
                 continue
             path = Continuation(model.solver, stability.Pressure(), start=start)
             try:
-                for share, point in schedule.march(path, schedule.Ramp(rise, leg.duration, FEWEST_STEPS), STEP_TOLERANCE):
+                ramp = schedule.Ramp(rise, leg.duration, FEWEST_STEPS if rise else 1)
+                for share, point in schedule.march(path, ramp, STEP_TOLERANCE):
                     start = point.state
                     places_and_weights += [(number, share)] if share else []
             except (stability.PathEnd, newton.NoConvergence) as end:
@@ -160,7 +161,7 @@ USUAL_SHARE = 0.2
 RELAXED_TIME_RATIO = 1e6
 """Time that a device has hung before its test, over its longest relaxation time."""
 FEWEST_STEPS = 4
-"""Minimum number of steps between two times of a history."""
+"""Minimum number of steps between two times of a history between which the pressure changes."""
 LEVEL_BOUNDS = 0.5
 """Bounds of a level's true pressure, as a share of its reading."""
 PRESSURE_TOLERANCE = 1e-9

@@ -539,19 +539,24 @@ class MatchedView(residuals.MatchedPhotograph):
     shape: ViewShape
     curve: DeformedFace  # type: ignore[assignment]
 
-    def __init__(self, *matched, placement: Placement, bulge: float):  # type: ignore[no-untyped-def]
+    def __init__(self, *matched, placement: Placement, bulge: tuple[float, float]):  # type: ignore[no-untyped-def]
         self.placement, self.bulge = placement, bulge
         super().__init__(*matched)
 
     def _compare(self) -> None:
         shape, values, side = self.shape, self.values, self.placement.side
+        size, looks = self.bulge
+        outwards = self.placement.place(np.array([[math.cos(looks), math.sin(looks)], [-math.sin(looks), math.cos(looks)]]))
+        turned = side * shape.arm / self.curve.face.height
+        self._bulges = size * np.block([[outwards.T, np.zeros((2, 1))], [np.zeros((1, 2)), turned]])
+        own = OWN_BULGE_SHARE * size * np.array([1.0, 1.0, abs(turned)])
+        self.error = np.hypot(shape.error, np.r_[own[: self._tip_count], np.zeros(2 * len(shape.markers))])
         self.placement = dataclasses.replace(self.placement, tilt=math.radians(values["tilt"]))
-        bulge = self.bulge * np.array([1.0, 1.0, shape.arm / self.curve.face.height])
-        self.error = np.hypot(shape.error, np.r_[bulge[: self._tip_count], np.zeros(2 * len(shape.markers))])
         origin = np.array([values["centre"], values["zero"]])
         self.seen = self.factor * self.placement.place(self.curve.place) + origin
         self.seen_angle = float(self.placement.angle(self.curve.angle))
         tip = np.r_[self.seen - shape.points[0], shape.arm * _turned(self.seen_angle - shape.angle)]
+        tip = tip + self._bulges @ [values[name] for name in BULGES]
         skin = self.curve.face.skin
         on_skin = [skin.at(np.array([values[key] for key in place_names(name)]), side) for name in shape.markers]
         self._triangles = np.array([number for number, *_ in on_skin], dtype=int)
@@ -588,6 +593,7 @@ class MatchedView(residuals.MatchedPhotograph):
             "scale": (np.r_[there, 0.0], self.placement.place(marked[:, :2])),
             "zero": (np.array([0.0, 1.0, 0.0]), ones * [0.0, 1.0]), "centre": (np.array([1.0, 0.0, 0.0]), ones * [1.0, 0.0]),
             "tilt": (np.radians([*self.factor * turned, self.shape.arm]), np.radians(self._in_picture(marked, True))),
+            **{name: (by, 0.0 * marked[:, :2]) for name, by in zip(BULGES, self._bulges.T, strict=True)},
         }  # fmt: skip
         made = {name: np.r_[tip[: self._tip_count], mark.ravel()] / self.error for name, (tip, mark) in slopes.items()}
         for k, name in enumerate(self.shape.markers):
@@ -598,6 +604,14 @@ class MatchedView(residuals.MatchedPhotograph):
                 slope[first : first + 2] = self._in_picture(by)[k]
                 made[key] = slope / self.error
         return made
+
+
+BULGES = ("bulge outwards", "bulge across", "bulge turning")
+"""Hidden parameters: by how many times its unevenness a tip that bulges is seen out of the middle between its ends, outwards
+and along its face, and by how many times that over its height turned. All photographs show it so in the same way."""
+
+OWN_BULGE_SHARE = 0.3
+"""Share of a tip's unevenness by which each photograph shows it out of place by itself."""
 
 
 def place_names(marker: str) -> tuple[str, str]:
@@ -615,12 +629,19 @@ class ViewResiduals(residuals.OutlineResiduals):
         pressed = [i for i, shape in enumerate(self.shapes) if not shape.resting]
         self.markers = tuple(dict.fromkeys(name for shape in self.shapes for name in shape.markers))
         places = [key for name in self.markers for key in place_names(name)]
-        return pressed, (*(f"volume{i + 1}" for i in pressed), *places)
+        return pressed, (*(f"volume{i + 1}" for i in pressed), *BULGES, *places)
 
     def hidden_parameters(self, volumes: Sequence[float] | Array, hangs: float = 0.0) -> list[problem.Parameter]:
-        """Return the hidden added volumes, and the places of markers on the device without pressure, m."""
+        """Return the hidden added volumes, what bulges of the tip do in all photographs alike, and the places of markers on the
+        device without pressure, m."""
         reach = 0.1 * self.model.silhouette.width
-        return [*super().hidden_parameters(volumes, hangs), *(
+        common = [
+            problem.Parameter(
+                self.named(name), "", 0.0, -10.0, 10.0, problem.Prior(0.0, 1.0), hidden=True, title=f"the tip's {name}",
+                device=self.device,
+            ) for name in BULGES
+        ]  # fmt: skip
+        return [*super().hidden_parameters(volumes, hangs), *common, *(
             problem.Parameter(
                 self.named(key), "m", start, start - reach, start + reach, hidden=True, title=f"the {key}", device=self.device
             )
@@ -695,12 +716,12 @@ OVERSHOOT_RATIO = 1.15
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Start:
-    """The device at the views' pressures, how it stands in the pictures, by how much in m each view's face is uneven, and where
-    each marker is on the undeformed device, (2,) in m."""
+    """The device at the views' pressures, how it stands in the pictures, by how much in m each view's face is uneven and the
+    angle in rad in which it looks, and where each marker is on the undeformed device, (2,) in m."""
 
     path: residuals.NeoHookeanDevice
     placement: Placement
-    bulges: tuple[float, ...]
+    bulges: tuple[tuple[float, float], ...]
     places: Mapping[str, Array]
 
 
@@ -733,7 +754,9 @@ def start_of(model: device.DeviceModel, views: Sequence[ViewShape]) -> Start:
             pressed = iter([model.curve(state) for state in path.states])
             at_rest = model.curve(model.apply_preload(())[0]) if any(view.resting for view in views) else None
             faces: list[DeformedFace] = [at_rest if view.resting else next(pressed) for view in views]  # type: ignore[misc]
-            bulges = tuple(0.0 if view.resting else face.unevenness for view, face in zip(views, faces, strict=True))
+            bulges = tuple(
+                (0.0 if view.resting else face.unevenness, face.angle) for view, face in zip(views, faces, strict=True)
+            )
             return Start(path, placement, bulges, _marked(faces, views, placement))
         model.modulus *= min(max(factor, 1.0 / residuals.MAX_MODULUS_FACTOR), residuals.MAX_MODULUS_FACTOR)
     raise OutlineFitError(
