@@ -1009,9 +1009,10 @@ def seen_whole(e: SideEvidence) -> Iterator[Doubt]:
 @register_check(SideEvidence)
 def alone(e: SideEvidence) -> Iterator[Doubt]:
     """Is there nothing else in front of the background?"""
-    if e.silhouette.second > SECOND_AREA:
+    area, x, y = e.silhouette.second
+    if area > SECOND_AREA:
         yield Doubt(
-            f"a second thing in the picture has {e.silhouette.second:.0%} of the device's area",
+            f"a second thing in the picture, about the pixel {x:.0f},{y:.0f}, has {area:.0%} of the device's area",
             "take it away, cover it with setup --mask, or select the device with setup --roi",
         )
 
@@ -1098,8 +1099,10 @@ def clear_tip(e: ViewEvidence) -> Iterator[Doubt]:
     """Is the tip seen clearly?"""
     if e.angle_error > MAX_ANGLE_ERROR:
         yield Doubt(
-            f"the direction of its tip is known to {np.degrees(e.angle_error):.1f} degrees only: noise or compression hides it",
-            "photograph it with more light, and store it less compressed",
+            f"the direction of its tip is known to {np.degrees(e.angle_error):.1f} degrees only: noise or compression "
+            "hides it, something sticks out there, or it has neither two corners nor a rounding",
+            "photograph it with more light, less compressed, and with nothing on its tip; or write anyway in the column use, "
+            "which keeps these errors",
         )
 
 

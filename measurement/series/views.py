@@ -267,6 +267,7 @@ def view_of(
     Raises `Unmeasurable` for no device, or one that the checks reject."""
     out = _outwards(seen)
     shape, outline = _evaluated(seen, seen.edge.px, out, scene)
+    shape = dataclasses.replace(shape, uneven=max(shape.uneven, 2.0 * seen.notched))
     random = np.random.default_rng(52)
     lens = scene.setup.camera.error(seen.edge.px)
     shapes, outlines = [], []
@@ -292,9 +293,10 @@ def view_of(
     strip = scene.strip(shape.tip)
     model, place = MODEL_PX * pixel, math.hypot(MODEL_PX * pixel, (BULGING_SHARE if shape.bulges else ASLANT_SHARE) * strip)
     across_face, width = place if shape.bulges else model, float(np.median(shape.width))
+    tip_error = np.hypot(np.std(tips, axis=0, ddof=1), math.hypot(place, 0.5 * width * shape.uneven))
     passed = model + (FOLDED_SHARE * width if seen.folded.any() else 0.0)
     view = View(
-        shape, outline, np.hypot(_spread(np.array(outlines)), place), np.hypot(np.std(tips, axis=0, ddof=1), place),
+        shape, outline, np.hypot(_spread(np.array(outlines)), place), tip_error,
         math.hypot(float(np.std(turned, ddof=1)), across_face / width, shape.uneven),
         math.hypot(float(np.std([repeat.length for repeat in shapes], ddof=1)), model),
         np.hypot(np.std(across, axis=0, ddof=1), passed), photo.pressure, photo.pressure_error, photo.file.name,
@@ -573,13 +575,14 @@ def views(
             reference = Reference(image, seen, view)
         return view
 
-    def shown(_: silhouette.Silhouette | None, outcome: View | Refusal) -> tuple[list[Array], str]:
+    def shown(seen: silhouette.Silhouette | None, outcome: View | Refusal) -> tuple[list[Array], str]:
+        edges = [seen.edge.px] if seen is not None else []
         if isinstance(outcome, Refusal):
-            return [], ""
+            return [*edges, *([scene.base] if scene.base is not None else [])], ""
         angle = f"angle {units.with_error(math.degrees(outcome.shape.angle), math.degrees(outcome.angle_error), 'deg', '±')}"
         length = f"length {units.with_error(outcome.shape.length * 1e3, outcome.length_error * 1e3, 'mm', '±')}"
         marked = [np.vstack([marker.boundary, marker.boundary[:1]]) for marker in outcome.markers if len(marker.boundary)]
-        return [scene.to_pixels(outcome.outline), scene.to_pixels(outcome.shape.line), *marked], f"{angle}, {length}"
+        return [*edges, scene.to_pixels(outcome.shape.line), *marked], f"{angle}, {length}"
 
     every = each_photograph(photographs, scene, measured, shown, pictures_folder, done, judged)
     names = tuple(measuring.file_stems(photographs))
@@ -620,16 +623,16 @@ def each_photograph[Shown: (View, Outline)](
     ``shown`` gives the lines in px over its picture, and its result in words; ``judged`` what becomes of each beside the
     others; see `views`."""
     names, outcomes = measuring.file_stems(photographs), dict[int, Shown | Refusal]()
+    over = dict[int, tuple[list[Array], str]]()
 
-    def draw(k: int, image: pictures.Pixels, seen: silhouette.Silhouette | None, outcome: Shown | Refusal) -> None:
-        if pictures_folder is None:
-            return
-        photo, (lines, words) = photographs[k], shown(seen, outcome)
+    def draw(k: int, image: pictures.Pixels, outcome: Shown | Refusal) -> None:
+        photo, (lines, words) = photographs[k], over[k]
         if isinstance(outcome, Refusal):
             title = f"{photo.file.name}   refused: {outcome.reason}"
         else:
             weak = "" if outcome.trust == "yes" else " (not trusted)"
             title = f"{photo.file.name}   {photo.pressure:.0f} Pa: {words}{weak}"
+        assert pictures_folder is not None
         drawing.draw_view(pictures_folder / f"{names[k]}.png", image, lines, title, isinstance(outcome, Refusal))
 
     for k in zero_first(photographs):
@@ -638,16 +641,22 @@ def each_photograph[Shown: (View, Outline)](
             image = pictures.read_pixels(photo.file, scene.setup.camera.size)
             seen = silhouette.find_silhouette(image, scene.setup, scene.base)
             outcomes[k] = measured(photo, image, seen)
-        except (pictures.Unmeasurable, OutlineError) as error:
+        except pictures.Unmeasurable as error:
             outcomes[k] = Refusal(str(error), photo.file)
+        except OutlineError as error:
+            why = str(error).removeprefix(f"{photo.file.name}: ")
+            outcomes[k] = Refusal(
+                f"{why}; its picture shows what was taken for the device: check --base and setup --roi", photo.file
+            )
         except Exception as error:  # one odd photograph must not take the others with it
             outcomes[k] = Refusal(measuring.unexpected_error(error), photo.file)
-        if image is not None:
-            draw(k, image, seen, outcomes[k])
+        if image is not None and pictures_folder is not None:
+            over[k] = shown(seen, outcomes[k])
+            draw(k, image, outcomes[k])
         done()
     before = tuple(outcomes[k] for k in range(len(photographs)))
     after = tuple(judged(photographs, before))
     for k, outcome in enumerate(after):
         if pictures_folder is not None and outcome is not before[k]:
-            draw(k, pictures.read_pixels(photographs[k].file, scene.setup.camera.size), None, outcome)
+            draw(k, pictures.read_pixels(photographs[k].file, scene.setup.camera.size), outcome)
     return after
