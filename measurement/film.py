@@ -143,7 +143,7 @@ def motion_of(path: Path, done: Callable[[], None] = lambda: None) -> Motion:
         if ratio > CLEAR_RATIO:
             break
     if motion is None or ratio < LEAST_RATIO:
-        if float(np.mean((recent[-1] - first) ** 4)) ** 0.25 > MAX_STILL:
+        if first is not None and float(np.mean((recent[-1] - first) ** 4)) ** 0.25 > MAX_STILL:
             raise FilmError(
                 f"the picture of {path} never comes to rest: the camera is held by hand, or the pressure always changes; fix "
                 "the camera and hold a pressure for a second, or save single pictures of it and list those with their pressures"

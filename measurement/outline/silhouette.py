@@ -68,8 +68,8 @@ class Silhouette:
 
     @functools.cached_property
     def notched(self) -> float:
-        """Depth of the deepest notch at the tip's face over its width, as beside a bead or a drop, or where a piece is torn off;
-        0 where the outline nowhere turns inwards by `MIN_NOTCH`, and for a round tip."""
+        """Depth of the deepest notch at the tip's face over its width, as beside a bead or a drop, or where a piece is torn
+        off; 0 where the outline nowhere turns inwards by `MIN_NOTCH`, and for a round tip."""
         if self.corners is None:
             return 0.0
         first, last = np.flatnonzero(~self.folded)[list(self.corners)]
@@ -493,6 +493,7 @@ class Shape:
         bulges: Whether the tip's face bulges, so that the line between its corners is taken for it.
         base: Middle of the base (2,) in m.
         direction: Direction in rad from the base into the device, across the base.
+        is_round: Whether the tip is a half circle about the centre line.
     """
 
     line: Array
@@ -503,6 +504,7 @@ class Shape:
     bulges: bool
     base: Array
     direction: float
+    is_round: bool
 
     @functools.cached_property
     def length(self) -> float:
@@ -592,11 +594,14 @@ def shape_of(
         bulges = not flat or off > SAME_TIP or abs(np.angle(np.exp(1j * (angle - chord)))) > SAME_TIP
         if bulges or not even:
             tip, angle, uneven = centre, chord, 0.0
-    line = _resampled(np.vstack([line[:-1], tip]), STATION_COUNT)
     across = base[1] - base[0]
     way = np.array([-across[1], across[0]])
     way = way * np.sign(way @ (line[STATION_COUNT // 8] - middle))
-    shape = Shape(line, wide, tip, angle, uneven, bulges, middle, float(np.arctan2(way[1], way[0])))
+    end = _round_end(outline, line, wide) if face is None and even and not flat else None
+    if end is not None:
+        tip, angle, uneven, line = end
+    line = _resampled(np.vstack([line[:-1], tip]), STATION_COUNT)
+    shape = Shape(line, wide, tip, angle, uneven, bulges, middle, float(np.arctan2(way[1], way[0])), end is not None)
     step = int(np.clip(np.median(wide) / shape.length * STATION_COUNT, 1, STATION_COUNT - 1))
     heading = np.unwrap(np.arctan2(*normals(line).T[::-1]))
     if np.abs(heading[step:] - heading[:-step]).max() > MAX_TURN:
@@ -768,6 +773,47 @@ def _tip(polygon: Array, line: Array, width: float) -> tuple[Array, float, float
     if wide[0] < 1.5 * width:
         face = face + (middle[0] - (middle[1] - middle[0] if even else 0.0) / 3.0) * across
     return face, float(np.arctan2(way[1], way[0])), uneven, True, even and bool(wide[0] < 1.5 * width)
+
+
+def _round_end(outline: Array, line: Array, wide: Array) -> tuple[Array, float, float, Array] | None:
+    """Return the tip (2,), its direction in rad, the error of that, and the centre line (k, 2) in m of a device that ends in a
+    half circle, along which the middles between both sides say nothing; None where the end is of another shape."""
+    radius = 0.5 * float(np.median(wide[-STATION_COUNT // 5 : -STATION_COUNT // 12]))
+    way = line[-1] - line[-8]
+    way = way / np.linalg.norm(way)
+    centre = line[-1] - radius * way
+    for _ in range(4):
+        offset = outline - centre
+        near = (offset @ way > END_SHARE * radius) & (np.linalg.norm(offset, axis=1) < 1.5 * radius)
+        if near.sum() < 8:
+            return None
+        terms = np.column_stack([2.0 * offset[near], np.ones(near.sum())])
+        fit = np.linalg.lstsq(terms, np.sum(offset[near] ** 2, axis=1))[0]
+        centre, radius = centre + fit[:2], float(np.sqrt(max(fit[2] + fit[:2] @ fit[:2], 0.0)))
+        before = line[np.linalg.norm(line - centre, axis=1) > END_SHARE * radius]
+        before = before[(before - centre) @ way < 0.0]
+        far = np.linalg.norm(before - centre, axis=1)
+        before, far = before[far < END_REACH * radius], far[far < END_REACH * radius]
+        if len(before) < 4:
+            return None
+        # A cubic through the half circle's centre, from which the line goes straight on, and a parabola, for the error.
+        way, other = (
+            slope / np.linalg.norm(slope)
+            for slope in (np.linalg.lstsq(far[:, None] ** np.arange(1, n), centre - before)[0][0] for n in (4, 3))
+        )
+    missed = np.linalg.norm(outline[near] - centre, axis=1) - radius
+    if float(np.sqrt(np.mean(missed**2))) > ROUND_SHARE * radius:
+        return None
+    tip = centre + radius * way
+    kept = line[: int(np.argmax((np.linalg.norm(line - centre, axis=1) < 0.5 * radius) | ((line - centre) @ way > 0.0)))]
+    uneven = BEND_SHARE * float(abs(way[0] * other[1] - way[1] * other[0]))
+    return tip, float(np.arctan2(way[1], way[0])), uneven, np.vstack([kept, centre, tip])
+
+
+END_SHARE, END_REACH, ROUND_SHARE, BEND_SHARE = 0.2, 3.0, 0.01, 0.35
+"""Distance along the centre line from a half circle's centre from which its outline is fitted, and the line behind it, up to
+which distance that tells its direction, and root mean square misfit up to which it is a circle, all in its radii; share of what
+a parabola's slope there differs by from a cubic's that is the direction's error."""
 
 
 def _uneven(at: Array, high: Array) -> float:

@@ -205,7 +205,8 @@ class SideEvidence:
 class ViewEvidence(SideEvidence):
     """A device seen from the side: its shape, the same and the silhouette without pressure; the size of a pixel, the standard
     errors of its length and, in rad, of its tip's angle, its length without pressure with its error (None where it is not
-    known), lengths in m; whether this is the photograph without pressure, and whether it has faces along the line of sight."""
+    known), lengths in m; whether this is the photograph without pressure, whether it has faces along the line of sight, and
+    whether it may leave its plane."""
 
     shape: Shape
     before: Shape | None
@@ -216,6 +217,7 @@ class ViewEvidence(SideEvidence):
     length: tuple[float, float] | None
     is_zero: bool
     has_sides: bool
+    in_space: bool
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -1070,10 +1072,13 @@ def base_at_rest(e: ViewEvidence) -> Iterator[Doubt]:
 @register_check(ViewEvidence)
 def in_plane(e: ViewEvidence) -> Iterator[Doubt]:
     """Is the length one that the device can have in its plane of motion?"""
-    if e.before is None:
+    if e.before is None or e.in_space:
         return
     share = e.shape.length / e.before.length - 1.0
-    remedy = "look at its outline in the picture, and guide it in its plane"
+    remedy = (
+        "look at its outline in the picture, and guide it in its plane, or photograph it from two sides (--in-space, "
+        "softmodels measure join)"
+    )
     if share < -MAX_SHRINKAGE or share > MAX_STRETCH:
         word = "shorter" if share < 0.0 else "longer"
         yield Doubt(

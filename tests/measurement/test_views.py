@@ -251,6 +251,20 @@ def test_device_cut_by_the_region_is_rejected(bars, tmp_path):
 
 
 @pytest.mark.campaign
+def test_one_of_two_devices_is_measured_in_its_region(tmp_path):
+    """Two bars in one picture, a region for each."""
+    lower, tip, *_ = side_views.bent_bar(0.3)
+    upper = lower.copy()
+    upper.points = upper.points - [0.0, 0.0, 0.04]
+    side_views.photograph(tmp_path / "two.jpg", lower, upper)
+    for moved, roi in ((0.0, (20, 20, 1390, 480)), (400.0, (20, 480, 1390, 990))):
+        known = scene(base=side_views.BASE + np.array([0.0, moved]), setup=dataclasses.replace(scene().setup, roi=roi))
+        (view,) = views.views([Photograph(tmp_path / "two.jpg", 0.0, 1.0)], known).outcomes
+        assert getattr(view, "trust", view) == "yes"
+        assert np.linalg.norm(view.shape.tip - view.shape.base - tip) < 5e-5
+
+
+@pytest.mark.campaign
 def test_scale_in_another_plane_is_doubted(bars):
     wrong = views.views(bars[0][:1], scene(ahead=(0.1, 1e-3)))
     assert "by --length" in wrong.views[0].reasons[0]
