@@ -81,6 +81,45 @@ def test_pictures_of_other_states_are_not_trusted(seen):
     assert tip.trust == "no" and "both views see the same coordinate" in tip.reasons[0]
 
 
+CAMERAS = {
+    "right": ((0.8, 0.01, -0.02), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+    "left": ((-0.8, 0.01, -0.02), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0)),
+    "above": ((0.03, 0.01, 0.8), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+    "below": ((0.03, 0.01, -0.8), (1.0, 0.0, 0.0), (0.0, -1.0, 0.0)),
+}  # fmt: skip
+"""Where a camera stands from the middle of the base in m, and what is to the right and upwards in its pictures."""
+
+
+def seen_from(name, camera, place, way, radius):
+    """What a camera shows of a half circle's tip, by rays through the plane of the base across its line of sight."""
+    at, right, up = map(np.array, camera)
+
+    def through_plane(point):
+        depth = np.cross(right, up)
+        ray = point - at
+        return np.array([right, up]) @ (at - ray * (at @ depth) / (ray @ depth))
+
+    centre = place - radius * way
+    middle, ahead = through_plane(centre), through_plane(centre + 1e-6 * way)
+    angle = np.arctan2(*(ahead - middle)[::-1])
+    depth = np.cross(right, up)
+    tip = middle + radius * (at @ depth) / ((at - centre) @ depth) * np.array([np.cos(angle), np.sin(angle)])
+    slope = (tip - np.array([right, up]) @ at) / abs(at @ np.cross(right, up))
+    return space.TipView(
+        name, (1e3, 10.0), tip, np.full(2, 3e-5), (angle, 1e-3), slope, 1e-5, radius, True, "yes", "", ""
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("side", list(CAMERAS))
+def test_tip_from_each_side(side):
+    place, way = np.array([0.05, 0.03, -0.04]), np.array([0.5, 0.6, -0.62])
+    way /= np.linalg.norm(way)
+    first = seen_from("first", ((0.03, -0.8, 0.01), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)), place, way, 0.005)
+    tip = space.joined((first, seen_from("second", CAMERAS[side], place, way, 0.005)), side)
+    assert tip.trust == "yes"
+    assert tip.place == pytest.approx(place, abs=2e-5)
+
+
 def test_command_joins_two_folders(seen, tmp_path):
     (side, above), truth = seen
     run = CliRunner()
