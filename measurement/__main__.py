@@ -12,6 +12,7 @@ PLACES = {
         "setup": ("measurement.cli.setup", "Find the screen's plane in a PHOTOGRAPH."),
         "photos": ("measurement.cli.photos", "Measure the shadow's outline in every photograph of a list."),
         "view": ("measurement.cli.views", "Measure how a device bends, in listed photographs or a film."),
+        "join": ("measurement.cli.space", "Join two views of a device in space."),
         "demo": ("measurement.cli.photos", "Make a set of synthetic photographs, and measure them."),
     }
 }

@@ -87,8 +87,8 @@ CHANGE_SPANS = (1, 2, 4, 8)
 CLEAR_RATIO = 20.0
 """Ratio of the fastest changes to those at rest from which they stand out."""
 
-LEAST_RATIO = 3.0
-"""The same from which anything moves at all."""
+LEAST_RATIO, MAX_STILL = 3.0, 10.0
+"""The same from which anything moves at all, and stored numbers up to which noise and compression change a still picture."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -114,7 +114,8 @@ class Motion:
 
 
 def motion_of(path: Path, done: Callable[[], None] = lambda: None) -> Motion:
-    """Return how fast the picture of a film changes; ``done`` is called after each frame. `FilmError` where nothing moves."""
+    """Return how fast the picture of a film changes; ``done`` is called after each frame. `FilmError` where nothing moves, or
+    everything does all the time."""
     times: list[float] = []
     recent: collections.deque[Array] = collections.deque(maxlen=2 * CHANGE_SPANS[-1] + 1)
     changes: dict[int, list[float]] = {span: [] for span in CHANGE_SPANS}
@@ -142,6 +143,11 @@ def motion_of(path: Path, done: Callable[[], None] = lambda: None) -> Motion:
         if ratio > CLEAR_RATIO:
             break
     if motion is None or ratio < LEAST_RATIO:
+        if first is not None and float(np.mean((recent[-1] - first) ** 4)) ** 0.25 > MAX_STILL:
+            raise FilmError(
+                f"the picture of {path} never comes to rest: the camera is held by hand, or the pressure always changes; fix "
+                "the camera and hold a pressure for a second, or save single pictures of it and list those with their pressures"
+            )
         raise FilmError(f"nothing moves in {path}; film the device while its pressure changes")
     return motion
 

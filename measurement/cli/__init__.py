@@ -1,6 +1,7 @@
 """The commands of ``softmodels measure``: how they end, texts of their options as numbers, the progress bar.
 
-- `setup`: the commands ``calibrate`` and ``setup``. `photos`: ``photos`` and ``demo``. `views`: the command ``view``.
+- `setup`: the commands ``calibrate`` and ``setup``. `photos`: ``photos`` and ``demo``. `views`: the command ``view``. `space`:
+  ``join``.
 """
 
 from __future__ import annotations

@@ -42,6 +42,8 @@ from softmodels.common.folders import OwnFolderError
               "bellows, drop) seen square to its axis.")  # fmt: skip
 @click.option("--markers", metavar="COLOUR | tag36h11", help="Track the markers on the device's face towards the camera: round "
               "dots of a colour, such as red or #2060c0, or AprilTags.")  # fmt: skip
+@click.option("--in-space", is_flag=True, help="The device leaves its plane: measure it for softmodels measure join, which "
+              "needs a second view.")  # fmt: skip
 @click.option("--length", metavar="LENGTH", help="The device's length without pressure, against which the scale is checked.")
 @click.option("--pressures", metavar="LOG.csv | LIST",
               help="Of a film: log of time and pressure, or a pressure for each plateau, such as '0, 5, 10 kPa'.")  # fmt: skip
@@ -252,9 +254,13 @@ def _scene(setup: Setup, given: dict[str, Any]) -> views.Scene:
     if given["revolved"]:
         if told := [f"--{'device' if name == 'case' else name}" for name in ("case", "depth", "length") if given[name]]:
             raise SetupError(f"leave out {told[0]} with --revolved: the outline of a body of revolution shows how deep it is")
+        if given["in_space"]:
+            raise SetupError("leave out --in-space with --revolved: a body of revolution is seen from one side")
         if given["markers"]:
             raise SetupError("leave out --markers with --revolved: the face of a body of revolution is nowhere flat")
         depths = (0.0, 0.0)
+    if given["in_space"] and given["markers"]:
+        raise SetupError("leave out --markers with --in-space: how far before the plane they lie is not known")
     if given["case"] is not None:
         depths, length, sides = size_of(given["case"])
     if given["depth"] is not None:
@@ -280,7 +286,8 @@ def _scene(setup: Setup, given: dict[str, Any]) -> views.Scene:
         base = np.array([cli.numbers(part, 2, "--base") for part in given["base"].split("=")])
         if base.shape != (2, 2):
             raise SetupError("--base needs two pixels, such as 400,210=400,330")
-    return views.Scene(setup, (far, far_error), depths, ahead, base, stated, sides if len(set(depths)) > 1 else None)
+    sides = sides if len(set(depths)) > 1 else None
+    return views.Scene(setup, (far, far_error), depths, ahead, base, stated, sides, given["in_space"])
 
 
 ROUND_SHARE = 0.5

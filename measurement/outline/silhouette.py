@@ -37,7 +37,7 @@ class Silhouette:
         longest_gap: Longest stretch without a clear edge over the length of the whole contour; there the contour of the
             reduced picture stands in.
         cut: Whether the frame or the region of interest cuts it in a second place.
-        second: Area of the next largest thing that is not background, over the device's.
+        second: Area of the next largest thing that is not background, over the device's, and its place (x, y) in px.
         hidden: Share of the contour that lies beside what a mask or the scale's own target covers.
         soft: Share of the points whose edge is more than `SOFT_EDGE` times as wide as usual.
     """
@@ -47,7 +47,7 @@ class Silhouette:
     factor: float
     longest_gap: float
     cut: bool
-    second: float
+    second: tuple[float, float, float]
     hidden: float
     soft: float
 
@@ -65,6 +65,22 @@ class Silhouette:
     def corners(self) -> tuple[int, int] | None:
         """Numbers of the points out of folds at both ends of the tip's face; None for a round tip."""
         return _corners(self.edge.px[~self.folded], self.guide, float(np.linalg.norm(self.base[1] - self.base[0])))
+
+    @functools.cached_property
+    def notched(self) -> float:
+        """Depth of the deepest notch at the tip's face over its width, as beside a bead or a drop, or where a piece is torn
+        off; 0 where the outline nowhere turns inwards by `MIN_NOTCH`, and for a round tip."""
+        if self.corners is None:
+            return 0.0
+        first, last = np.flatnonzero(~self.folded)[list(self.corners)]
+        width = float(np.linalg.norm(self.edge.px[last] - self.edge.px[first]))
+        arc, turned = _turned(self.edge.px, width, NOTCH_REACH)
+        near = (arc > arc[first] - BESIDE_TIP * width) & (arc < arc[last] + BESIDE_TIP * width)
+        if turned[near].min() > -MIN_NOTCH:
+            return 0.0
+        points = self.edge.px[near].astype(np.float32)
+        band = cv2.convexHull(points)
+        return max(cv2.pointPolygonTest(band, point, True) for point in points[2:-2].tolist()) / width
 
     @functools.cached_property
     def side(self) -> Array:
@@ -120,7 +136,8 @@ def find_silhouette(image: pictures.Pixels, setup: Setup, base: Array | None = N
     small = cv2.resize(image[y0:y1, x0:x1], size, interpolation=cv2.INTER_AREA)
     light = pictures.LIGHT_OF_SRGB[cv2.medianBlur(small, 3)].astype(np.float64)
     covered = _covered(setup, size, factor, (x0, y0))
-    body, second = _body(light, covered)
+    body, (area, *middle) = _body(light, covered)
+    second = (area, x0 + factor * middle[0], y0 + factor * middle[1])
     colour = _colours(light, body, covered)
     share = colour.share(light)
     mask = body if colour.depth > 0 and share[body].mean() < 0.5 else ~body
@@ -168,8 +185,8 @@ def _covered(setup: Setup, size: tuple[int, int], factor: float, origin: tuple[i
     return shown > 0
 
 
-def _body(light: Array, covered: Mask) -> tuple[Mask, float]:
-    """Return where the device is in the light (h, w, 3), and the next thing's area over its."""
+def _body(light: Array, covered: Mask) -> tuple[Mask, tuple[float, float, float]]:
+    """Return where the device is in the light (h, w, 3), and the next thing's area over its and that's place (x, y)."""
     rim = np.ones(light.shape[:2], dtype=bool)
     width = max(3, round(RIM_SHARE * min(rim.shape)))
     rim[width:-width, width:-width] = False
@@ -199,7 +216,10 @@ def _body(light: Array, covered: Mask) -> tuple[Mask, float]:
     mask = labels == order[0] + 1
     outside = cv2.connectedComponents(np.pad(~mask, 1, constant_values=True).astype(np.uint8), connectivity=4)[1]
     body = outside[1:-1, 1:-1] != outside[0, 0]  # a reflection inside is no edge of it
-    return body, float(areas[order[1]] / areas[order[0]]) if len(order) > 1 else 0.0
+    if len(order) < 2:
+        return body, (0.0, 0.0, 0.0)
+    row, column = np.argwhere(labels == order[1] + 1).mean(axis=0)
+    return body, (float(areas[order[1]] / areas[order[0]]), float(column), float(row))
 
 
 def _stored_step(light: Array) -> float:
@@ -388,20 +408,29 @@ FACE_LENGTHS, FACE_TURN, FACE_OFFSET = (0.3, 2.0), np.radians(50.0), 0.4
 beside that, as a share of its length, its middle may be."""
 
 
-def _corners(outline: Array, guide: Array, width: float) -> tuple[int, int] | None:
-    """Return the numbers of the points of an outline (n, 2) in px at both ends of the tip's face, to which a rough centre line
-    (k, 2) leads; None where it has no two corners."""
+NOTCH_REACH, BESIDE_TIP, MIN_NOTCH = (0.04, 0.2), 0.25, np.radians(12.0)
+"""Distances in widths of the tip's face between which an outline shows a turn inwards, how far beside the face that is looked
+for, and the least angle: clean edges turn by up to 5 degrees, and beside a bead by 18 or more."""
+
+
+def _turned(outline: Array, width: float, reach: tuple[float, float]) -> tuple[Array, Array]:
+    """Return the arc length (n,) in px of an outline (n, 2), and by how much in rad it turns, outwards positive, at each point
+    from before it to behind it, between two distances from it in widths."""
     arc = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(outline, axis=0), axis=1))]
     sides = []
     for sign in (-1.0, 1.0):
-        near, far = (
-            np.column_stack([np.interp(arc + sign * reach * width, arc, along) for along in outline.T])
-            for reach in CORNER_REACH
-        )
+        near, far = (np.column_stack([np.interp(arc + sign * at * width, arc, along) for along in outline.T]) for at in reach)
         sides.append(sign * (far - near))
     before, after = sides
     turned = np.arctan2(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0], np.sum(before * after, axis=1))
-    turned *= np.sign(np.sum(outline[:, 0] * np.roll(outline[:, 1], -1) - np.roll(outline[:, 0], -1) * outline[:, 1]))
+    around = np.sum(outline[:, 0] * np.roll(outline[:, 1], -1) - np.roll(outline[:, 0], -1) * outline[:, 1])
+    return arc, turned * np.sign(around)
+
+
+def _corners(outline: Array, guide: Array, width: float) -> tuple[int, int] | None:
+    """Return the numbers of the points of an outline (n, 2) in px at both ends of the tip's face, to which a rough centre line
+    (k, 2) leads; None where it has no two corners."""
+    arc, turned = _turned(outline, width, CORNER_REACH)
     inside = (arc > CORNER_REACH[1] * width) & (arc < arc[-1] - CORNER_REACH[1] * width)
     step = max(1, round(0.5 * CORNER_REACH[1] * width / float(np.median(np.diff(arc)))))
     peaks = [
@@ -464,10 +493,11 @@ class Shape:
         width: Width of the device across it in m, shape (k,).
         tip: Where the centre line leaves the device, shape (2,), m.
         angle: Direction in rad in which the tip's face looks, from the x axis to z; of a round tip that of the centre line.
-        uneven: How far in rad the tip's face may look elsewhere, for a glint or a nick in it.
+        uneven: How far in rad the tip's face may look elsewhere, for a glint, a nick or a bead on it.
         bulges: Whether the tip's face bulges, so that the line between its corners is taken for it.
         base: Middle of the base (2,) in m.
         direction: Direction in rad from the base into the device, across the base.
+        is_round: Whether the tip is a half circle about the centre line.
     """
 
     line: Array
@@ -478,6 +508,7 @@ class Shape:
     bulges: bool
     base: Array
     direction: float
+    is_round: bool
 
     @functools.cached_property
     def length(self) -> float:
@@ -510,8 +541,9 @@ FACE_SHARE = 0.3
 SAME_WIDTH = 0.05
 """Difference of the widths at two places before the tip, over the width, up to which the device only bends between them."""
 
-MAX_SLANT = 0.2
-"""Slope of a round tip's middle across the centre line up to which it is round about it."""
+MAX_SLANT, UNCLEAR_TIP = 0.2, 0.5
+"""Slope of a round tip's middle across the centre line up to which it is round about it, and angle in rad by which a tip
+without any face may look elsewhere."""
 
 SAME_TIP = 0.015
 """Distance between the middle of the tip's corners and that of its face, over its size, and angle in rad between their line and
@@ -566,13 +598,14 @@ def shape_of(
         bulges = not flat or off > SAME_TIP or abs(np.angle(np.exp(1j * (angle - chord)))) > SAME_TIP
         if bulges or not even:
             tip, angle, uneven = centre, chord, 0.0
-    elif not flat and not even:
-        raise pictures.Unmeasurable(UNCLEAR_CORNER)
-    line = _resampled(np.vstack([line[:-1], tip]), STATION_COUNT)
     across = base[1] - base[0]
     way = np.array([-across[1], across[0]])
     way = way * np.sign(way @ (line[STATION_COUNT // 8] - middle))
-    shape = Shape(line, wide, tip, angle, uneven, bulges, middle, float(np.arctan2(way[1], way[0])))
+    end = _round_end(outline, line, wide) if face is None and even and not flat else None
+    if end is not None:
+        tip, angle, uneven, line = end
+    line = _resampled(np.vstack([line[:-1], tip]), STATION_COUNT)
+    shape = Shape(line, wide, tip, angle, uneven, bulges, middle, float(np.arctan2(way[1], way[0])), end is not None)
     step = int(np.clip(np.median(wide) / shape.length * STATION_COUNT, 1, STATION_COUNT - 1))
     heading = np.unwrap(np.arctan2(*normals(line).T[::-1]))
     if np.abs(heading[step:] - heading[:-step]).max() > MAX_TURN:
@@ -717,7 +750,7 @@ def _tip(polygon: Array, line: Array, width: float) -> tuple[Array, float, float
         offset = polygon[1:-1] - face
         near = (np.abs(offset @ across) < FACE_SHARE * width) & (np.abs(offset @ way) < 0.35 * width)
         if near.sum() < 6:
-            return tip, float(np.arctan2(way[1], way[0])), 0.0, False, False
+            return tip, float(np.arctan2(way[1], way[0])), UNCLEAR_TIP, False, False
         at, high = offset[near] @ across, offset[near] @ way
         fit = np.polynomial.polynomial.polyfit(at, high, 1)
         missed = high - np.polynomial.polynomial.polyval(at, fit)
@@ -734,7 +767,8 @@ def _tip(polygon: Array, line: Array, width: float) -> tuple[Array, float, float
         across = np.array([-way[1], way[0]])
     if not flat:
         way = line[-1] - line[-8]
-        return tip, float(np.arctan2(way[1], way[0])), 0.0, False, abs(fit[1]) < MAX_SLANT
+        slant, is_even = float(abs(np.arctan(fit[1]))), abs(fit[1]) < MAX_SLANT
+        return tip, float(np.arctan2(way[1], way[0])), 0.0 if is_even else slant, False, is_even
     # The middle of the face: between both sides a little before it, and twice as far, for a device that is curved there.
     back = face - np.array([[0.15], [0.3]]) * width * way
     left, right = (_reach(polygon, back, np.tile(sign * across, (2, 1))) for sign in (1.0, -1.0))
@@ -743,6 +777,47 @@ def _tip(polygon: Array, line: Array, width: float) -> tuple[Array, float, float
     if wide[0] < 1.5 * width:
         face = face + (middle[0] - (middle[1] - middle[0] if even else 0.0) / 3.0) * across
     return face, float(np.arctan2(way[1], way[0])), uneven, True, even and bool(wide[0] < 1.5 * width)
+
+
+def _round_end(outline: Array, line: Array, wide: Array) -> tuple[Array, float, float, Array] | None:
+    """Return the tip (2,), its direction in rad, the error of that, and the centre line (k, 2) in m of a device that ends in a
+    half circle, along which the middles between both sides say nothing; None where the end is of another shape."""
+    radius = 0.5 * float(np.median(wide[-STATION_COUNT // 5 : -STATION_COUNT // 12]))
+    way = line[-1] - line[-8]
+    way = way / np.linalg.norm(way)
+    centre = line[-1] - radius * way
+    for _ in range(4):
+        offset = outline - centre
+        near = (offset @ way > END_SHARE * radius) & (np.linalg.norm(offset, axis=1) < 1.5 * radius)
+        if near.sum() < 8:
+            return None
+        terms = np.column_stack([2.0 * offset[near], np.ones(near.sum())])
+        fit = np.linalg.lstsq(terms, np.sum(offset[near] ** 2, axis=1))[0]
+        centre, radius = centre + fit[:2], float(np.sqrt(max(fit[2] + fit[:2] @ fit[:2], 0.0)))
+        before = line[np.linalg.norm(line - centre, axis=1) > END_SHARE * radius]
+        before = before[(before - centre) @ way < 0.0]
+        far = np.linalg.norm(before - centre, axis=1)
+        before, far = before[far < END_REACH * radius], far[far < END_REACH * radius]
+        if len(before) < 4:
+            return None
+        # A cubic through the half circle's centre, from which the line goes straight on, and a parabola, for the error.
+        way, other = (
+            slope / np.linalg.norm(slope)
+            for slope in (np.linalg.lstsq(far[:, None] ** np.arange(1, n), centre - before)[0][0] for n in (4, 3))
+        )
+    missed = np.linalg.norm(outline[near] - centre, axis=1) - radius
+    if float(np.sqrt(np.mean(missed**2))) > ROUND_SHARE * radius:
+        return None
+    tip = centre + radius * way
+    kept = line[: int(np.argmax((np.linalg.norm(line - centre, axis=1) < 0.5 * radius) | ((line - centre) @ way > 0.0)))]
+    uneven = BEND_SHARE * float(abs(way[0] * other[1] - way[1] * other[0]))
+    return tip, float(np.arctan2(way[1], way[0])), uneven, np.vstack([kept, centre, tip])
+
+
+END_SHARE, END_REACH, ROUND_SHARE, BEND_SHARE = 0.2, 3.0, 0.01, 0.35
+"""Distance along the centre line from a half circle's centre from which its outline is fitted, and the line behind it, up to
+which distance that tells its direction, and root mean square misfit up to which it is a circle, all in its radii; share of what
+a parabola's slope there differs by from a cubic's that is the direction's error."""
 
 
 def _uneven(at: Array, high: Array) -> float:

@@ -7,6 +7,7 @@ Begin with `measuring`, which measures one photograph, and a list of them.
 - `markers`: markers on a device in every photograph of a list: which is which, places and turns.
 - `photo_list`: ``photos.csv`` and the readings of the water column; the same photograph twice.
 - `revolved`: outlines of bodies of revolution seen from the side, which may overhang.
+- `space`: the tip in space, from two side views.
 - `views`: side views: tip, angle and centre line in every photograph of a list.
 - `witness`: each photograph against the others: heights over pressures.
 """

@@ -205,7 +205,8 @@ class SideEvidence:
 class ViewEvidence(SideEvidence):
     """A device seen from the side: its shape, the same and the silhouette without pressure; the size of a pixel, the standard
     errors of its length and, in rad, of its tip's angle, its length without pressure with its error (None where it is not
-    known), lengths in m; whether this is the photograph without pressure, and whether it has faces along the line of sight."""
+    known), lengths in m; whether this is the photograph without pressure, whether it has faces along the line of sight, and
+    whether it may leave its plane."""
 
     shape: Shape
     before: Shape | None
@@ -216,6 +217,7 @@ class ViewEvidence(SideEvidence):
     length: tuple[float, float] | None
     is_zero: bool
     has_sides: bool
+    in_space: bool
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -1009,9 +1011,10 @@ def seen_whole(e: SideEvidence) -> Iterator[Doubt]:
 @register_check(SideEvidence)
 def alone(e: SideEvidence) -> Iterator[Doubt]:
     """Is there nothing else in front of the background?"""
-    if e.silhouette.second > SECOND_AREA:
+    area, x, y = e.silhouette.second
+    if area > SECOND_AREA:
         yield Doubt(
-            f"a second thing in the picture has {e.silhouette.second:.0%} of the device's area",
+            f"a second thing in the picture, about the pixel {x:.0f},{y:.0f}, has {area:.0%} of the device's area",
             "take it away, cover it with setup --mask, or select the device with setup --roi",
         )
 
@@ -1069,10 +1072,13 @@ def base_at_rest(e: ViewEvidence) -> Iterator[Doubt]:
 @register_check(ViewEvidence)
 def in_plane(e: ViewEvidence) -> Iterator[Doubt]:
     """Is the length one that the device can have in its plane of motion?"""
-    if e.before is None:
+    if e.before is None or e.in_space:
         return
     share = e.shape.length / e.before.length - 1.0
-    remedy = "look at its outline in the picture, and guide it in its plane"
+    remedy = (
+        "look at its outline in the picture, and guide it in its plane, or photograph it from two sides (--in-space, "
+        "softmodels measure join)"
+    )
     if share < -MAX_SHRINKAGE or share > MAX_STRETCH:
         word = "shorter" if share < 0.0 else "longer"
         yield Doubt(
@@ -1098,8 +1104,10 @@ def clear_tip(e: ViewEvidence) -> Iterator[Doubt]:
     """Is the tip seen clearly?"""
     if e.angle_error > MAX_ANGLE_ERROR:
         yield Doubt(
-            f"the direction of its tip is known to {np.degrees(e.angle_error):.1f} degrees only: noise or compression hides it",
-            "photograph it with more light, and store it less compressed",
+            f"the direction of its tip is known to {np.degrees(e.angle_error):.1f} degrees only: noise or compression "
+            "hides it, something sticks out there, or it has neither two corners nor a rounding",
+            "photograph it with more light, less compressed, and with nothing on its tip; or write anyway in the column use, "
+            "which keeps these errors",
         )
 
 

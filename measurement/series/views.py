@@ -45,6 +45,7 @@ class Scene:
         sides: Distances (k, 2) in m of both edges, at equal steps along the device without pressure, from the straight line
             that leaves the base's middle across it; the photograph without pressure tells which one begins at the base's first
             end. None where that is known.
+        in_space: Whether the device may leave the plane, since a second view shows how far.
     """
 
     setup: Setup
@@ -54,6 +55,7 @@ class Scene:
     base: Array | None = None
     length: tuple[float, float] | None = None
     sides: Array | None = None
+    in_space: bool = False
 
     def __post_init__(self) -> None:
         far, near = self.camera_distance[0], abs(self.ahead[0]) + 0.5 * max(self.depth)
@@ -202,6 +204,8 @@ class View:
         reasons: What speaks against it, one sentence each; empty if it is trusted.
         anyway: Whether it shall be used in spite of them.
         markers: What the photograph shows of markers on the device.
+        parallax: By how much in m the tip (2,) appears to move if it moves towards the camera, per m.
+        parallax_error: Its standard error on each axis.
     """
 
     shape: silhouette.Shape
@@ -217,6 +221,13 @@ class View:
     reasons: tuple[str, ...] = ()
     anyway: bool = False
     markers: tuple[markers.Marker, ...] = ()
+    parallax: Array = dataclasses.field(default_factory=lambda: np.zeros(2))
+    parallax_error: float = 0.0
+
+    @property
+    def radius(self) -> float:
+        """Half the device's width in m before its tip."""
+        return 0.5 * float(np.median(self.shape.width[-len(self.shape.width) // 5 : -len(self.shape.width) // 12]))
 
     @property
     def trust(self) -> str:
@@ -267,18 +278,21 @@ def view_of(
     Raises `Unmeasurable` for no device, or one that the checks reject."""
     out = _outwards(seen)
     shape, outline = _evaluated(seen, seen.edge.px, out, scene)
+    shape = dataclasses.replace(shape, uneven=max(shape.uneven, 2.0 * seen.notched))
     random = np.random.default_rng(52)
     lens = scene.setup.camera.error(seen.edge.px)
-    shapes, outlines = [], []
+    shapes, outlines, slopes = [], [], []
     for _ in range(REPEAT_COUNT):
         moved = seen.edge.error * random.standard_normal(len(lens)) + SHARED_PX * random.standard_normal()
         px = seen.edge.px + moved[:, None] * out + lens[:, None] * _field(seen.edge.px, scene, random)
+        varied = scene.varied(random)
         try:
-            repeat, points = _evaluated(seen, px, out, scene.varied(random), shape.line)
+            repeat, points = _evaluated(seen, px, out, varied, shape.line)
         except pictures.Unmeasurable:
             continue
         shapes.append(repeat)
         outlines.append(points - repeat.base)
+        slopes.append((repeat.tip - varied.foot) / varied.camera_distance[0])
     if len(shapes) < REPEAT_COUNT // 2:
         raise pictures.Unmeasurable(
             "the outline is too noisy for a centre line; photograph it again with more light and contrast"
@@ -292,20 +306,22 @@ def view_of(
     strip = scene.strip(shape.tip)
     model, place = MODEL_PX * pixel, math.hypot(MODEL_PX * pixel, (BULGING_SHARE if shape.bulges else ASLANT_SHARE) * strip)
     across_face, width = place if shape.bulges else model, float(np.median(shape.width))
+    tip_error = np.hypot(np.std(tips, axis=0, ddof=1), math.hypot(place, 0.5 * width * shape.uneven))
     passed = model + (FOLDED_SHARE * width if seen.folded.any() else 0.0)
     view = View(
-        shape, outline, np.hypot(_spread(np.array(outlines)), place), np.hypot(np.std(tips, axis=0, ddof=1), place),
+        shape, outline, np.hypot(_spread(np.array(outlines)), place), tip_error,
         math.hypot(float(np.std(turned, ddof=1)), across_face / width, shape.uneven),
         math.hypot(float(np.std([repeat.length for repeat in shapes], ddof=1)), model),
         np.hypot(np.std(across, axis=0, ddof=1), passed), photo.pressure, photo.pressure_error, photo.file.name,
-        anyway=photo.anyway,
+        anyway=photo.anyway, parallax=(shape.tip - scene.foot) / scene.camera_distance[0],
+        parallax_error=float(np.std(slopes, axis=0, ddof=1).max()),
     )  # fmt: skip
     before, seen_before = (None, None) if reference is None else (reference.view.shape, reference.seen)
     changed = since(None if reference is None else (reference.image, reference.seen), image, seen)
     evidence = checks.ViewEvidence(
         seen, *changed, photo.anyway, shape, before, seen_before, pixel, view.length_error, view.angle_error,
         scene.length, photo.is_zero,
-        max(scene.depth) > 0.0,
+        max(scene.depth) > 0.0, scene.in_space,
     )  # fmt: skip
     return dataclasses.replace(view, reasons=checks.doubts(evidence))
 
@@ -470,8 +486,13 @@ they run one way."""
 VIEW_COLUMNS = (
     "file", "pressure_Pa", "pressure_error_Pa", "tip_x_m", "tip_x_error_m", "tip_z_m", "tip_z_error_m", "angle_deg",
     "angle_error_deg", "rotation_deg", "rotation_error_deg", "length_m", "length_error_m", "trusted", "remarks", "time_s",
-    "history_s_Pa",
+    "history_s_Pa", "parallax_x", "parallax_z", "parallax_error", "tip_radius_m", "tip_shape",
 )  # fmt: skip
+
+TABLE, SPACE_TABLE = "views.csv", "view-of-two.csv"
+"""Table of the views of a device that moves in its plane, and of one that leaves it, whose places need a second view."""
+SPACE_COLUMNS = tuple(name.replace("tip_x", "seen_x").replace("tip_z", "seen_z") for name in VIEW_COLUMNS)
+"""Columns of the latter, so that nobody takes it for the former."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -483,12 +504,14 @@ class Views:
         outcomes: A view, or the reason why there is none, of each.
         names: Stems of their files.
         reference: What the photograph without pressure shows; None where there is none.
+        in_space: Whether the device may leave its plane.
     """
 
     photographs: tuple[Photograph, ...]
     outcomes: tuple[View | Refusal, ...]
     names: tuple[str, ...]
     reference: View | None
+    in_space: bool = False
 
     @property
     def views(self) -> list[View]:
@@ -510,22 +533,32 @@ class Views:
         return turned, math.hypot(view.angle_error, self.reference.angle_error)
 
     def write(self, folder: Path) -> None:
-        """Write ``views.csv`` and the curves of each photograph into a folder; `OSError` where they cannot be written."""
-        with (folder / "views.csv").open("w", newline="", encoding="utf-8") as file:
+        """Write the table of the views, and the curves of each in its plane, into a folder; `OSError` where that fails."""
+        with (folder / (SPACE_TABLE if self.in_space else TABLE)).open("w", newline="", encoding="utf-8") as file:
             rows = csv.writer(file)
-            rows.writerow(VIEW_COLUMNS)
+            rows.writerow(SPACE_COLUMNS if self.in_space else VIEW_COLUMNS)
             for photo, outcome in zip(self.photographs, self.outcomes, strict=True):
                 first = (photo.file.name, repr(photo.pressure), repr(photo.pressure_error))
                 time = "" if photo.time is None else f"{photo.time:.9g}", history_text(photo.history)
                 if isinstance(outcome, Refusal):
-                    rows.writerow((*first, *[""] * (len(VIEW_COLUMNS) - 7), "refused", outcome.reason, *time))
+                    rows.writerow((*first, *[""] * 10, "refused", outcome.reason, *time))
                     continue
                 (x, z), (x_error, z_error) = outcome.shape.tip - self.origin, outcome.tip_error
                 angles = (math.degrees(a) for a in (outcome.shape.angle, outcome.angle_error, *self.rotation(outcome)))
                 values = (x, x_error, z, z_error, *angles, outcome.shape.length, outcome.length_error)
-                rows.writerow((*first, *(f"{v:.7g}" for v in values), outcome.trust, "; ".join(outcome.reasons), *time))
+                rows.writerow(
+                    (
+                        *first,
+                        *(f"{v:.7g}" for v in values),
+                        outcome.trust,
+                        "; ".join(outcome.reasons),
+                        *time,
+                        *(f"{v:.5g}" for v in (*outcome.parallax, outcome.parallax_error, outcome.radius)),
+                        "round" if outcome.shape.is_round else "flat",
+                    )
+                )
         for name, outcome in zip(self.names, self.outcomes, strict=True):
-            if isinstance(outcome, View):
+            if isinstance(outcome, View) and not self.in_space:
                 outcome.to_csv(folder / f"{name}.csv", self.origin)
         if any(view.markers for view in self.views):
             seen = zip(self.photographs, self.outcomes, strict=True)
@@ -573,17 +606,18 @@ def views(
             reference = Reference(image, seen, view)
         return view
 
-    def shown(_: silhouette.Silhouette | None, outcome: View | Refusal) -> tuple[list[Array], str]:
+    def shown(seen: silhouette.Silhouette | None, outcome: View | Refusal) -> tuple[list[Array], str]:
+        edges = [seen.edge.px] if seen is not None else []
         if isinstance(outcome, Refusal):
-            return [], ""
+            return [*edges, *([scene.base] if scene.base is not None else [])], ""
         angle = f"angle {units.with_error(math.degrees(outcome.shape.angle), math.degrees(outcome.angle_error), 'deg', '±')}"
         length = f"length {units.with_error(outcome.shape.length * 1e3, outcome.length_error * 1e3, 'mm', '±')}"
         marked = [np.vstack([marker.boundary, marker.boundary[:1]]) for marker in outcome.markers if len(marker.boundary)]
-        return [scene.to_pixels(outcome.outline), scene.to_pixels(outcome.shape.line), *marked], f"{angle}, {length}"
+        return [*edges, scene.to_pixels(outcome.shape.line), *marked], f"{angle}, {length}"
 
     every = each_photograph(photographs, scene, measured, shown, pictures_folder, done, judged)
     names = tuple(measuring.file_stems(photographs))
-    return Views(tuple(photographs), every, names, None if reference is None else reference.view)
+    return Views(tuple(photographs), every, names, None if reference is None else reference.view, scene.in_space)
 
 
 def judged(photographs: Sequence[Photograph], outcomes: Sequence[View | Refusal]) -> list[View | Refusal]:
@@ -620,16 +654,16 @@ def each_photograph[Shown: (View, Outline)](
     ``shown`` gives the lines in px over its picture, and its result in words; ``judged`` what becomes of each beside the
     others; see `views`."""
     names, outcomes = measuring.file_stems(photographs), dict[int, Shown | Refusal]()
+    over = dict[int, tuple[list[Array], str]]()
 
-    def draw(k: int, image: pictures.Pixels, seen: silhouette.Silhouette | None, outcome: Shown | Refusal) -> None:
-        if pictures_folder is None:
-            return
-        photo, (lines, words) = photographs[k], shown(seen, outcome)
+    def draw(k: int, image: pictures.Pixels, outcome: Shown | Refusal) -> None:
+        photo, (lines, words) = photographs[k], over[k]
         if isinstance(outcome, Refusal):
             title = f"{photo.file.name}   refused: {outcome.reason}"
         else:
             weak = "" if outcome.trust == "yes" else " (not trusted)"
             title = f"{photo.file.name}   {photo.pressure:.0f} Pa: {words}{weak}"
+        assert pictures_folder is not None
         drawing.draw_view(pictures_folder / f"{names[k]}.png", image, lines, title, isinstance(outcome, Refusal))
 
     for k in zero_first(photographs):
@@ -638,16 +672,22 @@ def each_photograph[Shown: (View, Outline)](
             image = pictures.read_pixels(photo.file, scene.setup.camera.size)
             seen = silhouette.find_silhouette(image, scene.setup, scene.base)
             outcomes[k] = measured(photo, image, seen)
-        except (pictures.Unmeasurable, OutlineError) as error:
+        except pictures.Unmeasurable as error:
             outcomes[k] = Refusal(str(error), photo.file)
+        except OutlineError as error:
+            why = str(error).removeprefix(f"{photo.file.name}: ")
+            outcomes[k] = Refusal(
+                f"{why}; its picture shows what was taken for the device: check --base and setup --roi", photo.file
+            )
         except Exception as error:  # one odd photograph must not take the others with it
             outcomes[k] = Refusal(measuring.unexpected_error(error), photo.file)
-        if image is not None:
-            draw(k, image, seen, outcomes[k])
+        if image is not None and pictures_folder is not None:
+            over[k] = shown(seen, outcomes[k])
+            draw(k, image, outcomes[k])
         done()
     before = tuple(outcomes[k] for k in range(len(photographs)))
     after = tuple(judged(photographs, before))
     for k, outcome in enumerate(after):
         if pictures_folder is not None and outcome is not before[k]:
-            draw(k, pictures.read_pixels(photographs[k].file, scene.setup.camera.size), None, outcome)
+            draw(k, pictures.read_pixels(photographs[k].file, scene.setup.camera.size), outcome)
     return after

@@ -726,7 +726,10 @@ def _numbers(sheet: tables.Worksheet, rows: Sequence[tables.Line], columns: tupl
         lines.append(number)
         times.extend(cells[2:])
     if not x:
-        raise TensileError(f"there are no numbers below the header ({columns[0].header!r}, {columns[1].header!r})")
+        raise TensileError(
+            f"there are no numbers below the header ({columns[0].header!r}, {columns[1].header!r}); write plain numbers in the "
+            "rows, and the unit in the header"
+        )
     made = CurveTable(columns[0], columns[1], np.array(x), np.array(y), tuple(lines))
     return dataclasses.replace(made, **_times(times, columns[2], marks[2], sheet, lines)) if times else made  # type: ignore[arg-type]
 

@@ -224,6 +224,9 @@ def test_unusable_films_and_logs_are_rejected(taken, tmp_path):
     films.film(tmp_path / "still.mp4", films.Program((0.0,), (0.0,), until=3.0))
     with pytest.raises(film.FilmError, match="nothing moves"):
         film.motion_of(tmp_path / "still.mp4")
+    films.film(tmp_path / "rising.mp4", films.Program((0.0, 24e3), (0.0, 0.0), takes=3.0, until=3.0))
+    with pytest.raises(film.FilmError, match="never comes to rest"):
+        film.motion_of(tmp_path / "rising.mp4")
     (tmp_path / "log.csv").write_text("time (s),pressure\n0,1\n1,2\n2,3\n3,4\n")
     with pytest.raises(film.FilmError, match="has no unit"):
         film.read_log(tmp_path / "log.csv")

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from matplotlib import colors
 from scipy.spatial import cKDTree
 
 from geometries import PneuNet
@@ -17,12 +18,13 @@ from measurement.cli.setup import setup as setup_command
 from measurement.cli.views import size_of, view as view_command
 from measurement.outline import silhouette
 from measurement.screen.setup import Setup, SetupError, plane_of_scale
-from measurement.series import views
+from measurement.series import drawing, views
 from measurement.series.photo_list import Photograph
 from measurement.series.witness import Refusal
 from softmodels.common.errors import GeometryError
 from softmodels.design import targets
 from tests.support import side_views
+from tests.support.campaigns import sampled
 
 TURNS = (0.0, 2.2)
 
@@ -172,7 +174,7 @@ def test_camera_that_moved_is_doubted(bars, tmp_path):
 def test_second_thing_is_doubted(bars, tmp_path):
     surface, ball = side_views.bent_bar(0.6)[0], side_views.pv.Sphere(radius=0.012, center=(0.07, 0.0, -0.06))
     said = doubts(bars, tmp_path, lambda path: side_views.photograph(path, surface, ball))
-    assert "a second thing" in said
+    assert "a second thing in the picture, about the pixel 998,800," in said
 
 
 def behind(draw):
@@ -195,6 +197,30 @@ def doubts_before_walls(tmp_path, draws, turns):
         pictures.append(Photograph(tmp_path / f"{number}.jpg", 5e3 * number, 50.0, anyway=number == 0))
     outcomes = views.views(pictures, scene()).outcomes
     return [outcome.reason if isinstance(outcome, Refusal) else "; ".join(outcome.reasons) for outcome in outcomes]
+
+
+@pytest.mark.parametrize(
+    ("along", "across", "radius"), sampled([(-1, 0, 3), (1, -1, 2), (1.5, 2, 2), (0, 0, 1.5), (0, 0, 1)], {(1, -1, 2)})
+)
+def test_bead_on_the_tip_is_in_its_errors(along, across, radius, tmp_path):
+    """A pin at a corner moves the tip by up to 2 mm; the photograph may be used anyway."""
+    surface, tip, angle, _ = side_views.bent_bar(0.3)
+    x, _, z = surface.points[801]  # the lower corner
+    bead = side_views.pv.Sphere(radius=1e-3 * radius, center=(x + 1e-3 * along, 0.0, z + 1e-3 * across))
+    side_views.photograph(tmp_path / "bead.jpg", surface, bead)
+    (view,) = views.views([Photograph(tmp_path / "bead.jpg", 0.0, 0.0, anyway=True)], scene()).outcomes
+    assert view.trust == "anyway" and "something sticks out there" in " ".join(view.reasons)
+    assert (np.abs(view.shape.tip - view.shape.base - tip) < 2.0 * view.tip_error).all()
+    assert abs(view.shape.angle - angle) < 2.0 * view.angle_error
+
+
+def test_refused_photograph_shows_what_was_looked_at(bars, tmp_path):
+    known = scene(base=side_views.BASE + np.array([0.0, 400.0]))
+    (refused,) = views.views(bars[0][:1], known, tmp_path).outcomes
+    assert "of --base" in refused.reason
+    shown = cv2.imread(str(tmp_path / "bar0.png")).astype(int)
+    colour = np.rint(255 * np.array(colors.to_rgb(drawing.EDGE_COLOUR))[::-1])
+    assert (np.abs(shown - colour).max(axis=2) < 40).sum() > 30
 
 
 @pytest.mark.campaign
@@ -236,6 +262,20 @@ def test_device_cut_by_the_region_is_rejected(bars, tmp_path):
     surface = side_views.bent_bar(0.0)[0]
     said = doubts(bars, tmp_path, lambda path: side_views.photograph(path, surface), setup=known)
     assert "cuts the device" in said
+
+
+@pytest.mark.campaign
+def test_one_of_two_devices_is_measured_in_its_region(tmp_path):
+    """Two bars in one picture, a region for each."""
+    lower, tip, *_ = side_views.bent_bar(0.3)
+    upper = lower.copy()
+    upper.points = upper.points - [0.0, 0.0, 0.04]
+    side_views.photograph(tmp_path / "two.jpg", lower, upper)
+    for moved, roi in ((0.0, (20, 20, 1390, 480)), (400.0, (20, 480, 1390, 990))):
+        known = scene(base=side_views.BASE + np.array([0.0, moved]), setup=dataclasses.replace(scene().setup, roi=roi))
+        (view,) = views.views([Photograph(tmp_path / "two.jpg", 0.0, 1.0)], known).outcomes
+        assert getattr(view, "trust", view) == "yes"
+        assert np.linalg.norm(view.shape.tip - view.shape.base - tip) < 5e-5
 
 
 @pytest.mark.campaign
