@@ -277,7 +277,8 @@ class MeshedDesign:
             rates = {share: self._rates(load, velocities.get(share, share), share) for share in along}
             moved = [along[parameter] * measure.moved(state, w, X) for parameter, (w, X) in rates.items()]
             columns.append(sum(moved, np.zeros(len(measure.residuals(state)))))
-        return Squares.of(measure.residuals(state), np.array(columns).T, measure.run, measure.sigma)
+        residuals = measure.residuals(state)
+        return Squares.of(residuals, np.reshape(columns, (-1, len(residuals))).T, measure.run, measure.sigma)
 
     def _rates(self, load: EvaluatedLoad, way: Array | str, name: str) -> tuple[Array, Array]:
         """Return the derivatives of the settled state's dofs and of the mesh's nodes by a parameter."""

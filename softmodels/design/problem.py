@@ -302,7 +302,7 @@ class Growth:
 
 
 GROW = ("candidates", "radius", "most_channels")
-MOTIONS = ("rise", "height", "place", "top_height", "face_place", "turn", "outline")
+MOTIONS = ("rise", "height", "place", "top_height", "face_place", "turn", "outline", "surface")
 """Quantities that a thin channel changes through the state alone."""
 MOST_PLACES, MOST_CHANNELS = 100, 200
 

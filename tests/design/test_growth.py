@@ -108,8 +108,10 @@ def test_the_gain_of_a_pose_is_that_of_its_place(comm):
     coarse = problem(around="around = 6", cell_size='cell_size = "3 mm"')
     place = {"quantity": "face_place", "of": "top", "at": "4 kPa"}
     pose = {"quantity": "pose", "of": "top", "position": {"z": "5 mm"}, "tolerance": "0.5 mm", "at": "4 kPa"}
+    flat = {"quantity": "surface", "height": "5 mm", "at": "4 kPa"}  # all of it is far below
     made = {}
     for name, goal in (
+        ("surface", {"maximise": None, "follow": flat}),
         ("place", {"maximise": place}),
         ("mean", {"maximise": {**place, "at": ["2 kPa", "4 kPa"], "weights": [0, 1]}}),
         ("pose", {"maximise": None, "follow": pose}),
@@ -119,6 +121,7 @@ def test_the_gain_of_a_pose_is_that_of_its_place(comm):
     assert np.ptp(made["place"]) > 0.0
     assert made["mean"] == pytest.approx(made["place"], rel=1e-6)
     assert made["pose"] == pytest.approx(made["place"] / 0.5e-3, rel=1e-6)
+    assert made["surface"] == pytest.approx(made["place"], rel=0.05, abs=0.02 * np.abs(made["place"]).max())
 
 
 def ends(*places):
