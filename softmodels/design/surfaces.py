@@ -162,7 +162,7 @@ def _check_mirrors(formula: Formula, device: Actuator) -> None:
     places = device.size * np.random.default_rng(0).uniform(-1.0, 1.0, (16, 3))
     with np.errstate(all="ignore"):
         heights, *others = (
-            formula(*(places @ image)[:, :2].T, np) * np.ones(16)
+            formula((places @ image)[:, 0], (places @ image)[:, 1], np) * np.ones(16)
             for image in actuator.reflected([plane.normal for plane in device.cut_planes])
         )
     size = np.nanmax(np.abs(heights), initial=0.0)
