@@ -243,7 +243,8 @@ def _places(plate: ChannelPlate, growth: Growth, radius: float, height: float) -
             for a, b, n in zip(low + margin, high - margin, growth.grid, strict=True)]  # fmt: skip
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
     away = np.linalg.norm(grid[:, None] - nodes, axis=2).min(axis=1, initial=np.inf)
-    return [[x, y, height] for x, y in np.concatenate([nodes, grid[away > 2.0 * radius + plate.least_wall]]).tolist()]
+    room = (away > 2.0 * radius + plate.least_wall) & (network.depths(grid, plate.paths) > radius + plate.least_wall)
+    return [[x, y, height] for x, y in np.concatenate([nodes, grid[room]]).tolist()]
 
 
 def _distances(plate: ChannelPlate, cavity: str, points: Array) -> Array:
@@ -331,6 +332,10 @@ def map_alone(problem: DesignProblem, folder: DesignFolder | None, comm: MPI.Com
     file = mpi.on_root(comm, lambda: None if folder is None else folder.path / MAP)
     table = make_map(problem, problem.case, problem.growth, file, comm, (), folder)
     told = [candidate.sentence(problem) for candidate in dict.fromkeys([*table[:BEST_SHOWN], *table[-1:]])]
+    if problem.of_target:
+        told.append(
+            "gains are to first order: channels overshoot a target, and a search ranks them by what would be left of it"
+        )
     return [*told, *doubts(problem, _plate(problem.case), table)]
 
 
@@ -549,7 +554,8 @@ def channel_energy(A: Array, C: Array, along: Array) -> Array:
     return np.where(near, energy, 0.0)
 
 
-MAX_STRESS = 3.0
-"""Largest m that counts; more is of cells in creases that are nearly inverted."""
+MAX_STRESS = 1.0
+"""Largest m that counts, by which a section grows 3.5 times; more is beside a wall that balloons, or of cells in creases that
+are nearly inverted."""
 SECTION_STEPS = 12
 """Of Newton's method for L, from the side from which it converges."""
