@@ -14,7 +14,7 @@ import numpy as np
 from geometries import Actuator, actuator
 from softmodels.common import units
 from softmodels.common.arrays import Array
-from softmodels.common.lazy import Expr, basix, fem, meshes, ufl
+from softmodels.common.lazy import Expr, basix, fem, ufl
 from softmodels.design import quantities
 from softmodels.mechanics import body, compiling, mpi
 
@@ -122,11 +122,13 @@ class SurfaceMeasure(quantities.FormMeasure, quantities.TargetMeasure):
         self._facets = self._facets[self._facets[:, 0] < mesh.topology.index_map(3).size_local]
         with compiling.compiling():
             self._at = fem.Expression(ufl.as_vector(expressions), points, jit_options=compiling.JIT)
-        mesh.topology.create_connectivity(3, 2)
-        numbers = np.array([mesh.topology.connectivity(3, 2).links(cell)[k] for cell, k in self._facets], dtype=np.int32)
-        a, b, c = np.moveaxis(mesh.geometry.x[meshes.entities_to_geometry(mesh, 2, numbers)[:, :3]], 1, 0)
-        sizes = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-        self._weights = np.outer(sizes, weights).ravel()
+        degree = mesh.geometry.cmaps[0].degree
+        of_facet = np.array(basix.ufl.element("P", "tetrahedron", degree).entity_closure_dofs[2])
+        element = basix.ufl.element("P", "triangle", degree)
+        cells = mesh.geometry.dofmaps[0][self._facets[:, 0]]
+        nodes = mesh.geometry.x[np.take_along_axis(cells, of_facet[self._facets[:, 1]], axis=1)]
+        along, across = np.einsum("dqn,fni->dfqi", element.tabulate(1, points)[1:], nodes)
+        self._weights = (np.linalg.norm(np.cross(along, across), axis=2) * weights).ravel()
 
     def _values(self) -> tuple[Array, Array]:
         """Return distances and their rates, shape (k,), without the plane, times the roots of the points' shares of the
