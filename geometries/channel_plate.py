@@ -25,6 +25,7 @@ from geometries.network import Channel, Network, Nodes, Place
 from softmodels.common import errors, schema, units
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
+from softmodels.common.lazy import scipy
 
 MAX_CORNERS = 40
 """Of an outline whose corners are parameters; others are curves."""
@@ -169,6 +170,26 @@ class ChannelPlate(plates.NetworkPlate):
         family = self.network or ("" if self.channels else DEFAULT_NETWORK)
         more = self.replaced(network=family, channels=(*self.channels, *texts), **dict.fromkeys(lists, ()))
         return more.replaced(**{name: (*own, *more.entries(name)[len(own) :]) for name, own in lists.items()})
+
+    def without_channels(self, numbers: Sequence[int]) -> Self:
+        """Return the plate without some of its written channels, by their numbers from 1; the nodes and radii of the others
+        stay where they are. GeometryError if a channel is not written, or what is left of a cavity falls apart."""
+        given, own = self.drawn, len(self.channels)
+        first = len(given.channels) - own
+        left = [number for number in range(len(given.channels)) if number + 1 not in numbers]
+        if min(numbers) <= first or not left:
+            raise GeometryError(
+                f"only written channels can be removed, numbers {first + 1} to {first + own}, and not all of them"
+            )
+        rest = dataclasses.replace(given, channels=tuple(given.channels[number] for number in left))
+        if rest.cavities != given.cavities or network.parts(rest.channels) > network.parts(given.channels):
+            raise GeometryError("without these channels a cavity would be gone, or fall apart")
+        texts = tuple(self.channels[number - first] for number in left if number >= first)
+        lists = {name: getattr(self, name) for name in (*NODE_LISTS, *RADIUS_LISTS) if getattr(self, name)}
+        less = self.replaced(channels=texts, **dict.fromkeys(lists, ()))
+        _, node = scipy.spatial.cKDTree(self.nodes.places).query(less.nodes.places)
+        kept = {name: node if name in NODE_LISTS else np.array(left) for name in lists}
+        return less.replaced(**{name: tuple(np.array(own)[kept[name]].tolist()) for name, own in lists.items()})
 
     @property
     def movable(self) -> tuple[str, ...]:

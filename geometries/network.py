@@ -55,6 +55,12 @@ class Channel:
         points = tuple((float(x), float(y), offset) for x, y in line)
         return cls(name, points, tuple((radii[0] + share * (radii[1] - radii[0])).tolist()), cavity)
 
+    @property
+    def bore(self) -> float:
+        """Its volume in m3, without the ends."""
+        pieces = itertools.pairwise(zip(self.points, self.radii, strict=True))
+        return sum(math.pi / 3.0 * math.dist(a, b) * (p * p + p * q + q * q) for (a, p), (b, q) in pieces)
+
 
 MIN_RADIUS = 1e-5
 """Of a channel, in m."""
@@ -644,6 +650,15 @@ class Samples:
                 rows.append(np.hstack([(1.0 - shares) * (*a, p) + shares * (*b, q), np.full((len(shares), 1), number)]))
         table = np.concatenate(rows)
         return cls(table[:, :3], table[:, 3], table[:, 4].astype(np.int64))
+
+
+def parts(channels: Sequence[Channel]) -> int:
+    """Return the number of networks of joined channels."""
+    samples = Samples.of(channels)
+    near = scipy.spatial.cKDTree(samples.places).query_pairs(JOINED_SHARE * samples.radii.max(), output_type="ndarray")
+    away = np.linalg.norm(samples.places[near[:, 0]] - samples.places[near[:, 1]], axis=1)
+    crossing = near[away < JOINED_SHARE * samples.radii[near].max(axis=1)]
+    return 1 + int(actuator.joined(samples.owner[crossing], len(channels)).max())
 
 
 def check_walls(channels: Sequence[Channel], samples: Samples, least: float) -> None:

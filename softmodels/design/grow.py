@@ -1,4 +1,4 @@
-"""Networks that grow: what a channel more at any place would do, and the stages of a search that adds the best.
+"""Networks that grow: what a channel more at any place would do, or one less, and the stages of a search that takes the best.
 
 A thin channel at the air's pressure P changes the potential per volume of its bore by (incompressible, shear modulus 1)
 
@@ -7,7 +7,10 @@ A thin channel at the air's pressure P changes the potential per volume of its b
 where s is the Cauchy stress plus P, the channel's direction is 3, m = (s11 + s22) / 2, and L the growth of a bore's section
 under m: m = (ln L + 1 - 1 / L) / 2. The first term is exact (a thick tube of neo-Hookean silicone), the rest is of a hole in a
 linear solid (Eshelby 1957, doi 10.1098/rspa.1957.0133). The first-order gain of a quantity is minus the derivative of e along
-its adjoint, times the bore's volume: the topological derivative of the network.
+its adjoint, times the bore's volume: the topological derivative of the network. A channel that is there is worth half of the
+slope by a factor on its radii, because a thin one's effect is as the square of them.
+
+Where limits hold a design back, what a channel does to them is priced by their multipliers: it is ranked by the Lagrangian.
 """
 
 from __future__ import annotations
@@ -18,6 +21,8 @@ import dataclasses
 import functools
 import io
 import itertools
+import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
@@ -33,8 +38,8 @@ from softmodels.common.arrays import Array
 from softmodels.common.lazy import MPI, fem, ufl
 from softmodels.design import states, targets
 from softmodels.design.model import DesignFolder, DesignModel, MeshedDesign
-from softmodels.design.problem import GROW, DesignProblem, Growth, in_words, label, shown, shown_factor
-from softmodels.design.result import Variant
+from softmodels.design.problem import GROW, MOTIONS, DesignProblem, Growth, in_words, label, shown, shown_factor
+from softmodels.design.result import DesignResult, Variant
 from softmodels.design.trials import DesignError, DesignFailure
 from softmodels.materials import laws
 from softmodels.mechanics import compiling, mpi
@@ -42,51 +47,77 @@ from softmodels.runs import state_values
 from softmodels.runs.outcomes import RunError
 
 if TYPE_CHECKING:
+    from softmodels.design.quantities import DesignQuantity
     from softmodels.mechanics.system import System
 
 
 def stages(
     problem: DesignProblem,
     ended: Sequence[Variant],
-    folder: Path | None,
+    folder: DesignFolder | None,
     comm: MPI.Comm,
     resume: bool,
     tell: Callable[[str], object],
 ) -> Iterator[tuple[str, DesignProblem]]:
-    """Yield the problem of the network as it is, with its words, then with the channel that promises most, and so on, as long
-    as the search of each gains. Each has to be in ``ended`` before the next is asked for."""
+    """Yield the problem of the network as it is, with its words, then with the channel more, or less, or in place of another
+    that promises most, and so on, as long as the search of each gains. Each has to be in ``ended`` before the next is asked
+    for."""
     growth, base = problem.growth, dataclasses.replace(problem, grow=None)
     assert growth is not None
-    yield stage_name(len(_plate(base.case).drawn.channels)), base
-    best = ended[-1]
-    while best.result is not None and (count := len(_plate(best.result.case).drawn.channels)) < growth.most_channels:
+    count = len(_plate(base.case).drawn.channels)
+    yield stage_name(count), base
+    best, names, maps = ended[-1], Counter({count: 1}), Counter[int]()
+    while best.result is not None:
         before, case = best, best.result.case
-        file = None if folder is None else _map_file(folder, count)
+        count = len(_plate(case).drawn.channels)
+        maps[count] += 1
+        file = None if folder is None else _map_file(folder.path, count, maps[count])
         known = mpi.on_root(comm, functools.partial(_read, file, base)) if resume else None
-        table = known or make_map(base, case, growth, file, comm)
+        table = known or make_map(base, case, growth, file, comm, prices(best.result), folder)
         for doubt in doubts(base, _plate(case), table):
             tell(doubt)
-        for attempt, candidate in enumerate(_promising(_plate(case), growth, table), 1):
-            plate = _plate(case).with_channels(candidate.channels)
+        distance = best.result.end.objective if base.of_target else np.inf
+        tries = 0.0
+        for candidate, plate in _promising(_plate(case), growth, table, distance):
+            if tries >= MAX_TRIES:
+                break
             try:
                 grown = dataclasses.replace(base, case=dataclasses.replace(case, actuator=plate))
             except (DesignError, *entries.INPUT_ERRORS) as error:
                 tell(f"{candidate.sentence(base)}, but is not tried: {error}")
                 continue
             tell(candidate.sentence(base))
-            yield stage_name(len(plate.drawn.channels), attempt), grown
+            names[len(plate.drawn.channels)] += 1
+            yield stage_name(len(plate.drawn.channels), names[len(plate.drawn.channels)]), grown
+            tries += 1.0 if ended[-1].result is not None else UNSOLVED_TRY
             if gained(ended[-1], before):
                 best = ended[-1]
                 break
         if best is before:
-            tell(f"no channel more gains; the network stays at {stage_name(count)}")
+            tell(f"no channel more or less gains; the network stays at {stage_name(count)}")
             return
 
 
 MAX_TRIES = 3
-"""Channels that are tried in turn, until one gains."""
+"""Changes of the network that are tried in turn, until one gains."""
+UNSOLVED_TRY = 0.5
+"""What a network counts that has no state at the pressure."""
 MIN_RELATIVE_GAIN = 1e-3
-"""Gain of the objective above which a channel stays."""
+"""Gain of the objective above which a change stays."""
+
+
+def prices(result: DesignResult) -> list[tuple[DesignQuantity, float]]:
+    """Return the limits that hold a design back, and what the objective, as it is minimised, loses by a unit more of each."""
+    rows = [(holder.row, holder.multiplier) for holder in result.holding.holders if holder.row and result.feasible]
+    return [
+        (row.keep.quantity, result.form.size * multiplier * row.sign / row.scale)
+        for row, multiplier in rows
+        if row.keep.quantity.name in (*MOTIONS, *PRICED) and row.key == row.keep.quantity.key
+    ]
+
+
+PRICED = ("limit_margin", "limit_pressure", "peak_stretch", "peak_von_mises")
+"""Limits that a channel changes through the state alone, as long as other places are the most stretched ones."""
 
 
 def stage_name(channels: int, attempt: int = 1) -> str:
@@ -94,18 +125,9 @@ def stage_name(channels: int, attempt: int = 1) -> str:
     return f"{channels} channel" + "s" * (channels > 1) + (f", try {attempt}" if attempt > 1 else "")
 
 
-def _map_file(folder: Path, channels: int) -> Path:
-    """Return the table of what a channel more would do; a drawing lies beside it."""
-    return folder / f"more-than-{channels}.csv"
-
-
-def file_names(problem: DesignProblem, folder_name: Callable[[str], str]) -> list[str]:
-    """Return the files and folders that the stages of a problem may write."""
-    assert problem.growth is not None
-    counts = range(len(_plate(problem.case).drawn.channels), problem.growth.most_channels + 1)
-    tables = [_map_file(Path(), count) for count in counts]
-    maps = [str(file.with_suffix(ending)) for file in tables for ending in (".csv", ".svg")]
-    return maps + [f"{folder_name(stage_name(count, k))}/" for count in counts for k in range(1, MAX_TRIES + 1)]
+def _map_file(folder: Path, channels: int, number: int) -> Path:
+    """Return the table of what a change of the network would do; a drawing lies beside it."""
+    return folder / f"more-than-{channels}{f'-{number}' if number > 1 else ''}.csv"
 
 
 def gained(after: Variant, before: Variant) -> bool:
@@ -121,71 +143,108 @@ def _plate(case: Case) -> ChannelPlate:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Candidates: straight channels between places of a grid and nodes of the network, that join it and leave walls.
+# Candidates: straight channels between places of a grid and nodes of the network, that join it and leave walls; and channels
+# that may go, because the rest stays together.
 
 
 @dataclasses.dataclass(frozen=True)
 class Candidate:
-    """A channel that may be added: both ends (m) and its cavity, the texts of it and its mirror images, and the predicted gain
-    of the objective in SI units, above 0 for the better."""
+    """A channel that may be added, removed, or put in the place of ``removed`` ones (numbers from 1): both ends (m), its cavity
+    and height (m), the texts of it and its mirror images where it is added, the predicted gain of the objective in SI units,
+    above 0 for the better, and what the limits take of it."""
 
     start: network.Place
     end: network.Place
     cavity: str
     channels: tuple[str, ...]
     gain: float = 0.0
+    price: float = 0.0
+    offset: float = 0.0
+    removed: tuple[int, ...] = ()
+
+    @property
+    def worth(self) -> float:
+        """The gain minus the price."""
+        return self.gain - self.price
+
+    def on(self, plate: ChannelPlate) -> ChannelPlate:
+        """Return a plate with the change; GeometryError if it leaves no walls, or parts of the network without air."""
+        kept = plate.without_channels(self.removed) if self.removed else plate
+        return kept.with_channels(self.channels) if self.channels else kept
+
+    def bore(self, plate: ChannelPlate, radius: float) -> float:
+        """Return the volume of the bores that are added and removed, in m3."""
+        added = np.pi * radius**2 * math.dist(self.start, self.end) * len(self.channels)
+        return added + sum(plate.drawn.channels[number - 1].bore for number in self.removed)
 
     def sentence(self, problem: DesignProblem) -> str:
         """Return what it is predicted to do."""
         asked = problem.terms[0].quantity
         where = " to ".join(f"({1e3 * x:.4g}, {1e3 * y:.4g})" for x, y in (self.start, self.end))
-        both = "" if len(self.channels) == 1 else f" and its mirror image{'s' if len(self.channels) > 2 else ''}"
+        count = len(self.channels or self.removed)
+        both = "" if count == 1 else f" and its mirror image{'s' if count > 2 else ''}"
+        numbers = "channel" + "s" * (len(self.removed) > 1) + " " + ", ".join(map(str, self.removed))
+        place = f" at {1e3 * self.offset:.4g} mm" if problem.growth and problem.growth.heights else ""
+        what = f"a channel from {where} mm{place}{both}" if self.channels else f"to remove the channel from {where} mm{both}"
+        what += f" in place of {numbers}" if self.channels and self.removed else ""
         does = "improve" if self.gain >= 0.0 else "worsen"
         by = in_words(asked, abs(self.gain), 3)
-        return f"a channel from {where} mm{both} is predicted to {does} {label(asked, problem.case)} by {by}"
+        limits = f", of which the limits take {in_words(asked, self.price, 3)}" if self.price > 0.0 else ""
+        limits = f", and to leave room in the limits worth {in_words(asked, -self.price, 3)}" if self.price < 0.0 else limits
+        return f"{what} is predicted to {does} {label(asked, problem.case)} by {by}{limits}"
 
 
-def candidates(problem: DesignProblem, case: Case, growth: Growth, comm: MPI.Comm) -> list[Candidate]:
-    """Return the channels that join the network of a case's plate, with what a problem's objective gains, the best first;
-    walls are not checked."""
+def candidates(problem: DesignProblem, case: Case, growth: Growth, comm: MPI.Comm, limits: Limits = ()) -> list[Candidate]:
+    """Return the channels that join the network of a case's plate, and those that may go, with what a problem's objective
+    gains, and loses by ``limits`` of `prices`, the best first; walls are not checked."""
     plate = _plate(case)
     radius = growth.radius or plate.radius
-    ends = np.array(list(itertools.combinations(_places(plate, growth, radius), 2)))
+    pairs = [itertools.combinations(_places(plate, growth, radius, z), 2) for z in growth.heights or (plate.offset,)]
+    ends = np.array(list(itertools.chain(*pairs)))
     shares = np.linspace(0.0, 1.0, 2 * PLACES_ALONG + 1)[:, None]
     points = ends[:, None, 0] + shares * (ends[:, None, 1] - ends[:, None, 0])
-    points = np.concatenate([points, np.full((*points.shape[:2], 1), plate.offset)], axis=2)
     away = [_distances(plate, name, points) for name in plate.drawn.cavities]
     joined = np.array([own.min(axis=1) < -JOINED_DEPTH * radius for own in away])
     kept = joined.sum(axis=0) == 1
     cavity = joined.argmax(axis=0)[kept]
     silicone = np.min(away, axis=0)[kept, 1::2] > radius  # nearer to other walls it is no thin channel in a large block
-    gains = ThinChannels(problem, case, comm).gains(points[kept, 1::2], silicone, cavity, radius)
-    made, known = [], list[Array]()
-    for (a, b), number, gain in zip(ends[kept], cavity.tolist(), gains.tolist(), strict=True):
-        if any(_same(np.array([a, b]), line) for line in known):
+    thin = ThinChannels(problem, case, comm, limits)
+    gains = thin.gains(points[kept, 1::2], silicone, cavity, radius)
+    made, known = [], set[frozenset[object]]()
+    for line, number, (gain, price) in zip(ends[kept], cavity.tolist(), gains.tolist(), strict=True):
+        if _key(line) in known:
             continue
-        known += (images := _images(plate, a, b))
-        name = plate.drawn.cavities[number]
-        texts = tuple(_text(line, growth.radius, name) for line in images)
-        made.append(Candidate(tuple(a.tolist()), tuple(b.tolist()), name, texts, len(images) / plate.copies * gain))
-    return sorted(made, key=lambda candidate: -candidate.gain)
+        images = {_key(image): image for image in _images(plate, line)}
+        known |= images.keys()
+        name, share = plate.drawn.cavities[number], len(images) / plate.copies
+        texts = tuple(_text(image, growth, name) for image in images.values())
+        (a, b), offset = line[:, :2].tolist(), float(line[0, 2])
+        made.append(Candidate(tuple(a), tuple(b), name, texts, share * gain, share * price, offset))
+    for numbers, (gain, price) in thin.without.items():
+        own = plate.drawn.channels[numbers[0] - 1]
+        (x1, y1, offset), (x2, y2, _) = own.points[0], own.points[-1]
+        made.append(Candidate((x1, y1), (x2, y2), own.cavity, (), gain, price, offset, numbers))
+    return sorted(made, key=lambda candidate: -candidate.worth)
 
 
+Limits = Sequence[tuple["DesignQuantity", float]]
 PLACES_ALONG = 40
 """Places along a channel at which its gain is computed."""
 JOINED_DEPTH = 0.5
 """How deep in the air of another channel a centre line has to reach to join it, in its radii."""
 
 
-def _places(plate: ChannelPlate, growth: Growth, radius: float) -> list[network.Place]:
-    """Return the nodes of the network and, with room to them, the places of the grid."""
-    nodes = network.Nodes.of(plate.drawn.channels).places[:, :2]
+def _places(plate: ChannelPlate, growth: Growth, radius: float, height: float) -> list[list[float]]:
+    """Return the nodes of the network near a height (m) and, with room to them, the places of the grid, all at that height."""
+    nodes = network.Nodes.of(plate.drawn.channels).places
+    nodes = nodes[np.abs(nodes[:, 2] - height) < radius][:, :2]
     (low, high), margin = plate.box, plate.edge + radius
     axes = [np.linspace(a, b, n + 2)[1:-1] if n == 1 else np.linspace(a, b, n)
             for a, b, n in zip(low + margin, high - margin, growth.grid, strict=True)]  # fmt: skip
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-    away = np.linalg.norm(grid[:, None] - nodes, axis=2).min(axis=1)
-    return [(x, y) for x, y in np.concatenate([nodes, grid[away > 2.0 * radius + plate.least_wall]]).tolist()]
+    away = np.linalg.norm(grid[:, None] - nodes, axis=2).min(axis=1, initial=np.inf)
+    room = (away > 2.0 * radius + plate.least_wall) & (network.depths(grid, plate.paths) > radius + plate.least_wall)
+    return [[x, y, height] for x, y in np.concatenate([nodes, grid[room]]).tolist()]
 
 
 def _distances(plate: ChannelPlate, cavity: str, points: Array) -> Array:
@@ -193,41 +252,76 @@ def _distances(plate: ChannelPlate, cavity: str, points: Array) -> Array:
     return distance.distances(points.reshape(-1, 3)).reshape(points.shape[:-1])
 
 
-def _images(plate: ChannelPlate, a: Array, b: Array) -> list[Array]:
-    """Return a line in the plane and its mirror images, each once."""
-    lines: list[Array] = []
-    for image in actuator.reflected(plate.normals)[:, :2, :2]:
-        line = np.array([image @ a, image @ b])
-        if not any(_same(line, known) for known in lines):
-            lines.append(line)
-    return lines
+def _images(plate: ChannelPlate, line: Array) -> Array:
+    """Return a line (m, shape (n, 3)) and its mirror images."""
+    return np.einsum("gij,nj->gni", actuator.reflected(plate.normals), line)
 
 
-def _same(line: Array, other: Array) -> bool:
-    return min(np.abs(line - other).max(), np.abs(line[::-1] - other).max()) < SAME_PLACE
+def _key(line: Array) -> frozenset[object]:
+    """Return the same for lines through the same places, either way."""
+    return frozenset(map(tuple, (line / SAME_PLACE).round().astype(int).tolist()))
 
 
-SAME_PLACE = 1e-9
+SAME_PLACE = 1e-7
 """In m."""
 
 
-def _text(line: Array, radius: float, cavity: str) -> str:
-    """Return the text of a channel, rounded to 1e-9 m; radius 0 for that of the plate."""
-    places = " to ".join(f"{x + 0.0:.6f}, {y + 0.0:.6f}" for x, y in (1e3 * line).round(6))
-    return f"{places} mm" + (f" radius {1e3 * radius:.9g} mm" if radius else "") + (f" in {cavity}" if cavity else "")
+def _text(line: Array, growth: Growth, cavity: str) -> str:
+    """Return the text of a channel, rounded to 1e-9 m; one of the plate's radius and height leaves them out."""
+    places = " to ".join(f"{x + 0.0:.6f}, {y + 0.0:.6f}" for x, y in (1e3 * line[:, :2]).round(6))
+    radius = f" radius {1e3 * growth.radius:.9g} mm" if growth.radius else ""
+    offset = f" offset {1e3 * line[0, 2]:.9g} mm" if growth.heights else ""
+    return f"{places} mm{radius}{offset}" + (f" in {cavity}" if cavity else "")
 
 
-def _promising(plate: ChannelPlate, growth: Growth, table: Sequence[Candidate]) -> Iterator[Candidate]:
-    """Yield the best channels that leave walls and gain, at most `MAX_TRIES`."""
-    tries = 0
-    for candidate in table:
-        if candidate.gain <= 0.0 or tries == MAX_TRIES:
+def removable(plate: ChannelPlate) -> list[tuple[int, ...]]:
+    """Return the numbers, from 1, of written channels with their mirror images, without which the others are one network."""
+    channels, groups = plate.drawn.channels, dict[tuple[int, ...], None]()
+    keys = [(_key(np.array(each.points)), each.cavity) for each in channels]
+    for each in channels[len(channels) - len(plate.channels) :]:
+        images = {(_key(image), each.cavity) for image in _images(plate, np.array(each.points))}
+        groups[tuple(number for number, key in enumerate(keys, 1) if key in images)] = None
+    kept = []
+    for numbers in groups:
+        with contextlib.suppress(GeometryError):
+            plate.without_channels(numbers)
+            kept.append(numbers)
+    return kept
+
+
+def _promising(
+    plate: ChannelPlate, growth: Growth, table: Sequence[Candidate], distance: float
+) -> Iterator[tuple[Candidate, ChannelPlate]]:
+    """Yield the best changes that leave walls and gain, with the plate; also one channel for another
+    where there may be no more. Of a distance from a target the gain is at most that which would be left of it."""
+    count, radius = len(plate.drawn.channels), growth.radius or plate.radius
+    added = [each for each in table if each.channels]
+    room = [each for each in added if count + len(each.channels) <= growth.most_channels]
+    gone = [each for each in table if not each.channels]
+    swaps = [
+        dataclasses.replace(new, gain=new.gain + old.gain, price=new.price + old.price, removed=old.removed)
+        for new in added
+        for old in gone
+        if new not in room and count + len(new.channels) - len(old.removed) <= growth.most_channels
+    ]
+    bores = {each: each.bore(plate, radius) for each in (*room, *gone, *swaps)}
+    strength = max((abs(each.gain) / bores[each] for each in (*room, *gone)), default=0.0)
+
+    def expected(each: Candidate) -> float:
+        if not np.isfinite(distance):
+            return each.worth
+        # The square of the distance with the least second-order term that the strongest channel of this table has.
+        square = distance**2 - 2.0 * distance * each.gain + (strength * bores[each]) ** 2
+        return distance - np.sqrt(max(square, 0.0)) - each.price
+
+    for worth, _, each in sorted(((expected(each), -k, each) for k, each in enumerate(bores)), reverse=True):
+        if worth <= 0.0:
             return
-        if len(plate.drawn.channels) + len(candidate.channels) <= growth.most_channels:
-            with contextlib.suppress(GeometryError):
-                plate.with_channels(candidate.channels)
-                tries += 1
-                yield candidate
+        try:
+            changed = each.on(plate)
+        except GeometryError:
+            continue
+        yield each, changed
 
 
 def map_alone(problem: DesignProblem, folder: DesignFolder | None, comm: MPI.Comm) -> list[str]:
@@ -235,11 +329,13 @@ def map_alone(problem: DesignProblem, folder: DesignFolder | None, comm: MPI.Com
     sentences; RunError if the plate cannot be solved."""
     if problem.growth is None:
         raise DesignError(f"--map needs to know which channels may be added; add [grow] with {', '.join(GROW)} to the problem")
-    if folder is not None:
-        folder.own.claim([MAP, str(Path(MAP).with_suffix(".svg"))])
     file = mpi.on_root(comm, lambda: None if folder is None else folder.path / MAP)
-    table = make_map(problem, problem.case, problem.growth, file, comm)
+    table = make_map(problem, problem.case, problem.growth, file, comm, (), folder)
     told = [candidate.sentence(problem) for candidate in dict.fromkeys([*table[:BEST_SHOWN], *table[-1:]])]
+    if problem.of_target:
+        told.append(
+            "gains are to first order: channels overshoot a target, and a search ranks them by what would be left of it"
+        )
     return [*told, *doubts(problem, _plate(problem.case), table)]
 
 
@@ -259,34 +355,45 @@ MAP = "map.csv"
 """The table of the plate as it is; stages have theirs of their designs."""
 
 
-def make_map(problem: DesignProblem, case: Case, growth: Growth, file: Path | None, comm: MPI.Comm) -> list[Candidate]:
-    """Return `candidates`, written as a table, with a drawing beside it, if there is a file; RunError if the plate cannot be
-    solved."""
+def make_map(
+    problem: DesignProblem,
+    case: Case,
+    growth: Growth,
+    file: Path | None,
+    comm: MPI.Comm,
+    limits: Limits,
+    folder: DesignFolder | None,
+) -> list[Candidate]:
+    """Return `candidates`, written as a table, with a drawing beside it, into a folder if there is one; RunError if the plate
+    cannot be solved."""
     try:
-        table = candidates(problem, case, growth, comm)
+        table = candidates(problem, case, growth, comm, limits)
     except (DesignFailure, MeshingError) as error:
         raise RunError(f"what a channel more would do is unknown: {error}", commands.EXIT_NO_EQUILIBRIUM) from error
-    if file is not None:
-        mpi.on_root(comm, lambda: _write(file, problem, _plate(case), table))
+    if file is not None and folder is not None:
+        folder.own.claim([file.name, file.with_suffix(".svg").name])
+        _write(file, problem, _plate(case), table)
     return table
 
 
-HEADS = ("x1 (mm)", "y1 (mm)", "x2 (mm)", "y2 (mm)", "cavity", "channels")
+HEADS = ("x1 (mm)", "y1 (mm)", "x2 (mm)", "y2 (mm)", "offset (mm)", "cavity", "channels", "removed")
 
 
 def _write(file: Path, problem: DesignProblem, plate: ChannelPlate, table: Sequence[Candidate]) -> None:
-    """Write the table and the drawing of channels that may be added."""
+    """Write the table and the drawing of channels that may be added or, dashed, removed."""
     asked, out = problem.terms[0].quantity, io.StringIO()
-    rows = csv.writer(out, lineterminator="\n")
-    rows.writerow([*HEADS, f"predicted gain ({shown(asked)})"])
-    most, lines = max((abs(each.gain) for each in table), default=0.0) or 1.0, []
+    rows, factor = csv.writer(out, lineterminator="\n"), shown_factor(asked)
+    rows.writerow([*HEADS, f"predicted gain ({shown(asked)})", f"taken by limits ({shown(asked)})"])
+    most, lines = max((abs(each.worth) for each in table), default=0.0) or 1.0, []
     for each in table:
-        places = [f"{1e3 * value:.9g}" for value in (*each.start, *each.end)]
-        rows.writerow([*places, each.cavity, "; ".join(each.channels), f"{each.gain / shown_factor(asked):.9g}"])
-        share, colour = (each.gain / most) ** 2, "#1b7837" if each.gain > 0.0 else "#b2182b"
-        for (x1, y1), (x2, y2) in (1e3 * np.array(_images(plate, np.array(each.start), np.array(each.end)))).tolist():
+        places = [f"{1e3 * value:.9g}" for value in (*each.start, *each.end, each.offset)]
+        texts = "; ".join(each.channels), "; ".join(map(str, each.removed))
+        rows.writerow([*places, each.cavity, *texts, *(f"{value / factor:.9g}" for value in (each.gain, each.price))])
+        share, colour = (each.worth / most) ** 2, "#1b7837" if each.worth > 0.0 else "#b2182b"
+        dashes = "" if each.channels else 'stroke-dasharray="0.6 0.4" '
+        for (x1, y1, _), (x2, y2, _) in (1e3 * _images(plate, np.array([(*each.start, 0.0), (*each.end, 0.0)]))).tolist():
             lines.append(
-                f'<line x1="{x1:.4f}" y1="{-y1:.4f}" x2="{x2:.4f}" y2="{-y2:.4f}" stroke="{colour}" '
+                f'<line x1="{x1:.4f}" y1="{-y1:.4f}" x2="{x2:.4f}" y2="{-y2:.4f}" stroke="{colour}" {dashes}'
                 f'stroke-width="{0.05 + 0.5 * share:.3f}" stroke-opacity="{0.15 + 0.85 * share:.3f}"/>'
             )
     files.write_text(file, out.getvalue())
@@ -299,12 +406,14 @@ def _read(file: Path | None, problem: DesignProblem) -> list[Candidate] | None:
     if file is None or not file.is_file():
         return None
     _, *rows = csv.reader(io.StringIO(files.read_text(file)))
+    factor = shown_factor(problem.terms[0].quantity)
     return [
         Candidate(
-            (1e-3 * float(x1), 1e-3 * float(y1)), (1e-3 * float(x2), 1e-3 * float(y2)), cavity, tuple(texts.split("; ")),
-            float(gain) * shown_factor(problem.terms[0].quantity),
+            (1e-3 * float(x1), 1e-3 * float(y1)), (1e-3 * float(x2), 1e-3 * float(y2)), cavity,
+            tuple(filter(None, texts.split("; "))), float(gain) * factor, float(price) * factor, 1e-3 * float(offset),
+            tuple(map(int, filter(None, removed.split("; ")))),
         )
-        for x1, y1, x2, y2, cavity, texts, gain in rows
+        for x1, y1, x2, y2, offset, cavity, texts, removed, gain, price in rows
     ]  # fmt: skip
 
 
@@ -313,42 +422,51 @@ def _read(file: Path | None, problem: DesignProblem) -> list[Candidate] | None:
 
 
 class ThinChannels:
-    """The states and adjoints of a problem's objective on a mesh of a case's plate as it is, for the gains of thin
-    channels."""
+    """The states and adjoints of a problem's objective and of ``limits`` of `prices` on a mesh of a case's plate as it is, for
+    what thin channels do: ``without`` has it of those that may go, by their numbers, as `gains` of those that may come."""
 
-    def __init__(self, problem: DesignProblem, case: Case, comm: MPI.Comm):
-        self.problem, self.case, self.comm = problem, case, comm
-        self._weights: list[float] = []
-        self._states: list[tuple[Array, Array | None]] = []
-        """Pressures of the cavities and `_tensors` of each part of the objective."""
-        model = DesignModel(case, (), [term.quantity for term in problem.terms], comm)
+    def __init__(self, problem: DesignProblem, case: Case, comm: MPI.Comm, limits: Limits = ()):
+        self.case, self.comm, self.without = case, comm, dict[tuple[int, ...], Array]()
+        self._states: list[tuple[Array, Array, Array | None]] = []
+        """Rates of the gain and the price by each part of the objective or limit, pressures of the cavities, and `_tensors`."""
+        asked = [(term.quantity, np.array([-problem.sign * term.weight, 0.0])) for term in problem.terms]
+        asked += [(quantity, np.array([0.0, weight])) for quantity, weight in limits]
+        model = DesignModel(case, (), [quantity for quantity, _ in asked], comm, highest=problem.highest)
         try:
             model.evaluate(np.zeros(0))
             assert model.meshed is not None
-            self._collect(model.meshed)
+            self._collect(model.meshed, asked)
         finally:
             model.release()
 
-    def _collect(self, meshed: MeshedDesign) -> None:
+    def _collect(self, meshed: MeshedDesign, asked: Sequence[tuple[DesignQuantity, Array]]) -> None:
         """Keep the mesh and its states and adjoints."""
-        system = meshed.design.system
+        system, plate = meshed.design.system, _plate(self.case)
         self._unit, self._grid = system.length_unit, state_values.Grid(system)
         numbers = mpi.gathered(self.comm, system.body.mesh.topology.original_cell_index[: len(system.cells)])
         table = _tensors(system, meshed.adjoint.multiplier)
-        for term in self.problem.terms:
-            composite = term.quantity if isinstance(term.quantity, targets.CompositeQuantity) else None
-            values = []
-            for part in composite.parts if composite else [term.quantity]:
-                values.append(meshed.solve_adjoint(part))
-                at = np.asarray(table.eval(system.body.mesh, system.cells)).reshape(len(system.cells), 4, 4, 3, 3)
-                everywhere = mpi.gathered(self.comm, at)
+        groups = removable(plate)
+        smaller = {str(k): meshed.design.motion.toward(_shrunk(plate, group)) / SHRUNK_SHARE for k, group in enumerate(groups)}
+        without = np.zeros((len(groups), 2))
+        for quantity, rates in asked:
+            composite = quantity if isinstance(quantity, targets.CompositeQuantity) else None
+            values, at, slopes = [], [], []
+            for part in composite.parts if composite else [quantity]:
+                value, by_group = meshed.solve_adjoint(part, smaller)
+                values.append(value)
+                slopes.append(list(by_group.values()))
+                own = np.asarray(table.eval(system.body.mesh, system.cells)).reshape(len(system.cells), 4, 4, 3, 3)
+                everywhere = mpi.gathered(self.comm, own)
                 tensors = None if everywhere is None or numbers is None else everywhere[np.argsort(numbers)]
-                self._states.append((np.array(system.pressures[: len(system.ratios)]), tensors))
-            slopes = composite.combined(np.array(values))[1] if composite else [1.0]
-            self._weights += [term.weight * float(slope) for slope in slopes]
+                at.append((np.array(system.pressures[: len(system.ratios)]), tensors))
+            weights = composite.combined(np.array(values))[1] if composite else np.ones(1)
+            without += 0.5 * np.outer(weights @ np.array(slopes).reshape(len(values), len(groups)), rates)
+            self._states += [(weight * rates, *own) for weight, own in zip(weights, at, strict=True)]
+        self.without = dict(zip(groups, without, strict=True))
 
     def gains(self, points: Array, silicone: npt.NDArray[np.bool_], cavity: npt.NDArray[np.int64], radius: float) -> Array:
-        """Return what the objective gains by channels, above 0 for the better, in SI units, shape (k,).
+        """Return what the objective gains by channels, above 0 for the better, and what the limits take, in SI units, shape
+        (k, 2).
 
         Args:
             points: Middles of equal pieces of each, in m, shape (k, n, 3).
@@ -371,18 +489,28 @@ class ThinChannels:
         owner = np.nonzero(silicone)[0]
         direction = np.einsum("mij,mj->mi", images[image], (along / length[:, None])[owner])
         places = states.Places(self._grid.points, self._grid.cells, here)
-        gains = np.zeros(len(points))
-        for weight, (pressures, tensors) in zip(self._weights, self._states, strict=True):
+        gains = np.zeros((len(points), 2))
+        for rates, pressures, tensors in self._states:
             assert tensors is not None
             A, C, dA, dC = np.einsum("mc,mctij->tmij", places.share, tensors[places.cell])
             pressure = pressures[cavity[owner], None, None]
             step = 1j * COMPLEX_STEP
             energy = channel_energy(A + pressure * C + step * (dA + pressure * dC), C + step * dC, direction)
-            rate = -energy.imag / COMPLEX_STEP
-            gains -= self.problem.sign * weight * np.bincount(owner, rate * volume[owner], len(points))
+            change = -energy.imag / COMPLEX_STEP
+            gains += np.outer(np.bincount(owner, change * volume[owner], len(points)), rates)
         return gains
 
 
+def _shrunk(plate: ChannelPlate, numbers: Sequence[int]) -> ChannelPlate:
+    """Return a plate whose channels of these numbers, from 1, have radii smaller by `SHRUNK_SHARE`."""
+    lists = {name: np.array(plate.entries(name)) for name in ("start_radii", "end_radii")}
+    for values in lists.values():
+        values[np.array(numbers) - 1] *= 1.0 - SHRUNK_SHARE
+    return plate.replaced(**{name: tuple(values.tolist()) for name, values in lists.items()})
+
+
+SHRUNK_SHARE = 1e-4
+"""Share of a radius by which it is changed for a slope."""
 COMPLEX_STEP = 1e-30
 """Into the complex plane: exact to rounding."""
 
@@ -426,7 +554,8 @@ def channel_energy(A: Array, C: Array, along: Array) -> Array:
     return np.where(near, energy, 0.0)
 
 
-MAX_STRESS = 3.0
-"""Largest m that counts; more is of cells in creases that are nearly inverted."""
+MAX_STRESS = 1.0
+"""Largest m that counts, by which a section grows 3.5 times; more is beside a wall that balloons, or of cells in creases that
+are nearly inverted."""
 SECTION_STEPS = 12
 """Of Newton's method for L, from the side from which it converges."""

@@ -263,13 +263,22 @@ class MeshedDesign:
                 raise UnstableState(f"the state at {load} is unstable: its tangent has {negative} negative {values}")
         return state
 
-    def solve_adjoint(self, part: DesignQuantity) -> float:
+    def solve_adjoint(self, part: DesignQuantity, velocities: Mapping[str, Array]) -> tuple[float, dict[str, float]]:
         """Load the state of a part and set `Adjoint.multiplier` to its multipliers: a small change of the residual changes the
-        part by minus their product. Return its value."""
+        part by minus their product. Return its value and its derivatives by velocities of the boundary."""
+        if isinstance(part, OfLimit):
+            limit, factor = self.states.limit, part.factor(self.question.working)
+            if limit is None:
+                self.adjoint.set_multiplier(np.zeros(self.design.system.n))
+                return factor * self.question.highest, dict.fromkeys(velocities, 0.0)
+            slopes_by, _ = self.adjoint.limit_gradient(limit.state, limit.tangent, velocities)
+            unit = factor * self.design.direction * self.design.system.stress_unit
+            self.adjoint.multiplier.x.array[:] *= -unit
+            return unit * limit.state.P, {name: factor * slope for name, slope in slopes_by.items()}
         assert part.load is not None
         slopes = self.measures[part].slopes(self._settled(part.load))
-        self.adjoint.set_multiplier(self.adjoint.multipliers(slopes, part.load.kind)[0])
-        return slopes.value
+        by_length, _ = self.adjoint.gradient(slopes, part.load.kind, velocities)
+        return slopes.value, by_length
 
     def _squares(self, measure: TargetMeasure, state: State, load: EvaluatedLoad, velocities: dict[str, Array]) -> Squares:
         """Return the distances from a target with their derivatives at the settled state."""
@@ -279,7 +288,8 @@ class MeshedDesign:
             rates = {share: self._rates(load, velocities.get(share, share), share) for share in along}
             moved = [along[parameter] * measure.moved(state, w, X) for parameter, (w, X) in rates.items()]
             columns.append(sum(moved, np.zeros(len(measure.residuals(state)))))
-        return Squares.of(measure.residuals(state), np.array(columns).T, measure.run, measure.sigma)
+        residuals = measure.residuals(state)
+        return Squares.of(residuals, np.reshape(columns, (-1, len(residuals))).T, measure.run, measure.sigma)
 
     def _rates(self, load: EvaluatedLoad, way: Array | str, name: str) -> tuple[Array, Array]:
         """Return the derivatives of the settled state's dofs and of the mesh's nodes by a parameter."""

@@ -618,8 +618,7 @@ def run_variants(
     mpi.on_root(comm, lambda: _begin(problem, folder, how))
     choices = problem.variants()
     if problem.growth:
-        where = mpi.on_root(comm, lambda: None if folder is None else folder.path)
-        choices = grow.stages(problem, variants, where, comm, how.get("resume", False), tell)
+        choices = grow.stages(problem, variants, folder, comm, how.get("resume", False), tell)
     for words, choice in choices:
         tell(f"{words}:")
         own = mpi.kept_on_root(comm, functools.partial(_choice_folder, choice, words, folder, how))
@@ -654,14 +653,16 @@ def _begin(problem: DesignProblem, folder: model.DesignFolder | None, how: Searc
         return
     if not how.get("resume", False):
         folder.own.remove(folder.own.files)
-    names = [f"{_name(words)}/" for words, _ in problem.variants()] if problem.counts else grow.file_names(problem, _name)
-    folder.own.claim([model.TABLE, model.DESIGN, model.START, VARIANTS, *names], {"inputs": folder.identity})
+    folder.own.claim([model.TABLE, model.DESIGN, model.START, VARIANTS], {"inputs": folder.identity})
 
 
 def _choice_folder(
     problem: DesignProblem, words: str, folder: model.DesignFolder | None, how: SearchOptions
 ) -> model.DesignFolder | None:
-    return None if folder is None else model.DesignFolder(problem, folder.path / _name(words), how.get("resume", False))
+    if folder is None:
+        return None
+    folder.own.claim([f"{_name(words)}/"])
+    return model.DesignFolder(problem, folder.path / _name(words), how.get("resume", False))
 
 
 def _write_best(folder: model.DesignFolder, best: Variant, variants: list[Variant]) -> Path:

@@ -163,6 +163,11 @@ class DesignProblem:
         return OBJECTIVES[self.objective]
 
     @property
+    def of_target(self) -> bool:
+        """Whether the objective is a distance, which cannot fall below 0."""
+        return self.sign > 0.0 and all(term.quantity.name in DISTANCES for term in self.terms)
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Parameters of the gradients: the free ones, then those with only a tolerance."""
         free = [parameter.name for parameter in self.free]
@@ -245,11 +250,12 @@ class DesignProblem:
 @dataclasses.dataclass(frozen=True)
 class Growth:
     """How channels are added to a `ChannelPlate`: straight ones between the places of a grid and the network's nodes, with a
-    radius in m, 0 for the plate's own, until there are ``most_channels``."""
+    radius in m, 0 for the plate's own, until there are ``most_channels``; at heights in m, none for the plate's own offset."""
 
     grid: tuple[int, int]
     radius: float
     most_channels: int
+    heights: tuple[float, ...] = ()
 
     @classmethod
     def of(cls, problem: DesignProblem, table: Mapping[str, object]) -> Growth:
@@ -298,11 +304,20 @@ class Growth:
                     f"new channels have a radius of {free.text(own)}, outside the bounds of {free.name}, {free.text(free.low)} "
                     f"to {free.text(free.high)}; give grow a radius within them"
                 )
-        return cls(grid, radius, most)
+        heights = tuple(trials.read("grow: heights", z, "m", problem.bare) for z in _list(table.get("heights", ())))
+        places = [z for each in plate.drawn.channels for _, _, z in each.points]
+        for height in heights:
+            if not any(abs(height - z) < own for z in places):
+                raise DesignError(
+                    f"grow: no channel lies at the height {1e3 * height:.4g} mm that others could join; give the plate a first "
+                    f"one there, with offset {1e3 * height:.4g} mm"
+                )
+        return cls(grid, radius, most, heights)
 
 
-GROW = ("candidates", "radius", "most_channels")
-MOTIONS = ("rise", "height", "place", "top_height", "face_place", "turn", "outline")
+GROW = ("candidates", "radius", "most_channels", "heights")
+DISTANCES = ("outline", "surface", "tip_path", "pose")
+MOTIONS = ("rise", "height", "place", "top_height", "face_place", "turn", "outline", "surface")
 """Quantities that a thin channel changes through the state alone."""
 MOST_PLACES, MOST_CHANNELS = 100, 200
 

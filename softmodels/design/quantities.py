@@ -254,6 +254,7 @@ QUANTITIES: names.Registry[type[DesignQuantity]] = names.Registry(
             "extremes": "peak_stretch max_stretch peak_von_mises von_mises least_gap top_height stress_deviation "
             "stress_unevenness von_mises_norm stretch_norm",
             "targets": "outline tip_path pose",
+            "surfaces": "surface",
         }.items()
         for name in names.split()
     },

@@ -227,6 +227,8 @@ Numbers = npt.NDArray[np.int64]
 NEAREST_CELLS = 24
 MAX_NEWTON_STEPS = 6
 """Iterations of Newton's method for the position in a curved cell."""
+MIN_SHARES = 0.1
+"""Smallest sum of clipped barycentric coordinates by which they are divided: far outside a cell it may be 0."""
 MAX_OUTSIDE_DISTANCE = 0.1
 """Maximum distance of a point outside its cell, in barycentric coordinates, because meshes of a curved wall differ."""
 
@@ -260,7 +262,7 @@ class Places:
         """Return the barycentric coordinates in curved cells, from those in straight ones; the straight ones if Newton's
         method diverges."""
         coordinates = np.clip(share, -0.5, 1.5)
-        coordinates = coordinates / coordinates.sum(axis=1, keepdims=True)
+        coordinates = coordinates / np.maximum(coordinates.sum(axis=1, keepdims=True), MIN_SHARES)
         start = coordinates
         for _ in range(MAX_NEWTON_STEPS):
             shapes, by_coordinate = state_values.quadratic(coordinates)

@@ -913,6 +913,10 @@ class MeshMotion:
         (a, high), (b, low) = ends
         return (high - low) / ((a - b) * step)
 
+    def toward(self, device: Actuator) -> Array:
+        """Return how far the boundary nodes of the current device are from those of another, m, shape (n, d)."""
+        return self._carried(device) - self._carried(self.device)
+
     def gradient(self, covector: Array, velocities: dict[str, Array]) -> dict[str, float]:
         """Return the derivatives of a quantity by the parameters, per their SI unit, from `boundary_velocities` and its
         derivative by the dimensionless places of the nodes: dofs of `space`, every owner's complete, ghosts not read."""

@@ -8,7 +8,7 @@ import types
 import numpy as np
 import pytest
 
-from geometries import ChannelPlate
+from geometries import ChannelPlate, GeometryError
 from softmodels.design import grow, optimise
 from softmodels.design.model import DesignModel
 from softmodels.design.problem import DesignProblem
@@ -93,7 +93,7 @@ def test_the_gain_of_a_thin_channel_is_its_exact_slope(comm, line):
     shares = (np.arange(40) + 0.5)[:, None] / 40
     points = np.concatenate([first + shares * (last - first), np.full((40, 1), -0.5e-3)], axis=1)[None]
     silicone, cavity = np.ones((1, 40), dtype=bool), np.zeros(1, dtype=np.int64)
-    (gain,) = grow.ThinChannels(base, base.case, comm).gains(points, silicone, cavity, 1.0)
+    ((gain, _),) = grow.ThinChannels(base, base.case, comm).gains(points, silicone, cavity, 1.0)
     plate = base.case.actuator
     both = plate.replaced(channels=(*plate.channels, f"{line} mm radius 0.4 mm in thin"))
     case = dataclasses.replace(base.case, actuator=both)
@@ -108,8 +108,10 @@ def test_the_gain_of_a_pose_is_that_of_its_place(comm):
     coarse = problem(around="around = 6", cell_size='cell_size = "3 mm"')
     place = {"quantity": "face_place", "of": "top", "at": "4 kPa"}
     pose = {"quantity": "pose", "of": "top", "position": {"z": "5 mm"}, "tolerance": "0.5 mm", "at": "4 kPa"}
+    flat = {"quantity": "surface", "height": "5 mm", "at": "4 kPa"}  # all of it is far below
     made = {}
     for name, goal in (
+        ("surface", {"maximise": None, "follow": flat}),
         ("place", {"maximise": place}),
         ("mean", {"maximise": {**place, "at": ["2 kPa", "4 kPa"], "weights": [0, 1]}}),
         ("pose", {"maximise": None, "follow": pose}),
@@ -119,6 +121,7 @@ def test_the_gain_of_a_pose_is_that_of_its_place(comm):
     assert np.ptp(made["place"]) > 0.0
     assert made["mean"] == pytest.approx(made["place"], rel=1e-6)
     assert made["pose"] == pytest.approx(made["place"] / 0.5e-3, rel=1e-6)
+    assert made["surface"] == pytest.approx(made["place"], rel=0.05, abs=0.02 * np.abs(made["place"]).max())
 
 
 def ends(*places):
@@ -142,10 +145,12 @@ def test_a_strip_grows_by_the_best_channel_and_is_resumed(tmp_path, comm):
     coarse = problem(around="around = 6", cell_size='cell_size = "3 mm"')
     how = {"evaluations": 2, "folder": tmp_path / "grown"}
     result = optimise.optimise(coarse, **how)
-    assert len(result.device.drawn.channels) == 2 and len(result.variants) == 2
-    assert {"1-channel", "2-channels", "more-than-1.csv", "more-than-1.svg", "design.toml"} <= {
+    assert len(result.device.drawn.channels) == 2 and len(result.variants) == 3
+    assert {"1-channel", "2-channels", "2-channels-try-2", "more-than-1.csv", "more-than-2.svg", "design.toml"} <= {
         each.name for each in (tmp_path / "grown").iterdir()
     }
+    reached = [float(sentence.split(" mm,")[0].rsplit(" ", 1)[1]) for sentence in result.variants]
+    assert reached == sorted(reached)  # with a second channel, then with another one in place of the first
     rows = list(csv.DictReader(io.StringIO((tmp_path / "grown/more-than-1.csv").read_text())))
     gained = [float(row["predicted gain (mm)"]) for row in rows]
     assert gained == sorted(gained, reverse=True)
@@ -162,10 +167,68 @@ def test_a_strip_grows_by_the_best_channel_and_is_resumed(tmp_path, comm):
     assert not [text for text in told if text.startswith("design ")]
 
 
+LIMITED = """
+[[keep]]
+quantity = "limit_margin"
+at_least = 1.1
+[[keep]]
+quantity = "peak_stretch"
+at = "4 kPa"
+at_most = 1.3
+"""
+
+
+def test_what_a_channel_is_worth_is_what_it_takes_away(comm):
+    """Of a channel that may go, and of what limits lose by it, against solves without it: a first-order prediction."""
+    text = PLATE.replace('radius 1.2 mm"]', 'radius 1.2 mm", "4, 1 to 12, 1 mm radius 0.6 mm offset -0.8 mm"]')
+    text = text.replace("most_channels = 2", "most_channels = 3").replace("around = 8", "around = 6")
+    text = text.replace('start_radii = { from = "0.6 mm", to = "1.3 mm" }', 'thickness = ["5 mm", "6 mm"]')
+    asked = DesignProblem.from_toml(text.replace('"1.6 mm"', '"3 mm"') + LIMITED)
+    limits = [(keep.quantity, weight) for keep, weight in zip(asked.limits, (-1.0, 10.0), strict=True)]
+    thin = grow.ThinChannels(asked, asked.case, comm, limits)
+    plates = {(): asked.case.actuator, (2,): asked.case.actuator.without_channels([2])}
+    assert set(thin.without) == {(1,), (2,)}
+    worth = []
+    for plate in plates.values():
+        model = DesignModel(dataclasses.replace(asked.case, actuator=plate), (), asked.quantities, comm, highest=asked.highest)
+        values = model.evaluate(np.zeros(0)).values
+        model.release()
+        worth.append([values[asked.terms[0].quantity.key], sum(w * values[quantity.key] for quantity, w in limits)])
+    assert thin.without[2,] == pytest.approx(np.diff(worth, axis=0)[0], rel=0.35)
+
+
+def test_a_plate_without_channels_keeps_the_nodes_and_cavities_of_the_others():
+    lines = ("5, 0 to 35, 0 mm", "10, 0 to 10, 5 mm", "10, 5 to 20, 5 mm", "20, -5 to 30, -5 mm in b")
+    plate = ChannelPlate(channels=lines)
+    assert grow.removable(plate) == [(1,), (3,)]  # without 2 the third is alone, without 4 its cavity gone
+    moved = plate.replaced(node_x=tuple(x + 1e-4 for x in plate.entries("node_x")), start_radii=(1.1e-3, 1.2e-3, 1.0e-3, 9e-4))
+    less = moved.without_channels([3])
+    for old, new in zip([moved.drawn.channels[k] for k in (0, 1, 3)], less.drawn.channels, strict=True):
+        assert np.array_equal(old.points, new.points) and old.radii == new.radii and old.cavity == new.cavity
+    with pytest.raises(GeometryError, match="fall apart"):
+        plate.without_channels([2])
+    with pytest.raises(GeometryError, match="only written channels can be removed, numbers 4 to 4"):
+        ChannelPlate(network="parallel:2", channels=("10, -4 to 30, -4 mm",)).without_channels([1])
+
+
+def test_channels_are_tried_at_the_heights_that_have_one(comm):
+    low, high = (f"4, -3.5 to 4, 3.5 mm radius 0.6 mm offset {z} mm in {name}" for z, name in ((-1, "low"), (1, "high")))
+    some = {"channels": f'channels = ["{low}", "{high}"]', "start_radii": 'thickness = ["5 mm", "6 mm"]'}
+    coarse = problem(around="around = 6", cell_size='cell_size = "3 mm"', most_channels="most_channels = 3", **some)
+    grows = {**coarse.grow, "radius": "0.6 mm", "heights": ["-1 mm", "1 mm"]}
+    two = dataclasses.replace(coarse, grow=grows)
+    table = [each for each in grow.candidates(two, two.case, two.growth, comm) if each.channels]
+    assert {(each.offset, each.cavity) for each in table} == {(-1e-3, "low"), (1e-3, "high")}
+    assert max(each.gain for each in table if each.offset > 0.0) < 0.05 * table[0].gain  # below the middle it bends upwards
+    assert " offset -1 mm" in table[0].channels[0] and "mm at -1 mm is predicted" in table[0].sentence(two)
+    with pytest.raises(DesignError, match=r"no channel lies at the height 0\.3 mm that others could join"):
+        dataclasses.replace(coarse, grow={**grows, "heights": ["0.3 mm"]})
+
+
 def test_a_channel_that_cannot_be_searched_is_skipped_by_name(comm):
     """A bound of a parameter at which the plate with it is invalid, as the parts of a joint part there."""
-    base, told = problem(), []
-    ended = [types.SimpleNamespace(result=types.SimpleNamespace(case=base.case))]
+    base, told, holds = problem(), [], types.SimpleNamespace(holders=())
+    ended = [types.SimpleNamespace(result=types.SimpleNamespace(case=base.case, holding=holds))]
     line = "4, 0 to 16, 0 mm radius 1.4 mm"  # valid as it is, and above the bounds
     table = [grow.Candidate((4e-3, 0.0), (16e-3, 0.0), "", (line,), 1e-4)]
     with pytest.MonkeyPatch.context() as patch:
@@ -174,7 +237,7 @@ def test_a_channel_that_cannot_be_searched_is_skipped_by_name(comm):
         next(stages)
         assert list(stages) == []
     assert "but is not tried: start_radii[2] starts at 1.4 mm, outside 0.6 mm to 1.3 mm" in told[0]
-    assert told[-1] == "no channel more gains; the network stays at 1 channel"
+    assert told[-1] == "no channel more or less gains; the network stays at 1 channel"
 
 
 def test_the_map_alone_is_written_and_told_in_sentences(tmp_path, comm):
@@ -186,7 +249,7 @@ def test_the_map_alone_is_written_and_told_in_sentences(tmp_path, comm):
     assert "is predicted to worsen rise at 4 kPa by" in told[-1]
     drawing = (tmp_path / "map/map.svg").read_text()
     assert drawing.count("<polyline") == 1 and drawing.count("<line") > len(told)
-    with pytest.raises(DesignError, match=r"add \[grow\] with candidates, radius, most_channels to the problem"):
+    with pytest.raises(DesignError, match=r"add \[grow\] with candidates, radius, most_channels, heights to the problem"):
         grow.map_alone(dataclasses.replace(asked, grow=None), None, comm)
 
 
