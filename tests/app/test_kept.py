@@ -87,6 +87,7 @@ def test_results_are_copied_renamed_and_deleted_on_the_page(browser, tmp_path):
     with served(project.folder) as (_, address), tab(browser, address, "Mould") as page:
         state = page.locator('[data-name="state-results/mould"]')
         assert state.text_content() == DONE
+        page.wait_for_timeout(1000)  # the sheet's frame loads, and would take the first click
         for verb, whose, answer, name in (
             ("keep a copy of", "these results", "Keep", "first"), ("rename", "first", "Rename", "second try"),
         ):  # fmt: skip
