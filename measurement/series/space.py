@@ -32,6 +32,11 @@ SIDES = {
 the lower rim of the pictures, from below at the upper one."""
 
 TIPS = "tips.csv"
+NUMBERS = (
+    "pressure_Pa", "pressure_error_Pa", "seen_x_m", "seen_x_error_m", "seen_z_m", "seen_z_error_m", "angle_deg",
+    "angle_error_deg", "parallax_x", "parallax_z", "parallax_error", "tip_radius_m",
+)  # fmt: skip
+"""Columns of a view that are read."""
 
 
 class SpaceError(ValueError):
@@ -95,13 +100,14 @@ def read(folder: Path) -> list[TipView]:
         if row.get("trusted") == "refused":
             continue
         try:
-            known = {name: units.number(row[name]) for name in (*SPACE_COLUMNS[1:9], *SPACE_COLUMNS[17:21])}
+            value = {name: units.number(row[name]) for name in NUMBERS}
         except (KeyError, units.UnitError) as error:
             raise SpaceError(f"{path}, line {line}: {error}; {again}") from None
-        p, p_error, x, x_error, z, z_error, angle, angle_error, slope_x, slope_z, slope_error, radius = known.values()
         seen.append(TipView(
-            row["file"], (p, p_error), np.array([x, z]), np.array([x_error, z_error]),
-            (math.radians(angle), math.radians(angle_error)), np.array([slope_x, slope_z]), slope_error, radius,
+            row["file"], (value["pressure_Pa"], value["pressure_error_Pa"]),
+            np.array([value["seen_x_m"], value["seen_z_m"]]), np.array([value["seen_x_error_m"], value["seen_z_error_m"]]),
+            (math.radians(value["angle_deg"]), math.radians(value["angle_error_deg"])),
+            np.array([value["parallax_x"], value["parallax_z"]]), value["parallax_error"], value["tip_radius_m"],
             row["tip_shape"] == "round", row["trusted"], row["remarks"], row["time_s"],
         ))  # fmt: skip
     if not seen:
@@ -166,9 +172,7 @@ def joined(views: tuple[TipView, TipView], side: str) -> Tip:
     rest = np.linalg.svd(seen_by)[0][:, 3]
     rest = rest / np.abs(rest).max()
     apart = float(rest @ np.concatenate(seen)), float(np.linalg.norm(rest * error))
-    reasons = [
-        f"{view.file}: {view.remarks}" for view in views if view.trust not in ("yes", "anyway")
-    ]  # fmt: skip
+    reasons = [f"{view.file}: {view.remarks}" for view in views if view.trust not in ("yes", "anyway")]
     if abs(apart[0]) > MAX_APART * apart[1]:
         reasons.append(
             f"both views see the same coordinate {abs(apart[0]) * 1e3:.2f} mm apart, at an error of {apart[1] * 1e3:.2f} mm: "
