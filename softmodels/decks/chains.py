@@ -102,22 +102,10 @@ class Drive:
     top: Array
     advances: Array
 
-    @functools.cached_property
+    @property
     def powers(self) -> list[tuple[int, Array]]:
-        """Each power with the share of each advance in its sum, shape (m,), together 1 by their size."""
-        m, powers = len(self.top), list[tuple[int, Array]]()
-        ways = np.array(
-            [way for way in itertools.product((0.0, 1.0, -1.0, 2.0), repeat=m) if next(filter(None, way), 0.0) > 0.0]
-        )
-        simplest = sorted(ways / np.abs(ways).sum(axis=1)[:, None], key=np.count_nonzero)
-        places = product([np.linspace(0.0, 1.0, TERM_DEGREE + 1)] * m)
-        for power in range(2, TERM_DEGREE + 1):
-            kept = list[Array]()
-            for way in simplest:
-                if np.linalg.matrix_rank((places @ np.transpose([*kept, way])) ** power) > len(kept):
-                    kept.append(way)
-            powers += [(power, way) for way in kept]
-        return powers
+        """See `powers_of`."""
+        return powers_of(len(self.top))
 
     @property
     def advance_names(self) -> tuple[str, ...]:
@@ -138,6 +126,24 @@ class Drive:
         """Return pressures all over the range, Pa, shape (n, m)."""
         count = round(FIT_SAMPLES ** (1 / len(self.top)))
         return product([np.linspace(*ends, count) for ends in zip(self.low, self.top, strict=True)])
+
+
+@functools.cache
+def powers_of(count: int) -> list[tuple[int, Array]]:
+    """Return each power with the share of each of so many advances in its sum, shape (count,), together 1 by their size."""
+    powers = list[tuple[int, Array]]()
+    ways = np.array(
+        [way for way in itertools.product((0.0, 1.0, -1.0, 2.0), repeat=count) if next(filter(None, way), 0.0) > 0.0]
+    )
+    simplest = sorted(ways / np.abs(ways).sum(axis=1)[:, None], key=np.count_nonzero)
+    places = product([np.linspace(0.0, 1.0, TERM_DEGREE + 1)] * count)
+    for power in range(2, TERM_DEGREE + 1):
+        kept = list[Array]()
+        for way in simplest:
+            if np.linalg.matrix_rank((places @ np.transpose([*kept, way])) ** power) > len(kept):
+                kept.append(way)
+        powers += [(power, way) for way in kept]
+    return powers
 
 
 def product(axes: Sequence[Array]) -> Array:
